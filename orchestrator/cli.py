@@ -58,7 +58,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
     """Solve a problem and write its results."""
     from orchestrator.processes import check_addresses
-    from orchestrator.parallel.launcher import join
+    from orchestrator.parallel.team import join
 
     check_addresses()
     team = join()

@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -19,16 +19,23 @@ from orchestrator.errors import InputError, Problem
 _running: set[subprocess.Popen] = set()
 _starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
 _watched: list[Any] = []  # pools, which have ``kill`` and ``close``
+_PREFIXES = ("OMPI_", "PMI_", "PMIX_", "PRTE_", "MV2_", "HYDRA_", "HYDI_", "MPI_LOCAL")  # of MPI's variables
 
 
-def started(command: Sequence[str], **options: Any) -> subprocess.Popen:
-    """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with the thread that calls this.
+def without_launcher(environment: Mapping[str, str]) -> dict[str, str]:
+    """The environment for a code that is no part of the parallel run, even if it was built with MPI."""
+    return {name: value for name, value in environment.items() if not name.startswith(_PREFIXES)}
+
+
+def started(command: Sequence[str], env: Mapping[str, str] = os.environ, **options: Any) -> subprocess.Popen:
+    """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with the thread that calls this. Of a
+    parallel run it knows nothing.
 
     options : as of ``subprocess.Popen``
     """
     if setpriv := shutil.which("setpriv"):
         command = [setpriv, "--pdeathsig", "KILL", *command]
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, **options)
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, env=without_launcher(env), **options)
 
 
 def end(process: subprocess.Popen) -> None:

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from orchestrator.blackbox.codes.foreign.results import fields_of_parts, finish_parts
+from orchestrator.blackbox.codes.foreign.part import fields_of_parts, finish_parts
 from orchestrator.compiled import make_ready
 from orchestrator.config.load import Loaded
 from orchestrator.config.model import Config

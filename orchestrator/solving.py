@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
+from orchestrator.blackbox.shared import SharedModels
+from orchestrator.blackbox.start import make_blackbox, with_own_loads
 from orchestrator.config.model import Config
 from orchestrator.timing import Savings, Stopwatch, predicted_cost
 from orchestrator.processes import trim
@@ -167,7 +168,7 @@ class _Solving:
         check_iterations(len(self.cases.chosen), all(i.law.perfect for i in part.scene.interfaces), method,
                          any(s.remembers for s in part.scene.subdomains) or any(i.law.follows for i in part.scene.interfaces))
         with watch("start"):
-            blackbox = with_layers(make_blackbox(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
+            blackbox = SharedModels(make_blackbox(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)

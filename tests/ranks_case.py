@@ -10,7 +10,7 @@ from in_process import IN_PROCESS
 
 from orchestrator.config.load import config_from, load_config
 from orchestrator.method.monitors import placing
-from orchestrator.parallel.launcher import join
+from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import follow, run
 from orchestrator.solving import Ranks, solve

@@ -12,7 +12,7 @@ import pytest
 from method_case import saved
 from typer.testing import CliRunner
 
-from orchestrator.blackbox.codes.freefem import installation
+from orchestrator.blackbox.codes.freefem.code import INSTALL
 from orchestrator.cli import app
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.structured import bricks
@@ -130,5 +130,5 @@ def test_freefem_is_missing(folder, monkeypatch):
     """Named executable that is not there: said before anything is started."""
     monkeypatch.setenv("ORCHESTRATOR_FREEFEM", str(folder / "nowhere"))
     done = run(write(folder, {}))
-    assert done.exit_code == 2 and "nowhere" in done.stderr and installation.INSTALL in done.stderr.replace("\n", " ")
+    assert done.exit_code == 2 and "nowhere" in done.stderr and INSTALL in done.stderr.replace("\n", " ")
     assert not list((folder / "tmp").iterdir())

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
-from orchestrator.blackbox.codes.freefem.installation import report
+from orchestrator.blackbox.codes.freefem.code import report
 from orchestrator.blackbox.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 

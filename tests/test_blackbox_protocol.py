@@ -10,7 +10,7 @@ from orchestrator.blackbox.protocol import BlackBox, Layer
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.models.extended import sides_by_subdomain
 from orchestrator.blackbox.pool import Pool
-from orchestrator.blackbox.start import make_blackbox, with_layers
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.blackbox.usage import STAGES, Usage
 from orchestrator.config.method import Skip
 from orchestrator.method.linear.answers import GuardedTraces
@@ -38,7 +38,7 @@ def test_what_runs_keeps_it_too():
     """A stack of all layers around two codes: asked through the top, counted at the bottom."""
     models = [box(name="one"), box((2, 2, 2), "two", seed=3)]
     models[1].code = 1
-    with with_layers(make_blackbox([settings(), settings(transport="file")]), Skip(), 1, 3, Savings()) as top:
+    with SharedModels(make_blackbox([settings(), settings(transport="file")]), Skip(), 1, 3, Savings()) as top:
         found = top
         while isinstance(found, Layer):
             assert isinstance(found.usage, Usage)

@@ -260,7 +260,7 @@ def test_round_trip_through_plain_data(write, configs_dir):
 def test_every_default_has_a_reason():
     from orchestrator.config.blackbox import CodeSettings
     from orchestrator.config.method import Macro, Method, SearchDirection, Sole
-    from orchestrator.config.output import Output
+    from orchestrator.config.model import Output
     from orchestrator.registry import CODES
 
     codes = (code.Settings for code in (*CODES.shipped().values(), *CODES.own()))

@@ -413,7 +413,7 @@ def test_total_time_runs_on_from_load_step_to_load_step(tmp_path, kind):
     entry = config_from(data(deck(tmp_path, loads=[str(file) for file in files]),
                              boundary=[{"on": "block/xmax", "traction": [[t, 0, 0] for t in range(3)]}])).codes[-1]
     code = FOREIGN[entry.code](entry)
-    found = np.linalg.solve(code.condensed().stiffness, code.loads(3).T).T
+    found = np.linalg.solve(code.condensed().stiffness, code.loads().T).T
     on = np.flatnonzero(x[:, 0] == SIZE[0])
     for steps in (2, 3):
         text = "*INCLUDE,INPUT=part.inp\n"

@@ -17,9 +17,9 @@ from ranks_case import CASES, PLACED, found
 from quick import quick
 
 from orchestrator import folders
-from orchestrator.parallel.launcher import SHARED
-from orchestrator.parallel.launcher import launched, without_launcher
+from orchestrator.parallel.team import SHARED, launched
 from orchestrator.parallel.placement import owners
+from orchestrator.processes import without_launcher
 from orchestrator.results.solution import Solution
 from orchestrator.results.history import read_history
 from orchestrator.results.checkpoint import read_file
@@ -226,7 +226,7 @@ def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
 SWALLOWED = """
 import time
 from orchestrator.errors import InputError, Problem
-from orchestrator.parallel.launcher import join
+from orchestrator.parallel.team import join
 from orchestrator.parallel.team import Elsewhere
 team = join()
 try:

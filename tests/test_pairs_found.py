@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
-from orchestrator.config.mesh import Mesh as Section
-from orchestrator.config.parts import Move
+from orchestrator.config.mesh import Mesh as Section, Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.inspection.pairs import pairs_of_mesh

@@ -6,8 +6,7 @@ import pytest
 from in_process import IN_PROCESS
 
 from orchestrator.config.load import config_from
-from orchestrator.config.mesh import Mesh
-from orchestrator.config.parts import Move
+from orchestrator.config.mesh import Mesh, Move
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 
 from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.foreign.deck import DeckCode
-from orchestrator.blackbox.codes.foreign.results import finish_parts
+from orchestrator.blackbox.codes.foreign.part import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
-from orchestrator.config.parts import DeckPart, ProgramPart
+from orchestrator.config.mesh import DeckPart, ProgramPart
 from orchestrator.errors import InputError
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg as la
-import scipy.sparse as sp
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
+from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
@@ -86,20 +85,7 @@ def test_stiffness_does_not_depend_on_what_a_sole_is_packed_with():
         apart = assembled([models[i] for i in some], blackbox, 2, False, Savings())
     assert len(models) > len(some) > 2
     for i, alone in zip(some, apart):
-        assert np.array_equal(together[i].matrix.toarray(), alone.matrix.toarray())
-
-
-def test_parts_of_stiffnesses_are_cut_from_what_they_lie_in_together():
-    """Also where one and the same is asked for twice, and in an order of its own."""
-    rng = np.random.default_rng(0)
-    own = [sp.random_array((n, n), density=0.3, rng=rng, format="csr") for n in (6, 9, 12, 6)]
-    first, second = (sp.csr_array(sp.block_diag(pair)) for pair in (own[:2], own[2:]))
-    a, b, c, d = Assembled(first, 0, 6), Assembled(first, 6, 15), Assembled(second, 0, 12), Assembled(second, 12, 18)
-    found = [a, b, c, b, d, b]
-    chosen = [np.arange(4), np.array([0, 3, 8]), np.arange(12), np.array([8, 1]), np.arange(0), np.arange(9)]
-    for one, dofs, block in zip(found, chosen, cut(found, chosen)):
-        matrix = sp.csr_array((block.data, block.indices, block.indptr), shape=block.shape)
-        assert np.array_equal(matrix.toarray(), one.matrix.toarray()[np.ix_(dofs, dofs)])
+        assert np.array_equal(together[i].toarray(), alone.toarray())
 
 
 def test_relaxation_of_conjugate_directions_is_the_papers():

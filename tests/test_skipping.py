@@ -15,6 +15,7 @@ from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.models.assembly import representatives
 from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
+from orchestrator.config.method import Skip
 from orchestrator.timing import Savings
 from orchestrator.scene import congruence
 from orchestrator.scene.congruence import same_shapes
@@ -92,7 +93,7 @@ def test_a_model_with_much_to_solve_is_loaded_once_per_worker():
     """Many right-hand sides of one model are spread over the workers; few are not worth a factorisation."""
     for steps, models in ((1, 1), (20, 2)):
         with make_blackbox(settings(workers=2)) as pool:
-            shared = SharedModels(pool, congruent=True, repeated=True, workers=2, steps=steps, savings=Savings())
+            shared = SharedModels(pool, skip=Skip(), workers=2, steps=steps, savings=Savings())
             shared.load([box(), replace(box(), nodes=box().nodes + 1.0)])
             assert shared.model_of.tolist() == [0, models - 1]
 
@@ -106,7 +107,7 @@ def test_a_right_hand_side_is_solved_once():
     f = np.random.default_rng(0).standard_normal((3, len(model.trace)))
     savings = Savings()
     with make_blackbox(settings()) as pool:
-        shared = SharedModels(pool, congruent=True, repeated=True, workers=1, steps=1, savings=savings)
+        shared = SharedModels(pool, skip=Skip(), workers=1, steps=1, savings=savings)
         shared.load([model, replace(model, nodes=model.nodes + 1.0), box(seed=4)])
         expected = pool.traces({0: f, 1: f})
         first = shared.traces({0: f[[0, 1, 0]], 1: np.vstack([f[1], 0 * f[1], f[2]]), 2: f[:1]})

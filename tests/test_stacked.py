@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from method_case import box_of, config, prepared
 
 from orchestrator.blackbox.protocol import Layer
-from orchestrator.blackbox.start import with_layers
+from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import placed
 from orchestrator.method.interface.rows import Segments
@@ -26,7 +26,7 @@ def case(request):
     data, congruent = request.param
     made = config(**data, method={"skip": {"congruent": congruent}})
     scene = build_scene(made)
-    with with_layers(box_of(made), made.method.skip, workers=1, steps=scene.steps, savings=Savings()) as blackbox:
+    with SharedModels(box_of(made), made.method.skip, workers=1, steps=scene.steps, savings=Savings()) as blackbox:
         yield prepared(made, scene, blackbox)
 
 

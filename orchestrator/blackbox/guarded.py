@@ -59,8 +59,7 @@ class GuardedCode(Layer):
         for i, (left, node) in zip(asked, _at_once(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
             model = self._models[i]
             if not left <= BALANCED:
-                raise BlackBoxError(
-                    f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "
+                raise BlackBoxError(f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "
                     f"{left:.1e} is left over, {BALANCED:.0e} allowed (its materials, units or models are mixed up, or "
                     f"its answers have few digits; {OWN})", model.name)
         return answers

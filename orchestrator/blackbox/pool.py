@@ -78,7 +78,7 @@ class Pool:
         tasks = self._placed(models, predicted_cost(dofs))
         home = {index: worker for worker, own in tasks.items() for index in own}
         self._home = [home[index] for index in range(len(models))]
-        self._run(lambda worker, own: worker.load_all({i: models[i] for i in own}) or {}, tasks)
+        self._run(lambda worker, own: {i: worker.load(i, models[i]) for i in own}, tasks)
         self.usage.hold(self._home, dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
@@ -93,11 +93,11 @@ class Pool:
         return answers
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
-        return self._asked_about(models, lambda worker, own: worker.all_stiffness(own))
+        return self._asked_about(models, lambda worker, i, model: worker.stiffness(i, model))
 
     def own_loads(self, models: Sequence[Model], steps: int) -> list[np.ndarray]:
         """(steps, 3n) nodal forces of each model that are the code's own, see ``CodeSettings.brings_loads``."""
-        return self._asked_about(models, lambda worker, own: worker.own_loads(own, steps))
+        return self._asked_about(models, lambda worker, i, model: worker.own_loads(i, model, steps))
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
         return self._run(lambda worker, own: {i: worker.advance(i, forces[i], commit, self._models[i].name) for i in own},
@@ -170,12 +170,12 @@ class Pool:
         self.usage.asked_for(time.perf_counter() - begin)
         return united
 
-    def _asked_about(self, models: Sequence[Model], ask: Callable[[Worker, dict[int, Model]], dict]) -> list:
+    def _asked_about(self, models: Sequence[Model], ask: Callable[[Worker, int, Model], Any]) -> list:
         """Answers about models that are not kept; numbers of their own overwrite no mesh file of a loaded one."""
         first = len(self._models)
-        found = self._run(lambda worker, own: ask(worker, {first + i: models[i] for i in own}),
+        found = self._run(lambda worker, own: {i: ask(worker, first + i, models[i]) for i in own},
                           self._placed(models, [len(model.cells) for model in models]))
-        return [found[first + i] for i in range(len(models))]
+        return [found[i] for i in range(len(models))]
 
     def _solve(self, op: int, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """Displacements of each model."""

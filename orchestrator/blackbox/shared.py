@@ -14,8 +14,9 @@ import numpy as np
 
 from orchestrator.blackbox.models.assembly import representatives
 from orchestrator.blackbox.protocol import BlackBox, Layer, Model
-from orchestrator.timing import STAGES, Savings
+from orchestrator.config.method import Skip
 from orchestrator.errors import BlackBoxError
+from orchestrator.timing import STAGES, Savings
 
 ALIKE = 1e-8  # relative: stiffnesses of the same tets at other places, whose coordinates are rounded
 # Back-substitutions that cost as much as assembling and factorising; measured 50 to 150 for 5,000 to 60,000 dofs.
@@ -35,24 +36,22 @@ class SharedModels(Layer):
     """Maps subdomains to distinct models and merges their right-hand sides.
 
     inner : the black box that holds the distinct models
-    congruent : share models
-    repeated : solve no right-hand side twice
+    skip : ``method.skip`` of a configuration: congruent subdomains share models, repeated right-hand sides are solved once
     workers : processes behind ``inner``
     steps : load steps, the right-hand sides of a subdomain in a linear stage
     savings : where what is saved is noted
     """
 
-    def __init__(self, inner: BlackBox, *, congruent: bool, repeated: bool, workers: int, steps: int, savings: Savings):
+    def __init__(self, inner: BlackBox, skip: Skip, workers: int, steps: int, savings: Savings):
         super().__init__(inner)
-        self.congruent, self.repeated = congruent, repeated
-        self.workers, self.steps, self.savings = workers, steps, savings
+        self.skip, self.workers, self.steps, self.savings = skip, workers, steps, savings
         self.model_of = np.empty(0, int)  # (subdomains,) the model of ``inner`` that answers for each
         self._last: dict[int, dict[bytes, np.ndarray]] = {}  # of each model, rows and their answers
 
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the work."""
         self._last, self.model_of, loaded = {}, np.empty(len(models), int), []
-        first = representatives(models, self.traits) if self.congruent else np.arange(len(models))
+        first = representatives(models, self.traits) if self.skip.congruent else np.arange(len(models))
         for kind in np.unique(first):
             members = np.flatnonzero(first == kind)
             times = copies(len(members) * self.steps, len(members), self.workers)
@@ -88,24 +87,18 @@ class SharedModels(Layer):
         return {index: answers[model] for index, model in model_of.items()}
 
     def _merged(self, forces: Mapping[int, np.ndarray], solve: Callable, remember: bool) -> dict[int, np.ndarray]:
-        """Right-hand sides that are one and the same array are looked at once for each model, and share their answer."""
-        groups: dict[int, dict[int, int]] = {}  # model → array → a subdomain that has it
-        key = {index: id(f) if self.repeated else index for index, f in forces.items()}
+        """The right-hand sides of all subdomains that a model stands for, one below the other, and back."""
+        members: dict[int, list[int]] = {}
         for index in forces:
-            groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
-        rows = {model: np.vstack([forces[i] for i in different.values()]) for model, different in groups.items()}
-        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
-        answers, result = self._answered(rows, solve, remember, again), {}
-        for model, different in groups.items():
-            ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
-            for array, a, b in zip(different, ends[:-1], ends[1:]):
-                result[model, array] = answers[model][a:b]
-        return {index: result[int(self.model_of[index]), key[index]] for index in forces}
+            members.setdefault(int(self.model_of[index]), []).append(index)
+        answers = self._answered({model: np.vstack([forces[i] for i in own]) for model, own in members.items()}, solve, remember)
+        return {index: part for model, own in members.items()
+                for index, part in zip(own, np.split(answers[model], np.cumsum([len(forces[i]) for i in own])[:-1]))}
 
-    def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool, again: int) -> dict[int, np.ndarray]:
-        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked for. Rows that are zero, that occur
-        twice, or that were asked the last time are told by their bytes, and not solved."""
-        if not self.repeated:
+    def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool) -> dict[int, np.ndarray]:
+        """Answers per model to rows (n, size) per model. Rows that are zero, that occur twice, or that were asked the last time are
+        told by their bytes, and not solved."""
+        if not self.skip.repeated:
             return solve(rows)
         keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}
         known = {model: self._last.get(model, {}) if remember else {} for model in rows}
@@ -119,8 +112,7 @@ class SharedModels(Layer):
                 answers[model] = np.array([found.get(key, nothing) for key in keys[model]]).reshape(r.shape)
         if remember:
             self._last |= {model: dict(zip(keys[model], answers[model])) for model in rows}
-        self.savings.add("repeated", "back-substitutions",
-                         again + sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
+        self.savings.add("repeated", "back-substitutions", sum(map(len, rows.values())) - sum(map(len, asked.values())))
         return answers
 
 

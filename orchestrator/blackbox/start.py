@@ -14,11 +14,9 @@ from orchestrator.blackbox.guarded import GuardedCode
 from orchestrator.blackbox.models.extended import body_model
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.blackbox.shared import SharedModels
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import CODES, FOREIGN
-from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
 
 # Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for each other.
@@ -69,17 +67,6 @@ def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterabl
     codes = find_codes(settings if isinstance(settings, Sequence) else [settings], used)
     guarded = {number for number, code in codes.items() if code.guarded}
     return GuardedCode(Pool(codes), guarded) if guarded else Pool(codes)
-
-
-def with_layers(blackbox: BlackBox, skip, workers: int, steps: int, savings: Savings) -> BlackBox:
-    """The black box behind the layer that ``method.skip`` allows.
-
-    skip : ``method.skip`` of a configuration: congruent, repeated
-    workers : processes behind the black box
-    steps : load steps that are solved together
-    savings : where what is saved is noted
-    """
-    return SharedModels(blackbox, congruent=skip.congruent, repeated=skip.repeated, workers=workers, steps=steps, savings=savings)
 
 
 def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:

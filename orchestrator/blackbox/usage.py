@@ -113,12 +113,10 @@ class Usage:
         for number, code in self._codes.items():
             workers = [self.workers[worker] for worker in self._teams[number]]
             seconds = _summed(workers)
-            entries.append({
-                "code": code.name, "transport": code.settings.transport, "version": code.version(),
+            entries.append({"code": code.name, "transport": code.settings.transport, "version": code.version(),
                 "models": sum(home in self._teams[number] for home in self._home),
                 "workers": len(workers), "seconds": {**seconds, "total": sum(seconds.values())},
-                "compliances": [note for worker in workers for note in worker.compliances()],
-                "own_matter": workers[0].traits().own_matter})
+                "compliances": [note for worker in workers for note in worker.compliances()], "own_matter": workers[0].traits().own_matter})
         return entries
 
     def memory_peak_mb(self) -> float:

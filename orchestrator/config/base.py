@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, GetJsonSchemaHandler,
                       SerializeAsAny, Tag, WrapValidator, create_model)
@@ -16,6 +16,7 @@ from orchestrator.errors import KeyPath, Problem
 # Marks the alternative of a union in pydantic's error locations; what follows is the sentence
 # shown to the user. No YAML key can start with it.
 TAG = "\0"
+SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}  # pydantic's names of bounds
 UNKNOWN_NAME = "unknown_name"  # pydantic's error type for a word that names nothing
 
 
@@ -32,8 +33,7 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
     expected : what is accepted, as shown to the user
     """
     one, two = f"{TAG}1{expected}", f"{TAG}2{expected}"
-    return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)],
-                     Discriminator(lambda value: one if is_first(value) else two)]
+    return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)], Discriminator(lambda value: one if is_first(value) else two)]
 
 
 class Chosen:
@@ -145,6 +145,19 @@ class ByName(Chosen):
             other = {"type": "string", "not": {"enum": list(self.registry)}}
             forms.append({"type": "object", "properties": {self.key: other}, "required": [self.key]})
         return {"anyOf": forms}
+
+
+def mappings(kind: Any, notes: Iterable[Any] = (), suffix: str = "") -> Iterator[tuple[str, Chosen | type[Part]]]:
+    """Models inside a type with such notes, or what chooses them, each with what a path to it gets behind it."""
+    if chosen := [note for note in notes if isinstance(note, Chosen)]:
+        yield suffix, chosen[0]
+    elif isinstance(kind, type) and issubclass(kind, Part):
+        yield suffix, kind
+    elif get_origin(kind) is Annotated:
+        yield from mappings(kind.__origin__, kind.__metadata__, suffix)
+    else:
+        for inner in get_args(kind):
+            yield from mappings(inner, (), suffix + "[]" * (get_origin(kind) is list))
 
 
 def auto_or(number: Any, expected: str) -> Any:

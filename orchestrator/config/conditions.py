@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from orchestrator.config.base import no_direction
-from orchestrator.config.entry import Entry
-from orchestrator.config.parts import KINDS
+from orchestrator.config.boundary import Entry
+from orchestrator.config.mesh import KINDS
 from orchestrator.config.paths import dotted, find, get, is_number, is_per_step, is_vectors, law_of, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES

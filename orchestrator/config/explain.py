@@ -7,10 +7,10 @@ import json
 import re
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from orchestrator.config.base import TAG, UNKNOWN_NAME, ByName, Chosen
+from orchestrator.config.base import SIGNS, TAG, UNKNOWN_NAME, ByName, Chosen, Part, mappings
 from orchestrator.config.model import Config
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem
@@ -18,10 +18,9 @@ from orchestrator.errors import KeyPath, Problem
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
          "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}
 _COMMA, _DIGITS = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE), re.compile(r"\d+(e[+-]?\d+)?", re.IGNORECASE)
-BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="), "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
 
 
-def explained(error: ValidationError, data: Any, root: type[BaseModel] = Config) -> list[Problem]:
+def explained(error: ValidationError, data: Any, root: type[Part] = Config) -> list[Problem]:
     """One problem per error, with the path in the YAML; ``data`` is what was validated, by the model ``root``."""
     return [_explain(entry, data, root) for entry in error.errors(include_url=False)]
 
@@ -32,11 +31,11 @@ def echo(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
+def _explain(entry: Any, data: Any, root: type[Part]) -> Problem:
     kind, context = entry["type"], entry.get("ctx", {})
     path: KeyPath = tuple(key for key in entry["loc"] if not str(key).startswith(TAG))
-    parent, _ = _meet(path[:-1], data, root)
-    model, field = _meet(path, data, root)
+    parent, _, chooser = _meet(path[:-1], data, root)
+    model, field, _ = _meet(path, data, root)
     about = field.description or "" if field else ""
     named = [key for key in path if not isinstance(key, int)]
     hint = f"{named[-1]}: {about}" if about else ""
@@ -44,7 +43,6 @@ def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
     if kind == "missing":
         return Problem(path, f"no {path[-1]}", about or "a value", f"add {path[-1]}")
     if kind == "extra_forbidden":
-        chooser = _choice(path[:-1], data, root)
         if chooser and (owners := chooser.owners(str(path[-1]))):
             return _foreign(path, chooser.name(get(data, *path[:-1])), chooser.key, owners)
         known = chooser.keys() if isinstance(chooser, ByName) else keys
@@ -74,10 +72,9 @@ def _comma(path: KeyPath, data: Any) -> str:
     return ""
 
 
-def _expected(entry: Any, kind: str, context: dict, model: type[BaseModel] | None) -> str:
-    if kind in BOUNDS:
-        key, sign = BOUNDS[kind]
-        return f"a number {sign} {context[key]:g}"
+def _expected(entry: Any, kind: str, context: dict, model: type[Part] | None) -> str:
+    if bound := next((key for key in SIGNS if key in context), ""):
+        return f"a number {SIGNS[bound]} {context[bound]:g}"
     if _tagged(entry):
         return str(entry["loc"][-1])[len(TAG) + 1:]
     if kind in ("too_short", "too_long"):
@@ -108,47 +105,25 @@ def _foreign(path: KeyPath, name: str, key: str, owners: list[str]) -> Problem:
                    f"remove {path[-1]}, or write {key}: {owners[0]}")
 
 
-def _meet(path: KeyPath, data: Any, root: type[BaseModel]) -> tuple[type[BaseModel] | None, FieldInfo | None]:
-    """The model a path leads to, if it leads to one, and the last field met on the way."""
-    model: type[BaseModel] | None = root
+def _meet(path: KeyPath, data: Any, root: type[Part]) -> tuple[type[Part] | None, FieldInfo | None, Chosen | None]:
+    """The model a path leads to, if it leads to one, the last field met on the way, and what chooses the model, if it is chosen."""
+    model: type[Part] | None = root
     field: FieldInfo | None = None
+    chooser: Chosen | None = None
     for end, key in enumerate(path, 1):
         if isinstance(key, int):
             continue  # the entries of a list share one field
-        if model is None or (next_field := model.model_fields.get(key)) is None:
-            return None, field
-        field = next_field
+        if model is None or key not in model.model_fields:
+            return None, field, None
+        field = model.model_fields[key]
         end += end < len(path) and isinstance(path[end], int)
-        chooser = next(_marks(field.annotation, field.metadata), None)
-        value = get(data, *path[:end])
-        model = chooser.model(value) if chooser else _fitting(list(_models(field.annotation)), value)
-    return model, field
+        found = [one for _, one in mappings(field.annotation, field.metadata)]
+        chooser, value = next((one for one in found if isinstance(one, Chosen)), None), get(data, *path[:end])
+        model = chooser.model(value) if chooser else _fitting(found, value)
+    return model, field, chooser
 
 
-def _choice(path: KeyPath, data: Any, root: type[BaseModel]) -> Chosen | None:
-    """What chooses the model of the mapping at a path, if it is chosen."""
-    _, field = _meet(path, data, root)
-    return next(_marks(field.annotation, field.metadata), None) if field else None
-
-
-def _marks(annotation: Any, metadata: Any = ()):
-    """The choosers inside an annotation."""
-    for part in (*metadata, *get_args(annotation)):
-        if isinstance(part, Chosen):
-            yield part
-        else:
-            yield from _marks(part)
-
-
-def _models(annotation: Any):
-    """The models inside an annotation such as ``list[Model] | None``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models(part)
-
-
-def _fitting(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None:
+def _fitting(models: list[type[Part]], value: Any) -> type[Part] | None:
     """Of a union's models the first that knows most of a mapping's keys."""
     known = value.keys() if isinstance(value, dict) else ()
     return max(models, key=lambda model: sum(key in model.model_fields for key in known), default=None)

@@ -1,13 +1,17 @@
-"""``mesh``, ``subdomains`` and ``materials``: the body and how it is cut."""
+"""``mesh``, ``subdomains`` and ``materials``: the body and how it is cut.
+
+And ``parts``: several put together in one scene, in place of ``mesh``; each with a mesh of its own, or a model of another program's:
+a stiffness matrix with its nodes, a deck, a program.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 
-from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Sizes, auto_or, either
+from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Rotate, Sizes, Vector, auto_or, either
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list), "a number > 0 (a cube's side), or three of them")
 # One element size, or one for each pattern of names.
@@ -96,3 +100,115 @@ class Material(Part):
     expansion: float | None = Field(None, description=(
         "thermal strain per temperature, for temperatures under loads; none: nothing is heated"))
     on: Names = Field(["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")
+
+
+class ForeignPart(Part):
+    """What parts whose mesh is not this program's have in common."""
+
+    kind: ClassVar[str]  # the key in ``parts``, and the name in ``registry.FOREIGN``
+    files: ClassVar[tuple[str, ...]]  # keys that name files beside the YAML
+
+    held: either(Literal["auto"], bool, lambda value: isinstance(value, str), "auto, true or false") = Field("auto", description=(
+        "whether supports inside the part hold it; auto: as the deck says, else not. It is compared with what rigid motions cost"))
+    history: Name | None = Field(None, description="factors of its own loads, one per load step, from histories; none: 1")
+
+
+class MatrixPart(ForeignPart):
+    """A stiffness matrix and the table of its nodes; forces and displacements on its joints are all that is asked of it."""
+
+    kind = "matrix"
+    files = ("stiffness", "nodes", "loads", "facets")
+
+    stiffness: Name = Field(description=(
+        "symmetric matrix of three dofs per node, ux uy uz, in MatrixMarket's format, condensed to the joint or not"))
+    nodes: Name = Field(description="a line id, x, y, z for each node, in the matrix's order")
+    loads: Names | None = Field(None, description=(
+        "nodal forces: a line id, fx, fy, fz for each node that has any, and three more per further load step; or MatrixMarket's format, "
+        "in the matrix's order, which nothing checks, a column per load step, or one for all; none: no loads"))
+    facets: Name | None = Field(None, description=(
+        "the joints' faces, a line each: ids of 3, 4, 6 or 8 nodes, corners first, anticlockwise seen from outside"))
+    outward: Vector | None = Field(None, description="of a flat joint without facets: the normal that points out of the part")
+
+
+class DeckPart(ForeignPart):
+    """A CalculiX deck, included as it is; forces and displacements on its joints are all that is asked of it."""
+
+    kind = "deck"
+    files = ("calculix", "loads")
+
+    calculix: Name = Field(description="the deck up to its first *STEP: nodes, elements, sets, matter, supports")
+    loads: Names | None = Field(None, description=(
+        "cards between *STATIC and *END STEP, one file for all load steps or one for each; none: no loads"))
+    nonlinear: bool = Field(False, description=(
+        "whether its matter flows (*PLASTIC): load steps are then replayed from the first one, an increment each"))
+    joints: Names = Field(description="names of node sets, *NSET; the part meets others on the elements' faces between their nodes")
+
+
+class ProgramPart(ForeignPart):
+    """A program in any language: started in an empty folder with springs.txt and forces.txt, it leaves displacements.txt and joint.txt."""
+
+    kind = "program"
+    files = ("run", "facets")
+
+    run: Name = Field(description="the program or script, which may be executed")
+    arguments: list[str] = Field([], description="words that it is started with; what it reads from elsewhere it finds by absolute paths")
+    facets: Name | None = MatrixPart.model_fields["facets"]
+    outward: Vector | None = MatrixPart.model_fields["outward"]
+    loads: bool = Field(False, description="whether it has loads of its own, asked for by the number of the load step; history multiplies them")
+    nonlinear: bool = Field(False, description=(
+        "whether it remembers load steps: the cases of a call are then load steps, each from the end of the one before"))
+    timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(3600.0, description="seconds allowed for one call")
+
+
+KINDS: dict[str, type[ForeignPart]] = {kind.kind: kind for kind in (MatrixPart, DeckPart, ProgramPart)}
+
+
+class Move(Part):
+    """Where a part's mesh goes: turned first, then shifted."""
+
+    rotate: Annotated[list[Rotate], Field(min_length=1), BeforeValidator(
+        lambda value: [value] if isinstance(value, (dict, Rotate)) else value,
+        json_schema_input_type=list[Rotate] | Rotate)] | None = Field(
+        None, description="a turn {axis, degrees, about}, or several, one after another")
+    translate: Vector | None = Field(None, description="a shift [x, y, z], after the turns")
+
+
+class Matter(Part):
+    """Isotropic linear elasticity of a whole part."""
+
+    young: Positive = Material.model_fields["young"]
+    poisson: float = Material.model_fields["poisson"]
+    density: Positive | None = Material.model_fields["density"]
+
+
+class OnePart(Part):
+    """One part with its own mesh: its volumes are called after it, its surfaces ``part/surface``."""
+
+    name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
+        description="letters, digits, '-', '_', '.' and spaces: its volumes go by it, its surfaces by name/surface")
+    mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
+    matrix: MatrixPart | None = Field(None, description="in place of mesh: a stiffness matrix, {stiffness: K.mtx, nodes: nodes.csv, …}")
+    deck: DeckPart | None = Field(None, description="in place of mesh: a CalculiX deck, {calculix: part.inp, joints: [flange], …}")
+    program: ProgramPart | None = Field(None, description="in place of mesh: a program of your own, {run: ./my_solver.sh, outward: [0, 0, 1], …}")
+    h: Positive | None = Field(None, description="element size for a mesh from `step`, in place of the mesh's own h")
+    move: Move | None = Field(None, description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; none: it stays where it is")
+    material: Matter | None = Field(None, description=(
+        "{young, poisson}; none: what `materials` says; it comes after those entries, so that it wins"))
+    element: Literal["P1", "P2"] | None = Field(None, description=(
+        "as under blackbox; none: what is said there; one element for all parts"))
+
+    @property
+    def foreign(self) -> ForeignPart | None:
+        """What it is in place of a mesh of this program's; None where it has one."""
+        return next((given for kind in KINDS if (given := getattr(self, kind)) is not None), None)
+
+    @property
+    def source(self) -> Mesh:
+        """The mesh with the part's own element size."""
+        return self.mesh if self.h is None else self.mesh.model_copy(update={"h": self.h})
+
+
+def elements_of(parts: Any) -> list[tuple[int, str]]:
+    """Of raw parts, those that name an element, and which."""
+    return [(i, part["element"]) for i, part in enumerate(parts if isinstance(parts, list) else [])
+            if isinstance(part, dict) and isinstance(part.get("element"), str)]

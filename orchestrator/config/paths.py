@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from orchestrator.config.blackbox import settings_class
-from orchestrator.config.parts import file_keys
+from orchestrator.config.mesh import KINDS
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
@@ -137,29 +137,18 @@ def with_files(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
             return [found(one, (*path, i)) for i, one in enumerate(name)]
         if not isinstance(name, str) or not name or path[-2:] == ("mesh", "step") and name.startswith(SHIPPED):
             return name
-        places = [os.path.normpath(folder / name), os.path.normpath(name)]
-        there = next((place for place in places if os.path.isfile(place)), None)
+        known = [os.path.normpath(folder / name), os.path.normpath(name)]
+        there = next((file for file in known if os.path.isfile(file)), None)
         if there is None:
-            problems.append(Problem(path, f"no file {' nor '.join(dict.fromkeys(places))}",
+            problems.append(Problem(path, f"no file {' nor '.join(dict.fromkeys(known))}",
                                     "an existing file", "paths are relative to the YAML file's folder"))
         return there or name
 
-    def looked_up(path: KeyPath) -> None:
-        nonlocal data
-        if (name := get(data, *path)) is not None:
-            data = apply(data, path, found(name, path))
-
-    parts, loads = get(data, "parts"), get(data, "loads")
-    for mesh in [("mesh",), *(("parts", i, "mesh") for i in range(len(parts) if isinstance(parts, list) else 0))]:
-        for key in ("file", "step"):
-            looked_up((*mesh, key))
-    for i, part in enumerate(parts if isinstance(parts, list) else []):
-        for kind, key in file_keys(part) if isinstance(part, dict) else ():
-            looked_up(("parts", i, kind, key))
-    for i in range(len(loads) if isinstance(loads, list) else 0):
-        for name, kind in IN_VOLUMES.items():
-            for key in kind.files:
-                looked_up(("loads", i, name, key))
+    places = [*((*mesh, key) for mesh in (("mesh",), ("parts", "*", "mesh")) for key in ("file", "step")),
+              *(("parts", "*", kind, key) for kind, part in KINDS.items() for key in part.files),
+              *(("loads", "*", name, key) for name, kind in IN_VOLUMES.items() for key in kind.files)]
+    for path, name in [one for pattern in places for one in find(data, pattern)]:
+        data = apply(data, path, found(name, path))
     entry = get(data, "blackbox")
     if entry is not None:  # a code knows which of its keys name files
         own = [settings_class(e).beside(e, folder) if isinstance(e, dict) else e for e in (entry if isinstance(entry, list) else [entry])]

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 import json
 import types
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-import annotated_types
 from pydantic import BeforeValidator, Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from orchestrator.config.base import TAG, Chosen, Part
+from orchestrator.config.base import SIGNS, TAG, Chosen, Part, mappings
 from orchestrator.config.model import Config
 
 HEAD = """# Every key
@@ -25,8 +23,6 @@ HEAD = """# Every key
 meant where a heading ends with `[]`; "none" is what holds where a key without a default is left out.*
 """
 WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
-BOUNDS = {annotated_types.Gt: ("gt", ">"), annotated_types.Ge: ("ge", ">="),
-          annotated_types.Lt: ("lt", "<"), annotated_types.Le: ("le", "<=")}
 
 
 def schema() -> str:
@@ -72,30 +68,12 @@ def sections() -> list[Section]:
         found.append(section)
         for name, field in section.model.model_fields.items():
             path = name if section.model is Config else f"{section.path}.{name}"
-            for suffix, kind, model in mappings([field.annotation, *field.metadata]):
-                tell(Section(path + suffix, kind, model))
+            for suffix, inside in mappings(field.annotation, field.metadata):
+                for kind, model in inside.shipped().items() if isinstance(inside, Chosen) else [("", inside)]:
+                    tell(Section(path + suffix, f"{inside.key}: {kind}" if kind else "", model))
 
     tell(Section("the whole", "", Config))
     return found
-
-
-def mappings(notes: list[Any], suffix: str = "") -> Iterator[tuple[str, str, type[Part]]]:
-    """Models inside a type: what the path gets behind it, which of several, the model."""
-    chosen = next((note for note in notes if isinstance(note, Chosen)), None)
-    if chosen is not None:
-        yield from ((suffix, f"{chosen.key}: {name}" if name else "", model) for name, model in chosen.shipped().items())
-        return
-    kind = notes[0]
-    if isinstance(kind, type) and issubclass(kind, Part):
-        yield suffix, "", kind
-    elif get_origin(kind) is Annotated:
-        yield from mappings(list(get_args(kind)), suffix)
-    elif get_origin(kind) is list:
-        yield from mappings(list(get_args(kind)), suffix + "[]")
-    else:
-        for inner in get_args(kind):
-            if not isinstance(inner, str):
-                yield from mappings([inner], suffix)
 
 
 def row(name: str, field: FieldInfo) -> str:
@@ -145,15 +123,13 @@ def alternatives(parts: list[Any]) -> str:
 
 def listed(entry: str, notes: list[Any]) -> str:
     """A list, and how long it is where that is fixed."""
-    least = next((note.min_length for note in flat(notes) if isinstance(note, annotated_types.MinLen)), 0)
-    most = next((note.max_length for note in flat(notes) if isinstance(note, annotated_types.MaxLen)), None)
+    least, most = (next((getattr(note, key) for note in flat(notes) if hasattr(note, key)), 0) for key in ("min_length", "max_length"))
     return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace("a mapping", "mappings")
 
 
 def bounds(notes: list[Any]) -> str:
     """Of a number, each once."""
-    told = dict.fromkeys(f"{sign} {getattr(note, name):g}" for note in flat(notes)
-                         for kind, (name, sign) in BOUNDS.items() if isinstance(note, kind))
+    told = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(notes) for key, sign in SIGNS.items() if hasattr(note, key))
     return " " + ", ".join(told) if told else ""
 
 

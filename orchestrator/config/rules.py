@@ -14,7 +14,7 @@ from typing import Any
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE
-from orchestrator.config.parts import KINDS, elements_of
+from orchestrator.config.mesh import KINDS, elements_of
 from orchestrator.config.paths import dotted, find, get, is_number, law_of, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES

@@ -41,25 +41,12 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
     reader.Composer = _Composer
     try:
         node = reader.compose(text)
-        return None if node is None else _Plain(reader.constructor).of(node, (), lines), lines
-    except _TooMuch as error:
-        raise InputError(Problem((), *error.args, file, max(lines.values(), default=1))) from None
+        return None if node is None else _Plain(reader.constructor, file).of(node, (), lines), lines
     except YAMLError as error:
         mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
         found = (getattr(error, "problem", None) or str(error)).strip().splitlines()[0]
-        twice = isinstance(error, _Twice)
-        raise InputError(Problem(
-            (), found, "every key once in its mapping" if twice else "correct YAML",
-            "remove one of the two" if twice else "check indentation, brackets and colons around this line",
-            file, mark.line + 1 if mark else None)) from error
-
-
-class _Twice(MarkedYAMLError):
-    """A key that its mapping has already."""
-
-
-class _TooMuch(Exception):
-    """What was found, what is expected, and the cure."""
+        raise InputError(Problem((), found, "correct YAML", "check indentation, brackets and colons around this line",
+                                 file, mark.line + 1 if mark else None)) from error
 
 
 class _Composer(Composer):
@@ -81,15 +68,15 @@ class _Plain:
     """Plain dicts, lists and scalars of YAML's nodes; notes the lines on the way. Keys are texts, quoted or not: 1 and "1" are one key, 1
     and 1.0 are two, and none of them is a number."""
 
-    def __init__(self, constructor: SafeConstructor):
-        self._constructor, self._count = constructor, 0
+    def __init__(self, constructor: SafeConstructor, file: str):
+        self._constructor, self._file, self._count = constructor, file, 0
 
     def of(self, node: Node, path: KeyPath, lines: dict[KeyPath, int]) -> Any:
         self._count += 1
         if self._count > MOST or len(path) > DEEPEST:
-            raise _TooMuch(f"more than {MOST:,} entries" if self._count > MOST else f"more than {DEEPEST} levels of nesting",
-                           f"at most {MOST:,} entries, {DEEPEST} levels deep, with what aliases (*name) repeat",
-                           "write out what is meant, without aliases of aliases")
+            raise InputError(Problem((), f"more than {MOST:,} entries" if self._count > MOST else f"more than {DEEPEST} levels of nesting",
+                                     f"at most {MOST:,} entries, {DEEPEST} levels deep, with what aliases (*name) repeat",
+                                     "write out what is meant, without aliases of aliases", self._file, node.start_mark.line + 1))
         if isinstance(node, MappingNode):
             return self._mapping(node, path, lines)
         if isinstance(node, SequenceNode):
@@ -110,7 +97,8 @@ class _Plain:
             if not isinstance(key, ScalarNode):
                 raise MarkedYAMLError(problem="a list or a mapping for a key", problem_mark=mark)
             if key.value in seen:
-                raise _Twice(problem=f"duplicate key \"{key.value}\", on lines {seen[key.value]} and {mark.line + 1}", problem_mark=mark)
+                raise InputError(Problem((), f"duplicate key \"{key.value}\", on lines {seen[key.value]} and {mark.line + 1}",
+                                         "every key once in its mapping", "remove one of the two", self._file, mark.line + 1))
             seen[key.value] = mark.line + 1
             if key.tag != MERGE:
                 lines[*path, key.value] = mark.line + 1

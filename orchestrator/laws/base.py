@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import BONDED, Status
 

@@ -28,7 +28,7 @@ import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Positive
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Variable, Written
 from orchestrator.laws.points import Answer, Points, dot
 from orchestrator.laws.status import BONDED, Hold, Status

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from orchestrator.compiled import in_parts
 from orchestrator.config.base import Positive, either
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, slopes
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, Points, dot

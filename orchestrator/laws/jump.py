@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Vector, one_or_per_step
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
 from orchestrator.laws.points import Answer, Points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import BONDED

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Positive
-from orchestrator.config.entry import Entry
+from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages
 from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import BONDED, Hold, Status

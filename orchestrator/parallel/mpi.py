@@ -201,8 +201,7 @@ class Ranks(Team):
 
     def speaks(self) -> bool:
         lost = self.lost()
-        return self.rank == min(rank for rank, _, _ in self._neighbours if rank not in lost) and (
-            self.rank == 0 or 0 in lost)
+        return self.rank == min(rank for rank, _, _ in self._neighbours if rank not in lost) and (self.rank == 0 or 0 in lost)
 
     def lost(self) -> list[int]:
         return [rank for rank, pid, _ in self._neighbours if not _alive(pid)]

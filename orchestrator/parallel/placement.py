@@ -46,8 +46,7 @@ def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.n
     count = len(scene.subdomains)
     if ranks > count:
         raise InputError(Problem(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
-                                 "at least one subdomain for every rank",
-                                 f"mpiexec -n {count} at most, or cut into more subdomains"))
+                                 "at least one subdomain for every rank", f"mpiexec -n {count} at most, or cut into more subdomains"))
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
     return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks, speeds)
 

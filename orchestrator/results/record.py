@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from types import TracebackType
 
-from orchestrator.blackbox.codes.foreign.results import OwnFields
+from orchestrator.blackbox.codes.foreign.part import OwnFields
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.checkpoint import Start

@@ -11,12 +11,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
+from orchestrator.blackbox.protocol import Model
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.transport.worker import Worker
-    from orchestrator.blackbox.protocol import Model
 
 _HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
 

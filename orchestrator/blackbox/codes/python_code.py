@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -15,17 +16,16 @@ from importlib.util import find_spec
 from importlib.resources import files
 from inspect import getfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, JsonValue
 
 from orchestrator.blackbox.codes.code import Code, MessageCode
+from orchestrator.blackbox.protocol import Model, Origin
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.protocol import Model
 
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
@@ -151,12 +151,6 @@ class PythonCode(MessageCode):
 
     def mesh(self, model: Model) -> bytes:
         """The model as it is, in numpy's format."""
-        import io
-
-        import numpy as np
-
-        from orchestrator.blackbox.protocol import Origin
-
         origin, file = model.origin or Origin(*[np.empty(0, int)] * 3, ()), io.BytesIO()
         own = {name: getattr(model, name) for name in ("name", "nodes", "cells", "region", "materials", "fixed", "trace")}
         np.savez(file, **own, **origin.arrays(len(model.nodes), len(model.cells)))
@@ -167,8 +161,7 @@ class PythonCode(MessageCode):
         if exit_code != _NO_SOLVER:
             return None
         return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare and solve, or another "
-                       "one's name after a colon, as my_solver.py:Mine",
-                       f"name the class in code:, or start from {TEMPLATE}")
+                       "one's name after a colon, as my_solver.py:Mine", f"name the class in code:, or start from {TEMPLATE}")
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""

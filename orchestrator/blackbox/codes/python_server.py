@@ -53,8 +53,7 @@ class Server:
         """Until told to quit, or until the orchestrator is gone."""
         self._reply([0, 0, promised(self.solver)], [clock(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
-                   messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads,
-                   messages.ADVANCE: self._advance}
+                   messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads, messages.ADVANCE: self._advance}
         while len(head := self.requests.read(8)) == 8:
             op = int(np.frombuffer(head, np.int64)[0])
             if op == messages.QUIT:
@@ -194,10 +193,7 @@ class Server:
         return np.frombuffer(self.requests.read(8 * count), dtype)
 
     def _reply(self, ints, seconds, reals) -> None:
-        for values, dtype in ((ints, np.int64), (seconds, np.float64), (reals, np.float64)):
-            values = np.ascontiguousarray(values, dtype)
-            self.replies.write(np.int64(values.size).tobytes())
-            self.replies.write(values.tobytes())
+        self.replies.writelines([messages.of_ints(ints), *messages.of_reals([seconds]), *messages.of_reals([reals])])
         self.replies.flush()
 
 

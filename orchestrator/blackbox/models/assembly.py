@@ -5,10 +5,8 @@ Of the soles of 100 grains, 467 interfaces with 230,000 tets, FreeFEM has the st
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import fields
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,42 +23,6 @@ LARGEST = 4000
 # nodes that differ by rounding may be taken for two places.
 CROWD = 4
 GRID = 1 << 21  # steps along each axis, by which places are told apart
-
-
-@dataclass(eq=False)
-class Assembled:
-    """A model's stiffness, within that of models that are not coupled to it: dofs first … last − 1 of ``whole``."""
-
-    whole: sp.csr_array
-    first: int
-    last: int
-
-    @cached_property
-    def matrix(self) -> sp.csr_array:
-        """(3n, 3n) by itself."""
-        pointers = self.whole.indptr[self.first : self.last + 1]
-        inside = slice(pointers[0], pointers[-1])
-        return sp.csr_array((self.whole.data[inside], self.whole.indices[inside] - self.first, pointers - pointers[0]),
-                            shape=(self.last - self.first,) * 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A small sparse matrix (n, n) by rows: for thousands of them SciPy's own would take longer to be made than to be used."""
-
-    data: np.ndarray
-    indices: np.ndarray
-    indptr: np.ndarray
-
-    @property
-    def nnz(self) -> int:
-        """Number of entries."""
-        return len(self.data)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(n, n)."""
-        return (len(self.indptr) - 1,) * 2
 
 
 def representatives(models: Sequence[Model], traits: Callable[[int], Traits]) -> np.ndarray:
@@ -83,8 +45,8 @@ def _key(model: Model) -> Hashable:
     return (model.nodes.shape, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in rest))
 
 
-def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: bool, savings: Savings) -> list[Assembled]:
-    """Stiffness of every model; where they ``share``, congruent ones get the very same. Raises BlackBoxError from the code.
+def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: bool, savings: Savings) -> list[sp.csr_array]:
+    """(3n, 3n) stiffness of every model; where they ``share``, congruent ones get the very same. Raises BlackBoxError from the code.
 
     workers : the models are joined in about this many requests, or in more so that none is large
     """
@@ -94,31 +56,11 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
     kinds = np.unique(first)
     savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
     packets = _packets([models[k] for k in kinds], max(workers, sum(len(models[k].cells) for k in kinds) // LARGEST))
-    found: dict[int, Assembled] = {}
-    for stiffness, members in zip(blackbox.stiffness([joined([models[kinds[m]] for m in members]) for members in packets]), packets):
+    found: dict[int, sp.csr_array] = {}
+    for whole, members in zip(blackbox.stiffness([joined([models[kinds[m]] for m in members]) for members in packets]), packets):
         ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members]).tolist()
-        found |= {int(kinds[m]): Assembled(stiffness, a, b) for m, a, b in zip(members, ends[:-1], ends[1:])}
+        found |= {int(kinds[m]): sp.csr_array(whole[a:b, a:b]) for m, a, b in zip(members, ends[:-1], ends[1:])}
     return [found[int(k)] for k in first]
-
-
-def cut(found: Sequence[Assembled], chosen: Sequence[np.ndarray]) -> list[Block]:
-    """Rows and columns (n,) of each stiffness; those that lie in one matrix are taken from it together."""
-    groups: dict[tuple[int, int], list[int]] = {}
-    before: Counter[int] = Counter()
-    for place, one in enumerate(found):  # what is asked for twice would meet itself
-        groups.setdefault((id(one.whole), before[id(one)]), []).append(place)
-        before[id(one)] += 1
-    blocks: list[Block | None] = [None] * len(found)
-    for places in groups.values():
-        dofs = np.concatenate([found[place].first + chosen[place] for place in places])
-        taken = sp.csr_array(found[places[0]].whole[dofs][:, dofs])
-        ends, first = taken.indptr, 0
-        for place in places:
-            last = first + len(chosen[place])
-            entries = slice(ends[first], ends[last])
-            blocks[place] = Block(taken.data[entries], taken.indices[entries] - first, ends[first : last + 1] - ends[first])
-            first = last
-    return blocks
 
 
 def joined(models: Sequence[Model]) -> Model:

@@ -75,11 +75,8 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
         for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (0, 1):
             sole = pair[side]
             nodes = np.vstack([scene.side_points(interface, side), sole.points])
-            models.append((
-                _model(f"sole of {interface.name}", nodes, sole.cells, np.column_stack([sole.young, sole.poisson]),
-                       code=scene.subdomains[interface.subdomains[side]].code),
-                (interface.index, side),
-            ))
+            models.append((_model(f"sole of {interface.name}", nodes, sole.cells, np.column_stack([sole.young, sole.poisson]),
+                       code=scene.subdomains[interface.subdomains[side]].code), (interface.index, side)))
     return models
 
 

@@ -43,19 +43,17 @@ class Reply:
     reals: np.ndarray
 
 
-def _ints(values) -> bytes:
+def of_ints(values) -> bytes:
+    """An array of whole numbers."""
     values = np.ascontiguousarray(values, np.int64)
     return np.int64(values.size).tobytes() + values.tobytes()
 
 
-def _reals(arrays: Sequence[np.ndarray]) -> Buffers:
+def of_reals(arrays: Sequence[np.ndarray]) -> Buffers:
+    """An array of reals, of several one after the other."""
     arrays = [np.ascontiguousarray(a, np.float64).ravel() for a in arrays]
     head = np.int64(sum(a.size for a in arrays)).tobytes()
     return [head] + [a.data.cast("B") for a in arrays if a.size]
-
-
-def _op(op: int) -> bytes:
-    return np.int64(op).tobytes()
 
 
 def load(index: int, model: Model) -> Buffers:
@@ -76,28 +74,23 @@ def own_loads(index: int, model: Model, steps: int) -> Buffers:
 
 def _about(op: int, index: int, model: Model, *more: Sequence[int] | np.ndarray) -> Buffers:
     head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size]
-    return [_op(op), _ints(np.concatenate([head, *more, _numbers(model)])), *_reals(lame(*model.materials.T))]
+    # of ten-node tets the nodes' numbers, from which a code learns ours; of others they agree
+    numbers = np.empty(0, int) if model.cells.shape[1] == 4 else model.cells[:, EDGE_ORDER].ravel()
+    return [np.int64(op).tobytes(), of_ints(np.concatenate([head, *more, numbers])), *of_reals(lame(*model.materials.T))]
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
     """Back-substitutions of (model, (rhs, m) forces) pairs; ``op`` is TRACES or FIELDS."""
     head = [len(jobs)] + [value for index, forces in jobs for value in (index, len(forces))]
-    return [_op(op), _ints(head), *_reals([forces for _, forces in jobs])]
+    return [np.int64(op).tobytes(), of_ints(head), *of_reals([forces for _, forces in jobs])]
 
 
 def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
     """What a nonlinear model truly does under (3n,) forces, see ``protocol.BlackBox.advance``."""
-    return [_op(ADVANCE), _ints([index, int(commit)]), *_reals([forces])]
+    return [np.int64(ADVANCE).tobytes(), of_ints([index, int(commit)]), *of_reals([forces])]
 
 
-def _numbers(model: Model) -> np.ndarray:
-    """Node numbers of every tet in ``EDGE_ORDER``, from which a code learns ours; none for P1, where they agree."""
-    return np.empty(0, int) if model.cells.shape[1] == 4 else model.cells[:, EDGE_ORDER].ravel()
-
-
-def farewell() -> Buffers:
-    """End of the conversation."""
-    return [_op(QUIT)]
+FAREWELL = np.int64(QUIT).tobytes()  # end of the conversation
 
 
 def read_reply(read_into: ReadInto) -> Reply:
@@ -144,10 +137,8 @@ def check_residual(residual: float) -> None:
     if not residual <= SINGULAR:  # NaN included
         raise BadReply(f"the factorised matrix is singular: {left}", "a part is not held, or has a zero or absurd modulus")
     if residual > RESIDUAL_LIMIT:
-        raise BadReply(
-            f"the factorised matrix is too close to singular: {left}",
-            "a part that is barely held or very slender, or moduli of extreme contrast",
-        )
+        raise BadReply(f"the factorised matrix is too close to singular: {left}",
+            "a part that is barely held or very slender, or moduli of extreme contrast")
 
 
 def check_solve(reply: Reply, index: int, rhs: int, size: int) -> np.ndarray:

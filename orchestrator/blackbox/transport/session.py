@@ -1,23 +1,138 @@
-"""The worker of codes that speak the bytes of ``messages``: models, load cases and answers through one of two ``links``.
+"""The worker of codes that speak the bytes of ``messages``: models, load cases and answers through one of two links.
 
 A process that stays keeps its models. Of one that ends after every request nothing is kept but the mesh files: every solve loads
 its model again.
+
+- ``Pipes``: one process, which stays and keeps its models factorised, at the other end of two anonymous pipes. A pipe ends when
+  the process does, so neither side can wait for a dead one; the deadline is for a process that lives and does not answer.
+- ``Files``: a process for every request, which reads one file, writes another and ends, the way a closed code is driven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import fcntl
+import os
+import select
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
-from orchestrator.blackbox.transport.links import Files, Pipes
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
-from orchestrator.blackbox.transport.worker import Ended
+from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
+from orchestrator.blackbox.transport.worker import Ended, Silence, Worker, ready
+
+_PIPE_SIZE = 1 << 20  # bytes the kernel keeps on the way; its default is 64 kB
+
+
+class Pipes:
+    """The orchestrator's ends of two pipes to a process that a worker has started."""
+
+    def __init__(self, worker: Worker):
+        self._worker = worker
+        read_requests, self._out = os.pipe()
+        self._in, write_replies = os.pipe()
+        for fd in (self._in, self._out):
+            os.set_blocking(fd, False)
+            with suppress(OSError):  # beyond this user's allowance: only slower
+                fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
+        try:
+            worker.spawn(f"/dev/fd/{read_requests}", f"/dev/fd/{write_replies}", (read_requests, write_replies))
+        except BaseException:
+            self.close()
+            raise
+        finally:  # only then does the process's death end the pipe
+            os.close(read_requests)
+            os.close(write_replies)
+
+    def send(self, buffers: Buffers) -> None:
+        """Send all bytes; raises Ended."""
+        deadline = self._worker.deadline()
+        views = [memoryview(part).cast("B") for part in buffers if memoryview(part).nbytes]
+        while views:
+            try:
+                sent = os.writev(self._out, views[:64])
+            except BlockingIOError:
+                _wait(self._out, select.POLLOUT, deadline)
+                continue
+            except BrokenPipeError:
+                raise Ended("it ended before it was asked") from None
+            while views and sent >= len(views[0]):
+                sent -= len(views.pop(0))
+            if sent:
+                views[0] = views[0][sent:]
+
+    def receive(self) -> Reply:
+        """The next reply; raises Ended, BadReply."""
+        deadline = self._worker.deadline()
+        return messages.read_reply(lambda target: self._read_into(target, deadline))
+
+    def close(self) -> None:
+        """May be called twice."""
+        for fd in (self._in, self._out):
+            if fd >= 0:
+                os.close(fd)
+        self._in = self._out = -1
+
+    def _read_into(self, target: memoryview, deadline: float) -> None:
+        while target:
+            try:
+                received = os.readv(self._in, [target])
+            except BlockingIOError:
+                _wait(self._in, select.POLLIN, deadline)
+                continue
+            if received == 0:
+                raise Ended("it ended before its answer was complete")
+            target = target[received:]
+
+
+class Files:
+    """A run of the code for each request.
+
+    worker : starts the processes; its ``greeted`` takes in their first words
+    seconds : of CPU that the last run took
+    """
+
+    def __init__(self, worker: Worker):
+        self._worker, self.seconds = worker, 0.0
+        self._left = memoryview(b"")
+
+    def send(self, buffers: Buffers) -> None:
+        """Run the code on a file of these requests, to its end; raises Ended, BadReply, InputError."""
+        worker = self._worker
+        asked = worker.write(f"request-{worker.number}.bin", [*buffers, messages.FAREWELL])
+        answered = worker.folder / f"reply-{worker.number}.bin"
+        try:
+            code, self.seconds = worker.wait_for_end(worker.spawn(asked.name, answered.name))
+            self._left = memoryview(answered.read_bytes() if answered.exists() else b"")
+        finally:
+            asked.unlink(missing_ok=True)
+            answered.unlink(missing_ok=True)
+        worker.greeted(self.receive, code)
+        if code != 0:
+            raise Ended("the run failed")
+
+    def receive(self) -> Reply:
+        """The next reply of the last run; raises Ended, BadReply."""
+        return messages.read_reply(self._read_into)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _read_into(self, target: memoryview) -> None:
+        if len(self._left) < len(target):
+            raise Ended("its answer is incomplete" if len(self._left) else "it wrote no complete answer")
+        target[:] = self._left[: len(target)]
+        self._left = self._left[len(target) :]
+
+
+def _wait(fd: int, event: int, deadline: float) -> None:
+    if not ready(fd, event, deadline):
+        raise Silence()
 
 
 class MessageWorker(RunWorker):
@@ -53,19 +168,18 @@ class MessageWorker(RunWorker):
         self.code.heard(hello.reals)
         self.seconds["start"] += float(hello.seconds[0])
 
-    def load_all(self, models: Mapping[int, Model]) -> None:
+    def load(self, index: int, model: Model) -> None:
         """As ``Worker`` says; what ends after a run is solved once for the check: a model that is not held is found now."""
-        for index, model in models.items():
-            self.tallies[index] = Tally(model.name, len(model.trace))
-        self._about(models, messages.load, "loading failed", messages.check_load, kept=not self.keeps_models)
+        self.tallies[index] = Tally(model.name, len(model.trace))
+        self._about(index, model, messages.load, "loading failed", messages.check_load)
 
-    def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
-        return self._about(models, messages.stiffness, "the stiffness matrix was not obtained",
-                           lambda reply, index: messages.check_stiffness(reply, index, models[index].fixed.size))
+    def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        return self._about(index, model, messages.stiffness, "the stiffness matrix was not obtained",
+                           lambda reply, index: messages.check_stiffness(reply, index, model.fixed.size))
 
-    def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        return self._about(models, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
-                           lambda reply, index: messages.check_own_loads(reply, index, steps, models[index].fixed.size))
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        return self._about(index, model, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
+                           lambda reply, index: messages.check_own_loads(reply, index, steps, model.fixed.size))
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         """As ``Worker`` says: through pipes all right-hand sides of all models travel in one message."""
@@ -106,21 +220,17 @@ class MessageWorker(RunWorker):
         self.count(reply.seconds)
         return answer
 
-    def _about(self, models: Mapping[int, Model], ask: Callable[[int, Model], Buffers], purpose: str,
-               read: Callable[[Reply, int], Any], kept: bool = False) -> dict[int, Any]:
-        """What ``read`` makes of the replies to a request about each model. Mesh files, and requests, are ``kept`` for runs to come."""
-        answers = {}
-        for index, model in models.items():
-            told = self.code.told(model)
-            path = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)])
-            request = ask(index, told)
-            if kept:
-                self._load_requests[index] = request
-            try:
-                with self.telling(purpose, model.name):
-                    self.link.send(request)
-                    answers[index] = self._counted(lambda reply: read(reply, index))
-            finally:
-                if not kept:
-                    path.unlink(missing_ok=True)
-        return answers
+    def _about(self, index: int, model: Model, ask: Callable[[int, Model], Buffers], purpose: str,
+               read: Callable[[Reply, int], Any]) -> Any:
+        """What ``read`` makes of the reply to a request about a model. Its mesh file and the request to load it are kept for runs to come."""
+        told, kept = self.code.told(model), ask is messages.load and not self.keeps_models
+        path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), ask(index, told)
+        if kept:
+            self._load_requests[index] = request
+        try:
+            with self.telling(purpose, model.name):
+                self.link.send(request)
+                return self._counted(lambda reply: read(reply, index))
+        finally:
+            if not kept:
+                path.unlink(missing_ok=True)

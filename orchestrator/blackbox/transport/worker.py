@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
-from orchestrator.parallel.launcher import without_launcher
 from orchestrator.processes import end, started
 
 LOG_TAIL = 2000  # bytes
@@ -71,11 +70,6 @@ class Worker:
         """Assemble, clamp and factorise a model."""
         raise NotImplementedError
 
-    def load_all(self, models: Mapping[int, Model]) -> None:
-        """Load models, by their numbers."""
-        for index, model in models.items():
-            self.load(index, model)
-
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         """Displacements under (model, (rhs, m) forces) of all jobs; ``op`` is ``messages.TRACES`` or ``FIELDS``."""
         raise NotImplementedError
@@ -84,12 +78,8 @@ class Worker:
         """Of a model that is not kept, nothing clamped."""
         raise NotImplementedError
 
-    def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
-        """Stiffness matrices of models, by their numbers."""
-        return {index: self.stiffness(index, model) for index, model in models.items()}
-
-    def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        """(steps, 3n) nodal forces of the loads that models bring, by their numbers."""
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        """(steps, 3n) nodal forces of the loads that a model brings."""
         raise NotImplementedError
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
@@ -115,7 +105,7 @@ class Worker:
             if self._killed:
                 raise Ended("the black box was closed")
             self.process = started(self.code.command(requests, replies), cwd=self.folder, pass_fds=pass_fds,
-                                   env=without_launcher(self.code.environment()), stdout=self.log, stderr=self.log)
+                                   env=self.code.environment(), stdout=self.log, stderr=self.log)
         return self.process
 
     def wait_for_end(self, process: subprocess.Popen) -> tuple[int, float]:
@@ -175,10 +165,8 @@ class Worker:
         except OSError as error:
             path.unlink(missing_ok=True)
             needed = sum(memoryview(part).nbytes for part in parts)
-            raise InputError(Problem(
-                (), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
-                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk",
-            )) from error
+            raise InputError(Problem((), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
+                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk")) from error
         return path
 
     @contextmanager

@@ -17,7 +17,7 @@ from orchestrator.blackbox.codes.foreign.program import Answers
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.trial.conformance import run_checks
 from orchestrator.config.blackbox import settings_class
-from orchestrator.config.parts import ProgramPart
+from orchestrator.config.mesh import ProgramPart
 from orchestrator.config.load import settings_from
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError
 from orchestrator.registry import CODES

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.assembly import assembled, cut
+from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
@@ -91,7 +91,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
         for slot in space.sides[index] if both else (space.sides[index][side],):
             numbers.append(number)
             slots.append(slot)
-    blocks = cut([stiffness for _, stiffness, _ in different.values()], [chosen for *_, chosen in different.values()])
+    blocks = [stiffness[chosen][:, chosen] for _, stiffness, chosen in different.values()]
     k = placed([blocks[number] for number in numbers], slots, len(space.owner))
     if space.ties is not None:
         k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)

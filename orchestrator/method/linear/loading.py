@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
+from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.rows import dots, placed
@@ -32,13 +32,8 @@ ROUNDING = 1e-12  # of what is prescribed, what is left beside a rigid motion an
 class RimStiffness:
     """Stiffness of a subdomain's rim, in the rim's own numbering."""
 
-    found: Assembled | None  # what the black box has assembled; None: there are no tets
+    stiffness: sp.csr_array  # (3r, 3r); rows of interface and prescribed dofs are complete
     nodes: np.ndarray  # (r,) int, local node of the subdomain for each node of the rim
-
-    @property
-    def stiffness(self) -> sp.csr_array:
-        """(3r, 3r) sparse; rows of interface and prescribed dofs are complete."""
-        return self.found.matrix if self.found is not None else sp.csr_array((3 * len(self.nodes),) * 2)
 
     @property
     def dofs(self) -> np.ndarray:
@@ -52,7 +47,7 @@ def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
     rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
     filled = [r for r in rims if len(r.model.cells)]
     found = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
-    return [RimStiffness(next(found) if len(r.model.cells) else None, r.nodes) for r in rims]
+    return [RimStiffness(next(found) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes) for r in rims]
 
 
 def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
@@ -62,10 +57,10 @@ def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[R
         if not len(trace):
             continue
         position = np.searchsorted(rim.dofs, trace)
-        key = id(rim.found), position.tobytes()  # congruent rims share their stiffness
-        numbers.append(different.setdefault(key, (len(different), rim.found, position))[0])
+        key = id(rim.stiffness), position.tobytes()  # congruent rims share their stiffness
+        numbers.append(different.setdefault(key, (len(different), rim.stiffness, position))[0])
         slots.append(np.arange(part.start, part.stop))
-    blocks = cut([found for _, found, _ in different.values()], [position for *_, position in different.values()])
+    blocks = [found[position][:, position] for _, found, position in different.values()]
     return placed([blocks[number] for number in numbers], slots, len(space.global_dof))
 
 

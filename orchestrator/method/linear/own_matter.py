@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.assembly import Assembled, assembled
+from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import body_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
@@ -34,14 +34,14 @@ LOCAL = 1e-8  # of a row's diagonal entry: what two assemblies of the same tets 
 
 
 def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, workers: int, share: bool,
-                  savings: Savings) -> dict[int, Assembled]:
+                  savings: Savings) -> dict[int, sp.csr_array]:
     """Index in ``own`` → stiffness of the body, for this rank's subdomains whose matter is their code's own; others as for
     ``assembled``. Parts whose mesh is not ours have been judged when they were read."""
     chosen = [e for e, s in enumerate(own) if not s.foreign and blackbox.traits(s.code).own_matter]
     return dict(zip(chosen, assembled([body_model(scene, own[e]) for e in chosen], blackbox, workers, share, savings)))
 
 
-def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, Assembled], rims: Sequence[RimStiffness],
+def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, sp.csr_array], rims: Sequence[RimStiffness],
                      traces: Sequence[np.ndarray]) -> None:
     """Judge the stiffness of bodies whose matter is their code's own.
 
@@ -54,7 +54,7 @@ def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int,
     for e, one in found.items():
         rows = np.union1d(np.flatnonzero(own[e].fixed), traces[e])
         points = scene.mesh.nodes[own[e].nodes]
-        if wrong := _not_local(one.matrix, rims[e], rows, points) or (id(one) not in seen and _not_positive(one.matrix, points)):
+        if wrong := _not_local(one, rims[e], rows, points) or (id(one) not in seen and _not_positive(one, points)):
             raise BlackBoxError(f"guard: {wrong}", own[e].name)
         seen.add(id(one))
 

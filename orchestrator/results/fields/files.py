@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.results import OwnFields
+from orchestrator.blackbox.codes.foreign.part import OwnFields
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, Pipe
 from threading import Thread
 
 from orchestrator.errors import InputError
-from orchestrator.parallel.launcher import without_launcher
+from orchestrator.processes import without_launcher
 
 PATIENCE = 300.0  # seconds after which the process is given up
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from orchestrator.config.output import Figures
+from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.results.report.answer import answer, carried, extremes, interface_section, law_quantities, probes, reactions
 from orchestrator.results.report.document import by_step, heading, page, picture, plain, section, table

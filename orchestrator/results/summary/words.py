@@ -16,7 +16,7 @@ def units_of(summary: Mapping[str, object]) -> dict[str, str]:
     named = ((summary.get("config") or {}).get("output") or {}).get("units")
     if not named:
         return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
-    from orchestrator.config.output import Units  # pydantic comes with it, for which who draws would wait
+    from orchestrator.config.model import Units  # pydantic comes with it, for which who draws would wait
 
     units = Units.model_validate(named)
     moment = f" {units.force}·{units.length}"

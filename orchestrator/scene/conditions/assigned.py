@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
-from orchestrator.config.output import Figures
+from orchestrator.config.model import Figures
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Material, Subdomain

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config.output import PointProbe
+from orchestrator.config.model import PointProbe
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components

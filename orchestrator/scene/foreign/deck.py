@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.config.parts import DeckPart
+from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left

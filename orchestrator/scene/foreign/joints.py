@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.config.parts import ForeignPart, OnePart
+from orchestrator.config.mesh import ForeignPart, OnePart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
 from orchestrator.scene.mesh.geometry import area_vectors

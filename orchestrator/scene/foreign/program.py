@@ -21,10 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.parts import ProgramPart
+from orchestrator.config.mesh import ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.folders import temporary
-from orchestrator.parallel.launcher import without_launcher
 from orchestrator.processes import waited_for
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.tables import between, checked_nodes
@@ -118,7 +117,7 @@ class ProgramRuns:
 
     def _run(self, folder: Path) -> None:
         """Start it and wait for its end; whatever happens, nothing of it is left running."""
-        environment = {**without_launcher(os.environ), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with tempfile.TemporaryFile() as log:
             try:
                 code = waited_for([os.path.abspath(self.part.run), *self.part.arguments], self.part.timeout, cwd=folder,

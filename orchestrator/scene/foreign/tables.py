@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.parts import MatrixPart, ProgramPart
+from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.flat import check_surface, missing_faces, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles

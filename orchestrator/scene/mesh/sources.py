@@ -17,7 +17,7 @@ from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.names import INSIDE
 
 if TYPE_CHECKING:
-    from orchestrator.config.parts import Move, OnePart
+    from orchestrator.config.mesh import Move, OnePart
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",

@@ -37,8 +37,7 @@ def mesh(model: Model) -> str:
     parts = ["*NODE,NSET=ALL\n", _rows("%d,%.13e,%.13e,%.13e", 1 + np.arange(len(places)), places)]
     for region, (young, poisson) in enumerate(model.materials):
         chosen = np.flatnonzero(model.region == region)
-        parts += [f"*ELEMENT,TYPE=C3D4,ELSET=REGION-{region}\n",
-                  _rows("%d,%d,%d,%d,%d", 1 + chosen, 1 + model.cells[chosen]),
+        parts += [f"*ELEMENT,TYPE=C3D4,ELSET=REGION-{region}\n", _rows("%d,%d,%d,%d,%d", 1 + chosen, 1 + model.cells[chosen]),
                   f"*MATERIAL,NAME=MATTER-{region}\n*ELASTIC\n{young:.13e},{poisson:.13e}\n",
                   "*DENSITY\n1.\n",  # of no consequence, but some procedures ask for it
                   f"*SOLID SECTION,ELSET=REGION-{region},MATERIAL=MATTER-{region}\n"]
@@ -110,29 +109,23 @@ def green_functions(job: Path, loads: int, active: int) -> np.ndarray:
     return np.memmap(path, np.float64, "r", offset=length - size, shape=(loads, active))
 
 
-def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
-    """Displacements (steps, 3 nodes) of the restart file. They are two records after the materials' names of each step, (nodes, 4) with
-    the temperature first."""
-    data, records, end = restart_records(job)
-    names = [i for i, (start, _) in enumerate(records) if data[start : start + 8] == b"MATTER-0"]
-    found = [records[i + 2] for i in names if i + 2 < len(records)]
-    if end != len(data) or len(found) != steps or any(length != 32 * nodes for _, length in found):
-        raise Unreadable(f"{len(found)} of {steps} load cases in the restart file")
-    return np.stack([np.frombuffer(data, np.float64, 4 * nodes, start).reshape(nodes, 4)[:, 1:].ravel() for start, _ in found])
-
-
-def restart_records(job: Path) -> tuple[bytes, list[tuple[int, int]], int]:
-    """The restart file, where each of its records begins with how many bytes it has, and where they say that the last one ends."""
+def displacements(job: Path, steps: int, material: str = "MATTER-0") -> np.ndarray:
+    """(steps, nodes, 3) of the restart file, whose records begin and end with how many bytes they have. Displacements are two records after
+    the materials' names of each step, of which ``material`` is the first; (nodes, 4) with the temperature first."""
     try:
         data = job.with_suffix(".rout").read_bytes()
     except OSError as error:
         raise Unreadable("no restart file") from error
-    records, at = [], 0
+    records, at, name = [], 0, material.encode().ljust(80)[:80]
     while at + 4 <= len(data):
         (length,) = struct.unpack_from("<i", data, at)
         records.append((at + 4, length))
         at += 8 + length
-    return data, records, at
+    names = [i for i, (start, length) in enumerate(records) if length and length % 80 == 0 and data[start : start + 80] == name]
+    found = [records[i + 2] for i in names if i + 2 < len(records)]
+    if at != len(data) or len(found) != steps or any(length != found[0][1] or length % 32 for _, length in found):
+        raise Unreadable(f"{len(found)} of {steps} load cases in the restart file")
+    return np.stack([np.frombuffer(data, np.float64, length // 8, start).reshape(-1, 4)[:, 1:] for start, length in found])
 
 
 def complaint(printed: str) -> str:

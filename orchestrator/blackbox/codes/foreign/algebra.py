@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 import numpy as np
 import scipy.linalg as la
@@ -21,11 +20,19 @@ PLACED = 1e-9  # of the joints' extent: nodes nearer than this are where they sh
 
 class AlgebraWorker(Worker):
     """What a worker does, without a process. Of a model the first nodes stand for the part: its joints', then those of the layer behind
-    them, which have no stiffness; soles are plain matter, whose stiffness is added."""
+    them, which have no stiffness; soles are plain matter, whose stiffness is added.
+
+    A nonlinear part is elastic to all requests but ``advance``, which commits load steps by replay: whoever answers for it keeps nothing
+    between runs, so that forces of a load step are asked together with those of all committed steps before, from the beginning, and to
+    commit is to remember one more. Only springs may stand on its joints, since they are all that it is told of the search direction:
+    the diagonal of the soles.
+    """
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
+        self.promised |= 4 * self.code.settings.remembers
         self.models: dict[int, tuple] = {}  # the model, its free dofs, their factor, and which nodes follow which
+        self.committed: dict[int, list[np.ndarray]] = {}
 
     def kill(self) -> None:
         super().kill()
@@ -41,7 +48,7 @@ class AlgebraWorker(Worker):
             factor = la.cholesky(M, lower=True)
         except la.LinAlgError as error:
             raise BlackBoxError("factorising failed: its stiffness and its soles together are not positive", model.name) from error
-        self.models[index] = model, free, factor, _followed(model, len(part.joints.points))
+        self.models[index], self.committed[index] = (model, free, factor, _followed(model, len(part.joints.points))), []
         self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
@@ -69,44 +76,9 @@ class AlgebraWorker(Worker):
         self.count([time.thread_time() - begin, 0.0, 0.0])
         return matrix
 
-    def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        found, part = {}, self.code.condensed()
-        for index, model in models.items():
-            self._check(model, part)
-            found[index] = np.zeros((steps, model.fixed.size))
-            found[index][:, : part.stiffness.shape[0]] = self.code.loads(steps)
-        return found
-
-    def _soles(self, model: Model) -> sp.csr_array:
-        """(3n, 3n) stiffness of the model's plain matter."""
-        sole = np.ones(len(model.cells), dtype=bool)
-        if model.origin is not None:
-            sole[: len(model.origin.cells)] = model.origin.cells < 0
-        return Matter(model.nodes, model.cells[sole], *model.materials[model.region[sole]].T).stiffness()
-
-    def _check(self, model: Model, part, own: np.ndarray | slice = slice(None)) -> None:
-        """Raises BlackBoxError where the model's nodes are not the joints'."""
-        points = model.nodes[own][: len(part.joints.points)]
-        if len(points) < len(part.joints.points) or np.abs(points - part.joints.points).max() > PLACED * part.joints.size:
-            raise BlackBoxError("its joint nodes are not where its file has them", model.name)
-
-
-class ReplayWorker(AlgebraWorker):
-    """A nonlinear part: load steps are committed by replay. The elastic part answers as any other.
-
-    Whoever answers for the part keeps nothing between its runs. What it answers to the forces of a load step is asked together
-    with those of all committed steps before, from the beginning; to commit is to remember one more. Only springs may stand on
-    its joints, since they are all that it is told of the search direction: the diagonal of the soles.
-    """
-
-    def __init__(self, *arguments):
-        super().__init__(*arguments)
-        self.promised |= 4
-        self.committed: dict[int, list[np.ndarray]] = {}
-
-    def load(self, index: int, model: Model) -> None:
-        super().load(index, model)
-        self.committed[index] = []
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        self._check(model, part := self.code.condensed())
+        return np.pad(self.code.loads(), ((0, 0), (0, model.fixed.size - part.stiffness.shape[0])))
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
         begin, model, part = time.thread_time(), self.models[index][0], self.code.condensed()
@@ -121,8 +93,18 @@ class ReplayWorker(AlgebraWorker):
         return u
 
     def _soles(self, model: Model) -> sp.csr_array:
-        """(3n, 3n) diagonal."""
-        return sp.csr_array(sp.diags_array(super()._soles(model).diagonal()))
+        """(3n, 3n) stiffness of the model's plain matter; beside a nonlinear part diagonal."""
+        sole = np.ones(len(model.cells), dtype=bool)
+        if model.origin is not None:
+            sole[: len(model.origin.cells)] = model.origin.cells < 0
+        stiffness = Matter(model.nodes, model.cells[sole], *model.materials[model.region[sole]].T).stiffness()
+        return sp.csr_array(sp.diags_array(stiffness.diagonal())) if self.code.settings.remembers else stiffness
+
+    def _check(self, model: Model, part, own: np.ndarray | slice = slice(None)) -> None:
+        """Raises BlackBoxError where the model's nodes are not the joints'."""
+        points = model.nodes[own][: len(part.joints.points)]
+        if len(points) < len(part.joints.points) or np.abs(points - part.joints.points).max() > PLACED * part.joints.size:
+            raise BlackBoxError("its joint nodes are not where its file has them", model.name)
 
 
 def _followed(model: Model, joints: int) -> tuple[np.ndarray, np.ndarray]:

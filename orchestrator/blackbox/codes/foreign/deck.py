@@ -8,16 +8,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.part import ForeignCode
+from orchestrator.blackbox.codes.foreign.part import ForeignCode, OwnFields
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
 from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Loads, Refused
-from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.errors import BlackBoxError
-from orchestrator.scene.foreign.joints import read_joints
+from orchestrator.folders import temporary
+from orchestrator.scene.foreign.joints import Joints, read_joints
 
 # Relative: input and stored matrix have 14 digits, condensing costs some of them.
 LINEAR = 1e-6
@@ -29,7 +30,7 @@ class DeckCode(ForeignCode):
     def made(self) -> Condensed:
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints = read_joints(part, path, name)
-        with DeckRuns(part, path, joints) as runs:
+        with self._runs(joints) as runs:
             try:
                 return self._made(runs)
             except Refused as error:
@@ -77,11 +78,13 @@ class DeckCode(ForeignCode):
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
         joints = self.condensed().joints
-        with self._runs() as runs:
+        with self._runs(joints) as runs:
             return self._replayed(runs, springs, forces)[joints.ids - 1].ravel() * ~joints.held.ravel()
 
-    def _runs(self) -> DeckRuns:
-        return DeckRuns(self.settings.part, self.settings.place, self.condensed().joints)
+    @contextmanager
+    def _runs(self, joints: Joints) -> Iterator[DeckRuns]:
+        with temporary() as folder:
+            yield DeckRuns(self.settings.part, self.settings.place, joints, folder)
 
     def _replayed(self, runs: DeckRuns, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         free = ~runs.joints.held.ravel()
@@ -101,9 +104,9 @@ class DeckCode(ForeignCode):
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
         k, flows = springs_of(part.stiffness, part.free), self.settings.part.nonlinear
         if not flows:
-            force = (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
+            force = (u.reshape(steps, -1) @ part.stiffness - self.loads()).reshape(u.shape)
         asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
-        with self._runs() as runs:
+        with self._runs(joints) as runs:
             ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
             if flows:
                 found = np.stack([self._replayed(runs, k, asked[: t + 1]) for t in range(steps)])

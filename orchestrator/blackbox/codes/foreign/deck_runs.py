@@ -7,7 +7,6 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +15,8 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
-from orchestrator.config.parts import DeckPart
+from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.folders import temporary
 from orchestrator.scene.foreign.deck import Deck
 from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
@@ -50,13 +48,14 @@ class Loads:
 
 
 class DeckRuns:
-    """Runs of one deck; as a context manager, the folder goes on leaving.
+    """Runs of one deck.
 
     part : the entry of ``parts``; path : where it stands in the YAML
+    folder : an empty one
     """
 
-    def __init__(self, part: DeckPart, path: KeyPath, joints: Joints):
-        self.part, self.path, self.joints = part, path, joints
+    def __init__(self, part: DeckPart, path: KeyPath, joints: Joints, folder: Path):
+        self.part, self.path, self.joints, self.folder = part, path, joints, folder
         self.deck = Deck(Path(part.calculix), path, part.nonlinear)
         try:
             self.code = CalculiX()
@@ -71,16 +70,7 @@ class DeckRuns:
                          for file in part.loads or [] for card, options, _ in headings(Path(file), path))
         self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(len(joints.ids))
         self._next = 1 + max(elements, default=0)
-
-    def __enter__(self) -> DeckRuns:
-        with ExitStack() as stack:
-            self.folder = stack.enter_context(temporary())
-            self._link()
-            self._leaving = stack.pop_all()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._leaving.close()
+        self._link()
 
     def _link(self) -> None:
         """The deck and its files by names of our own: files of two folders may have one name. And what they include, by names
@@ -136,8 +126,7 @@ class DeckRuns:
         if loads is not None:
             text += self._including(loads.file)
         text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
-        self._run(text + "*END STEP\n")
-        return self._displacements()
+        return self._moved(text + "*END STEP\n")
 
     def replayed(self, k: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(nodes, 3) displacements after load steps, one after the other from the beginning, each with its forces (3n,) on the
@@ -149,8 +138,7 @@ class DeckRuns:
             text += "*CLOAD,OP=NEW\n" + self._forces(own)
             text += self._including(Path(files[t if len(files) > 1 else 0])) if files else ""
             text += "*END STEP\n"
-        self._run(text)
-        return self._displacements()
+        return self._moved(text)
 
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
@@ -177,6 +165,14 @@ class DeckRuns:
     def _including(self, file: Path) -> str:
         return f"*INCLUDE,INPUT={NAMED.format(self._named.index(file))}\n"
 
+    def _moved(self, text: str) -> np.ndarray:
+        """(nodes, 3) displacements of all nodes, by number, at the end of the one step of a deck whose results are kept."""
+        self._run(text)
+        try:
+            return files.displacements(self.folder / JOB, 1, self.materials[0])[0]
+        except (files.Unreadable, IndexError) as error:
+            raise Refused(f"its displacements cannot be read: {error} ({len(self.materials)} materials)") from error
+
     def _run(self, text: str) -> None:
         for old in self.folder.glob(JOB + ".*"):
             old.unlink()
@@ -193,17 +189,3 @@ class DeckRuns:
             said = re.split("card image", files.complaint(log.read().decode(errors="replace")), flags=re.IGNORECASE)[0].strip()
         if said or ended:
             raise Refused(f"CalculiX says: {said or self.code.meaning(ended)}")
-
-    def _displacements(self) -> np.ndarray:
-        """(nodes, 3) of all nodes by number: the second record after the materials' names in the restart file."""
-        try:
-            data, records, _ = files.restart_records(self.folder / JOB)
-        except files.Unreadable as error:
-            raise Refused("no restart file was written") from error
-        first = self.materials[0].encode().ljust(80)[:80] if self.materials else b""
-        # a name for each spring follows them
-        names = [i for i, (start, length) in enumerate(records) if length and length % 80 == 0 and data[start : start + 80] == first]
-        if len(names) != 1 or names[0] + 2 >= len(records) or records[names[0] + 2][1] % 32:
-            raise Refused(f"a restart file that cannot be read ({len(self.materials)} materials, found {len(names)} times)")
-        start, length = records[names[0] + 2]
-        return np.frombuffer(data, np.float64, length // 8, start).reshape(-1, 4)[:, 1:]

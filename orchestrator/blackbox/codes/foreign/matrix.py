@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
-from orchestrator.config.parts import MatrixPart
+from orchestrator.config.mesh import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.joints import read_joints

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, SerializeAsAny
 
 from orchestrator.blackbox.codes.code import Code
+from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
+from orchestrator.blackbox.codes.foreign.condensed import Condensed
+from orchestrator.blackbox.start import find_codes
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.config.parts import ForeignPart
+from orchestrator.config.mesh import ForeignPart
 from orchestrator.errors import InputError, Problem
 from orchestrator.processes import end_all
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.codes.foreign.condensed import Condensed
-    from orchestrator.blackbox.codes.foreign.results import OwnFields
-    from orchestrator.blackbox.transport.worker import Worker
+from orchestrator.scene.model import Scene, Subdomain
 
 
 class ForeignCode(Code):
@@ -70,11 +73,9 @@ class ForeignCode(Code):
         """CPU seconds that bringing it there has taken, of this process and of the programs that it has started."""
         return self._kept()[1]
 
-    def loads(self, steps: int) -> Any:
-        """(steps, 3n) its own loads on its joints."""
-        from orchestrator.blackbox.codes.foreign.condensed import of_steps
-
-        return of_steps(self.condensed().loads, self.settings.factors)
+    def loads(self) -> np.ndarray:
+        """(steps, 3n) its own loads on its joints at every load step."""
+        return np.asarray(self.settings.factors)[:, None] * self.condensed().loads
 
     def wrong(self, key: str, found: str, expected: str, cure: str) -> InputError:
         """The error to raise for a key of its entry."""
@@ -86,8 +87,6 @@ class ForeignCode(Code):
 
     def own_fields(self, u: Any, force: Any) -> OwnFields:
         """What it ends with, given the displacements (steps, n, 3) of its joints and the forces on them."""
-        from orchestrator.blackbox.codes.foreign.results import OwnFields
-
         joints = self.condensed().joints
         return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
 
@@ -99,9 +98,7 @@ class ForeignCode(Code):
         end_all()
 
     def worker(self) -> type[Worker]:
-        from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker, ReplayWorker
-
-        return ReplayWorker if self.settings.remembers else AlgebraWorker
+        return AlgebraWorker
 
     def command(self, requests: str, replies: str) -> Sequence[str]:
         """None: it is answered for in this process."""
@@ -127,3 +124,55 @@ def _stamp(file: str) -> str:
         about = os.stat(file)
         return f"{file} {about.st_mtime_ns} {about.st_size}"
     return file
+
+
+@dataclass(frozen=True)
+class OwnFields:
+    """Displacements of a part at every load step.
+
+    name : of the part
+    points : (n, 3) its own nodes
+    blocks : (meshio's name of the element, (m, nodes) int) of its elements, or of its joints' faces
+    displacement : (steps, n, 3)
+    force : (steps, n, 3) what acts on it through its joints
+    """
+
+    name: str
+    points: np.ndarray
+    blocks: list[tuple[str, np.ndarray]]
+    displacement: np.ndarray
+    force: np.ndarray
+
+
+def fields_of_parts(settings: Sequence[CodeSettings], scene: Scene, displacements: Sequence[np.ndarray],
+                    forces: Sequence[np.ndarray | None]) -> list[OwnFields]:
+    """Those of all parts of a scene; arguments as of ``finish_parts``."""
+    found = []
+    for stand in scene.mesh.foreign:
+        own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
+        code, = find_codes(settings, [own.code]).values()
+        found.append(code.own_fields(*(x[own.index][:, : stand.joints] for x in (displacements, forces))))
+    return found
+
+
+def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomain], displacements: Sequence[np.ndarray],
+                 forces: Sequence[np.ndarray | None], place: Callable[[str], AbstractContextManager[Path]]) -> list[str]:
+    """Tell every part that wants to know.
+
+    settings : the entries of ``blackbox``, and those of parts
+    displacements, forces : per subdomain (T, n_E, 3), its own, and what the interfaces exert; the joints' nodes come first
+    place : an empty folder for the results of the part of a name
+
+    Returns a sentence for each part that could not: what has been computed is not lost by it
+    """
+    asked = {s.code: s for s in subdomains if s.foreign and getattr(settings[s.code], "writes_results", False)}
+    sentences = []
+    for number, code in (find_codes(settings, asked) if asked else {}).items():
+        s = asked[number]
+        u, f = (x[:, : len(code.condensed().joints.points)].reshape(len(x), -1) for x in (displacements[s.index], forces[s.index]))
+        try:
+            with place(settings[number].name) as folder:
+                code.finish(folder, u, f)
+        except InputError as error:
+            sentences.append(f"no results of {s.name}: {error.problems[0].found}")
+    return sentences

@@ -69,7 +69,7 @@ class ProgramCode(ForeignCode):
         k = np.full(forces.shape[1], float(np.abs(np.diag(condensed.stiffness)).mean()))
         asked = forces + k * displacements
         if self.settings.brings_loads:  # it knows of no history
-            asked = asked + self.loads(steps) - condensed.loads
+            asked = asked + self.loads() - condensed.loads
         self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
 
 

@@ -1,29 +1,111 @@
-"""FreeFEM as a code: how it is started, what its exit codes mean."""
+"""FreeFEM as a code: where it is, its scripts, plugins and BLAS, how it is started, what its exit codes mean.
+
+Environment variables: ``ORCHESTRATOR_FREEFEM`` names another executable than the ``FreeFem++`` of the
+path, ``FF_LOADPATH`` another folder of plugins than Debian's.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import Field
 
 from orchestrator.blackbox.codes.code import MessageCode
-from orchestrator.blackbox.codes.freefem import installation
-from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, not_compiled, refused_term, with_volumes
+from orchestrator.blackbox.codes.freefem.files import (FORM_SERVER, check_form, encode, form_server, not_compiled, refused_term,
+                                                       script, with_volumes)
+from orchestrator.blackbox.protocol import Model
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.errors import InputError
+from orchestrator.errors import InputError, Problem
 
-if TYPE_CHECKING:
-    from orchestrator.blackbox.protocol import Model
-
-_COMPILING, _NO_PLUGIN = 1, 2
+SERVER, UNDECOMPOSED = "subdomain_server.edp", "undecomposed.edp"
+PLUGIN = "bfstream"
+PACKAGE = "freefem++"
+INSTALL = "apt-get install freefem++ libfreefem++ libfreefem++-dev libopenblas0-serial"
+REINSTALL = "install the orchestrator again, from the whole clone or from a wheel"
+# Debian's preference file names a folder that does not exist.
+_PLUGIN_FOLDER = "/usr/lib/freefem++"
+_INCLUDE_FOLDER = "/usr/include/freefem++/idp"
+_COMPILING, _NO_PLUGIN = 1, 2  # exit codes
 _PATIENCE = 60  # seconds for a form to be compiled
+_BLAS_FOLDERS = ("openblas-serial", "openblas-pthread")
+
+
+def missing() -> Problem | None:
+    """What keeps FreeFEM from being started: the first thing found."""
+    wanted, server, folder = os.environ.get("ORCHESTRATOR_FREEFEM", ""), script(SERVER), environment().get("FF_LOADPATH", "")
+    if executable() is None:
+        return Problem(("blackbox", "code"), f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path",
+                       "the FreeFEM executable", f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)")
+    if not server.is_file():
+        return Problem(("blackbox", "code"), f"no file {server}", "the FreeFEM script of the subdomains", REINSTALL)
+    return no_plugin(folder) if _plugin(folder) is None else None
+
+
+def no_plugin(folder: str) -> Problem:
+    """The plugin is not in this folder of plugins, or cannot be loaded."""
+    return Problem(("blackbox", "code"), f"FreeFEM without its plugin {PLUGIN} (folder of plugins: {folder or 'none'})",
+                   f"{PLUGIN}.so in the folder of plugins", f"{INSTALL}   (or FF_LOADPATH=/folder/of/plugins)")
+
+
+def executable() -> str | None:
+    """Path of FreeFEM, if it is there."""
+    return shutil.which(os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++")
+
+
+@cache
+def package(path: str) -> str:
+    """Debian package that an executable belongs to, with its version, e.g. "freefem++ 4.11+dfsg1-3"; '' for none."""
+    record = Path("/var/lib/dpkg/info", f"{PACKAGE}.list")  # asked for it, dpkg-query takes as long as a small solve
+    try:
+        own = os.path.realpath(path)
+        if own not in {os.path.realpath(file) for file in record.read_text().split() if Path(file).name == Path(own).name}:
+            return ""
+        known = Path("/var/lib/dpkg/status").read_text(errors="replace")
+    except OSError:
+        return ""
+    version = re.search(rf"^Package: {re.escape(PACKAGE)}\n(?:.+\n)*?Version: (.+)$", known, re.MULTILINE)
+    return f"{PACKAGE} {version[1]}" if version else ""
+
+
+def _plugin(folder: str) -> Path | None:
+    paths = [Path(part) / f"{PLUGIN}.so" for part in folder.split(";") if part]
+    return next((path for path in paths if path.is_file()), None)
+
+
+def _openblas() -> Path | None:
+    found = [folder for name in _BLAS_FOLDERS for folder in sorted(Path("/usr/lib").glob(f"*/{name}"))]
+    return next((folder for folder in found if (folder / "libblas.so.3").exists()), None)
+
+
+def environment() -> dict[str, str]:
+    """What FreeFEM's processes need in theirs: folders of plugins and includes, OpenBLAS."""
+    result = {name: os.environ.get(name, "") for name in ("FF_LOADPATH", "FF_INCLUDEPATH", "LD_LIBRARY_PATH")}
+    for name, folder in (("FF_LOADPATH", _PLUGIN_FOLDER), ("FF_INCLUDEPATH", _INCLUDE_FOLDER)):
+        if not result[name] and Path(folder).is_dir():
+            result[name] = folder
+    if blas := _openblas():
+        result["LD_LIBRARY_PATH"] = ":".join([str(blas), *filter(None, result["LD_LIBRARY_PATH"].split(":"))])
+    return {name: value for name, value in result.items() if value}
+
+
+def report() -> list[str]:
+    """What is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
+    folder = environment().get("FF_LOADPATH", "")
+    things = [("FreeFEM", executable(), f"FreeFEM: {INSTALL}"),
+              *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}") for path in map(script, (SERVER, UNDECOMPOSED))),
+              ("plugin", _plugin(folder), f"plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}"),
+              ("OpenBLAS", _openblas(), f"OpenBLAS (factorisations six times slower): {INSTALL}"),
+              ("setpriv", shutil.which("setpriv"), "setpriv (package util-linux): processes end with their pipes only")]
+    return [f"{name}: {path}" if path else f"missing {otherwise}" for name, path, otherwise in things]
 
 
 class FreeFem(MessageCode):
@@ -31,22 +113,15 @@ class FreeFem(MessageCode):
 
     translation_invariant = True
     mesh_suffix = "meshb"
-    meanings = {
-        _COMPILING: "compile error in the script",
-        _NO_PLUGIN: "a plugin is missing",
-        6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)",
-        8: "runtime error in the script",
-        64: "the server script was started without its two paths",
-        65: "the server script received an unknown operation",
+    meanings = {_COMPILING: "compile error in the script", _NO_PLUGIN: "a plugin is missing",
+        6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)", 8: "runtime error in the script",
+        64: "the server script was started without its two paths", 65: "the server script received an unknown operation",
         66: "the node numbers sent do not fit the mesh",
         67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
         68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
         69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error bound would not hold",
-        250: "the script was not found",
-        139: "segmentation fault",
-        127: "the executable or one of its libraries was not found",
-        126: "the executable could not be run",
-    }
+        250: "the script was not found", 139: "segmentation fault", 127: "the executable or one of its libraries was not found",
+        126: "the executable could not be run"}
 
     class Settings(CodeSettings):
         """FreeFEM, which can do all that can be asked for."""
@@ -69,19 +144,19 @@ class FreeFem(MessageCode):
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
-        if problem := installation.missing():
+        if problem := missing():
             raise InputError(problem)
         if self.settings.form:
             check_form(Path(self.settings.form))
             self.translation_invariant, self.own_matter = self.settings.uniform, True
             self.check_runs = True  # it may load libraries and call exec
-        self.executable = installation.executable()
-        self._environment = installation.environment()
+        self.executable = executable()
+        self._environment = environment()
         self._said = ""
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
-        server = FORM_SERVER if self.settings.form else str(installation.script(installation.SERVER))
+        server = FORM_SERVER if self.settings.form else str(script(SERVER))
         return [self.executable, "-ne", "-nw", "-v", "0", server, requests, replies]
 
     def files(self) -> dict[str, str]:
@@ -97,8 +172,8 @@ class FreeFem(MessageCode):
                 (Path(folder) / name).write_text(content, encoding="utf-8")
             done = subprocess.run(self.command(os.devnull, os.devnull), env=self.environment(), cwd=folder, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=_PATIENCE)
-        if missing := self.missing_part(done.returncode, done.stdout):
-            raise missing
+        if absent := self.missing_part(done.returncode, done.stdout):
+            raise absent
         if done.returncode:
             raise not_compiled(Path(self.settings.form), done.stdout, self.meaning(done.returncode))
 
@@ -121,14 +196,12 @@ class FreeFem(MessageCode):
     def version(self) -> str:
         """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9. E.g. "4.9 (package
         freefem++ 4.11+dfsg1-3)"; empty when it does not answer."""
-        package = installation.package(self.executable)
-        return (self._said or _version(self.executable)) + (f" (package {package})" if package else "")
+        said, origin = self._said or _version(self.executable), package(self.executable)
+        return said + (f" (package {origin})" if origin else "")
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""
-        from orchestrator.blackbox.codes.freefem import meshb
-
-        return meshb.encode(model)
+        return encode(model)
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The plugin, or a term that a form may not have: FreeFEM finds out about them only when it reads the script."""
@@ -136,12 +209,12 @@ class FreeFem(MessageCode):
             return refused_term(Path(self.settings.form), said)
         if exit_code != _NO_PLUGIN:
             return None
-        return InputError(installation.no_plugin(self._environment.get("FF_LOADPATH", "")))
+        return InputError(no_plugin(self._environment.get("FF_LOADPATH", "")))
 
     @classmethod
     def doctor(cls, name: str) -> list[str]:
         """Executable, scripts, plugin, OpenBLAS and setpriv, a line each."""
-        return installation.report()
+        return report()
 
 
 @cache
@@ -149,5 +222,5 @@ def _version(executable: str) -> str:
     with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
         (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
         answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder, stdin=subprocess.DEVNULL,
-                                env={**os.environ, **installation.environment()}, capture_output=True, text=True, timeout=60)
+                                env={**os.environ, **environment()}, capture_output=True, text=True, timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

@@ -1,21 +1,22 @@
-"""A form of the user's in FreeFEM's language as the matter of subdomains.
+"""What FreeFEM reads: meshes, and a form of the user's in its language as the matter of subdomains.
 
-The form is a file of macros and functions: ``Stiffness(u, v)``, and ``Loads(v)`` if it has loads of its own. The server's
-scripts stand around it; what it may use is in ``form_names.idp``, what it is judged by in ``form.idp``.
+A mesh is medit's ``.meshb`` (version 2), which it reads fastest, of tets and their regions alone: clamped dofs travel by number, in the
+message that loads the model. A form is a file of macros and functions: ``Stiffness(u, v)``, and ``Loads(v)`` if it has loads of its own.
+The server's scripts stand around it; what it may use is in ``form_names.idp``, what it is judged by in ``form.idp``.
 """
 
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from orchestrator.blackbox.codes.freefem.installation import script
+import numpy as np
+
+from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import InputError, Problem
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.protocol import Model
 
 FORM_SERVER = "form_server.edp"
 _BEFORE, _AFTER = ("elasticity.idp", "form_names.idp"), ("form.idp", "serve.idp")
@@ -28,10 +29,17 @@ _REFUSED = re.compile(r"Identifier refused(\w+) does not exist")  # FreeFEM's wo
 _COMPLAINS = re.compile(r"rror|does not exist")
 
 
+def script(name: str) -> Path:
+    """Path of a FreeFEM script: in ``freefem_scripts/`` beside the package in a clone, inside it in a wheel; it may not be there."""
+    package = Path(str(files("orchestrator")))
+    clone = package.parent / "freefem_scripts"
+    return (clone if clone.is_dir() else package / "freefem_scripts") / name
+
+
 def form_server(form: Path) -> str:
     """The script of a server whose matter is the form's."""
-    files = [*map(script, _BEFORE), form.absolute(), *map(script, (_REFUSALS, *_AFTER))]
-    return 'load "bfstream"\n' + "".join(f'include "{file}"\n' for file in files)
+    parts = [*map(script, _BEFORE), form.absolute(), *map(script, (_REFUSALS, *_AFTER))]
+    return 'load "bfstream"\n' + "".join(f'include "{file}"\n' for file in parts)
 
 
 def check_form(form: Path) -> None:
@@ -90,8 +98,6 @@ def _bare(text: str) -> str:
 
 def with_volumes(model: Model) -> Model:
     """The model with the mesh's volumes as regions, of moduli zero, and after them the matters of its soles."""
-    import numpy as np
-
     if model.origin is None:  # soles alone
         first, region = 1, 1 + model.region
     else:
@@ -103,3 +109,48 @@ def with_volumes(model: Model) -> Model:
 
 def _problem(found: str, expected: str, cure: str) -> InputError:
     return InputError(Problem(("blackbox", "form"), found, expected, cure))
+
+
+# readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and never ends when 512 does.
+BAD_DIVISOR = 64
+_DIMENSION, _VERTICES, _TETRAHEDRA, _END = 3, 4, 8, 54
+
+
+def padding(nodes: np.ndarray) -> np.ndarray:
+    """Corners (4, 3) of a tet of its own, beside the mesh; empty (0, 3) unless the vertex count is a bad one."""
+    if len(nodes) % BAD_DIVISOR:
+        return np.zeros((0, 3))
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    size = 0.1 * np.linalg.norm(high - low)
+    return high + size * np.array([[1.0, 1, 1], [2, 1, 1], [1, 2, 1], [1, 1, 2]])
+
+
+def encode(model: Model) -> bytes:
+    """The file's bytes. Regions are written as they are, vertex and tet order is kept, padding comes last. Of ten-node tets the corners
+    alone are written: FreeFEM numbers the other nodes itself. Raises ValueError when a node belongs to no tet (FreeFEM ends on such
+    meshes)."""
+    if not (np.bincount(model.cells.ravel(), minlength=len(model.nodes)) > 0).all():
+        raise ValueError(f"{model.name}: a node belongs to no tet")
+    nodes, cells = model.nodes, model.cells
+    if cells.shape[1] == 10:
+        used, cells = np.unique(cells[:, :4], return_inverse=True)
+        nodes, cells = nodes[used], cells.reshape(-1, 4)
+    n, extra = len(nodes), padding(nodes)
+    padded = int(len(extra) > 0)
+
+    vertices = np.zeros(n + len(extra), dtype=[("x", "<f8", 3), ("label", "<i4")])
+    vertices["x"][:n] = nodes
+    vertices["x"][n:] = extra
+    tets = np.empty((len(cells) + padded, 5), "<i4")
+    tets[: len(cells), :4] = cells
+    tets[: len(cells), 4] = model.region
+    if padded:
+        tets[-1] = [n, n + 1, n + 2, n + 3, model.region[0]]
+    tets[:, :4] += 1
+
+    parts, at = [struct.pack("<5i", 1, 2, _DIMENSION, 20, 3)], 20
+    for keyword, table in ((_VERTICES, vertices), (_TETRAHEDRA, tets)):
+        at += 12 + table.nbytes
+        parts += [struct.pack("<3i", keyword, at, len(table)), table.tobytes()]
+    parts.append(struct.pack("<2i", _END, 0))
+    return b"".join(parts)
