@@ -12,8 +12,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem, some
 from orchestrator.inspect import section_of
-from orchestrator.scene.inspection.content import SurfaceRow, surfaces_of
-from orchestrator.scene.inspection.pairs import pairs_of_mesh
+from orchestrator.scene.inspection import SurfaceRow, pairs_of_mesh, surfaces_of
 from orchestrator.scene.mesh.sources import make_mesh
 
 SHOWN = 60  # names of a kind in a comment

@@ -17,8 +17,8 @@ from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.foreign.joints import not_asked
-from orchestrator.scene.inspection.content import pair_table, surface_table, surfaces_of, units_remark, volume_table, volumes_of
-from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
+from orchestrator.scene.inspection import (
+    pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import make_mesh, make_parts

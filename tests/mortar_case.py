@@ -97,9 +97,9 @@ def pairs_looked_at(monkeypatch, search) -> int:
     """How many pairs of facets a search compares."""
     count, clipped = [0], segments._clipped
 
-    def counted(frame, master, normal, i, *more):
+    def counted(slave, master, reach, i, j):
         count[0] += len(i)
-        return clipped(frame, master, normal, i, *more)
+        return clipped(slave, master, reach, i, j)
 
     with monkeypatch.context() as patch:
         patch.setattr(segments, "_clipped", counted)

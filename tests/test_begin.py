@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.config.load import load_config
-from orchestrator.scene.inspection.content import units_remark
+from orchestrator.scene.inspection import units_remark
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.structured import bricks
 

@@ -12,9 +12,10 @@ from mortar_case import FOUR, POISSON, SIX, THREE, TURN, TWO, YOUNG, blocks, fre
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.interfaces.mortar.assembly import make_mortar
+from orchestrator.scene.interfaces.mortar.operators import make_mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.interfaces.skins import bulges, sagittas
 
 # --- two surfaces ---------------------------------------------------------------------------------------------
@@ -43,7 +44,7 @@ def surfaces(n, m, shape=lambda p: p, seeds=(1, 2), move=(0, 0, 0), reach=0.5) -
     sides = t, s + len(p)
     room = np.full(len(t), reach / n)
     return Surfaces.of(x, sides, tuple(np.arange(len(side)) for side in sides),
-                       find_segments(*(x[side] for side in sides), room, room))
+                       find_segments(*(Facets.of(x[side]) for side in sides), room))
 
 
 def mortar_of(two: Surfaces, held=0, crossed=0, quadratic=True):
@@ -131,7 +132,7 @@ def test_masters_behind_each_other():
     (p, t), (q, s) = square(5, 1), square(7, 2, turned=True)
     x = np.vstack([p, q + [0, 0, 0.01], q + [0, 0, 0.03]])
     behind = np.concatenate([s + len(p) + len(q), s + len(p)])  # the farther one first
-    found = find_segments(x[t], x[behind], np.full(len(t), 0.1), np.full(len(t), 0.1))
+    found = find_segments(Facets.of(x[t]), Facets.of(x[behind]), np.full(len(t), 0.1))
     area = np.linalg.norm(np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]), axis=1) / 2
     assert abs(found.area.sum() - 2) < 1e-12
     first = found.nearest(area)

@@ -14,10 +14,11 @@ from orchestrator.config.load import config_from
 from orchestrator.config.mesh import Mesh as Section, Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.inspection.pairs import pairs_of_mesh
-from orchestrator.scene.interfaces.skins import Skin, bulges, smooth_faces
+from orchestrator.scene.inspection import pairs_of_mesh
+from orchestrator.scene.interfaces.skins import bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
-from orchestrator.scene.interfaces.pairing import outer_bodies
+from orchestrator.scene.interfaces.opposite import outer_bodies
+from orchestrator.scene.interfaces.skins import Skin
 from orchestrator.scene.mesh.solids import _arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
@@ -128,8 +129,9 @@ def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearanc
     radius = np.linalg.norm(mesh.nodes[:, :2], axis=1)
     counts = [np.count_nonzero(rim & (abs(radius - r) < 1e-6)) // (1 if clearance else 2 - (r != 1)) for r in (1.0, 1.0 + clearance)]
     chords = sum(1 - cos(pi / n) for n in counts)
-    assert 0.5 * chords < patch.sagitta < 2 * chords
-    assert abs(patch.mean - clearance) < 0.1 * chords
+    sagitta = shaft.sagitta[patch.segments.slave] + ring.sagitta[patch.segments.master]
+    assert 0.5 * chords < sagitta.max() < 2 * chords
+    assert abs(np.average(patch.distance, weights=patch.segments.area) - clearance) < 0.1 * chords
     assert patch.segments.distance.min() < -0.2 * chords or clearance  # the facets are in each other
 
 

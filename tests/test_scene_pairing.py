@@ -11,7 +11,7 @@ from orchestrator.laws.contact import Contact
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.overlap import Solid, contained
-from orchestrator.scene.interfaces.pairing import REACH, Body, close_bodies
+from orchestrator.scene.interfaces.opposite import REACH, Body, close_bodies
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.soles.overlap import difficulty
@@ -122,7 +122,7 @@ def test_bodies_within_reach_are_all_found_in_their_order():
     for index in range(60):
         low, room = random.uniform(0, [1, 9, 3]), random.uniform(0, 0.4)
         corners = np.stack([low, low + random.uniform(0, 1, 3), low])[None]
-        bodies.append(Body(index, index, np.empty((1, 3)), np.empty(1), corners, np.empty((1, 3)), np.array([room])))
+        bodies.append(Body(corners, np.empty((1, 3)), np.array([room**2 / 2]), index, index, np.empty((1, 3)), np.empty(1)))
     boxes = [(b.corners.min(axis=(0, 1)), b.corners.max(axis=(0, 1)), REACH * b.size[0]) for b in bodies]
     expected = [(i, j) for i, (low, high, room) in enumerate(boxes) for j, (below, above, other) in enumerate(boxes)
                 if i < j and np.maximum(low - above, below - high).max() <= max(room, other)]
@@ -251,7 +251,7 @@ def test_points_in_a_part():
     mesh = bricks(np.array([2.0, 1.0, 0.5]), np.array([5, 3, 2]), "box")
     points = np.random.default_rng(0).uniform(-0.5, 2.5, (2000, 3))
     inside = ((points > 0) & (points < [2, 1, 0.5])).all(axis=1)
-    assert 10 < inside.sum() and np.array_equal(contained(points, Solid.of("", mesh.nodes, mesh.cells, None)), inside)
+    assert 10 < inside.sum() and np.array_equal(contained(points, Solid(mesh.nodes, mesh.cells, None)), inside)
 
 
 @pytest.mark.parametrize("by, words", [(0.05, []), (0.2, ["pass through each other by about 0.1 at load step 2"])])

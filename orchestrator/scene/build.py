@@ -10,16 +10,15 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
-from orchestrator.scene.conditions.agreement import check_agreement
+from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
-from orchestrator.scene.conditions.assigned import assign_codes, assign_materials, cells_loaded
+from orchestrator.scene.conditions.selection import assign_codes, assign_materials, cells_loaded
 from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.rigid import check_held
-from orchestrator.scene.conditions.sides import check_sides
-from orchestrator.scene.interfaces.axial import join_bolts, straighten
+from orchestrator.scene.interfaces.freedom import join_bolts, leave_free, straighten
 from orchestrator.scene.interfaces.entries import Laws
-from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.conditions.loose import joins
+from orchestrator.scene.interfaces.mortar.fitting import fitted
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search
@@ -182,8 +181,6 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
     problems.warnings += loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
     if any(i.surfaces is not None for i in interfaces):
-        from orchestrator.scene.interfaces.mortar.fitting import fitted
-
         stays = matter.held.copy()
         for stand in mesh.foreign:
             stays[stand.nodes] = True
@@ -284,7 +281,7 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
     """The probes; and whether what figures are to show is there."""
     if not isinstance(config.output.figures, bool):
-        from orchestrator.scene.conditions.assigned import check_figures
+        from orchestrator.scene.conditions.selection import check_figures
 
         check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:

@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Scene
+from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.errors import some
 
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
@@ -65,16 +67,7 @@ def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[I
     loads = [entry for entry in boundary if entry.forces and len(entry.triangles)]
     if not loads:
         return []
-    keys = [np.empty(0, np.int64)]
-    for i in interfaces:
-        if i.surfaces is not None:
-            met = (np.unique(own) for own in (i.surfaces.segments.slave, i.surfaces.segments.master))
-            sides = zip(i.surfaces.nodes, (t[own] for t, own in zip(i.surfaces.triangles, met)))
-        else:
-            nodes = [numbering.nodes[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes)]
-            sides = zip(nodes, 2 * [i.triangles]) if not np.array_equal(*nodes) else ()
-        keys += [pack(nodes[triangles[:, :3]], len(mesh.nodes)) for nodes, triangles in sides]
-    paired = np.concatenate(keys)
+    paired = paired_faces(numbering, interfaces)
     result = []
     for entry in loads if len(paired) else []:
         hit = np.isin(pack(entry.triangles[:, :3], len(mesh.nodes)), paired)

@@ -24,7 +24,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
 from orchestrator.results.summary.workload import (PERIODS, RANK_HEAD, STAGE_HEAD, WORKER_HEAD, rank_rows, stage_rows, worker_rows)
-from orchestrator.scene.conditions.assigned import check_figures
+from orchestrator.scene.conditions.selection import check_figures
 
 # quantity, its formula, what it tells
 _QUANTITIES = [

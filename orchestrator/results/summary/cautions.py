@@ -14,7 +14,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
-from orchestrator.scene.interfaces.pairing import COINCIDE
+from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.geometry import format_point
@@ -168,4 +168,4 @@ class _Part:
     def at(self, step: int | None) -> Solid:
         """At a load step, or at rest."""
         moved = 0.0 if step is None else self.displacement[step]
-        return Solid.of(self.name, self.points + moved, self.cells, self.outer)
+        return Solid(self.points + moved, self.cells, self.outer)

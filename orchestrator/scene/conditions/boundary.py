@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.conditions.frames import Cylindrical
+from orchestrator.scene.loads.base import Cylindrical, OnFaces, Prescribed
 from orchestrator.scene.conditions.selection import TOLERANCE, select
-from orchestrator.scene.loads.base import OnFaces, Prescribed
+from orchestrator.scene.interfaces.search import bonded
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
@@ -70,17 +70,11 @@ def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.
 
     interfaces : all there are, with their laws
     """
-    perfect = [i for i in interfaces if i.law.perfect and i.matching]
-    pairs = [[numbering.offsets[e] + own for e, own in zip(i.subdomains, i.nodes)] for i in perfect]
-    one, two = (np.concatenate([np.empty(0, int), *side]) for side in (zip(*pairs) if pairs else ((), ())))
+    label = bonded(numbering, interfaces)
     if not all(i.law.perfect for i in interfaces):
-        return components(one, two, len(numbering.nodes))[1]
+        return label
     # nothing opens: copies of a node are one, and nodes that are numbered separately only where they are paired
-    one, two = numbering.nodes[one], numbering.nodes[two]
-    apart = one != two
-    if not apart.any():
-        return numbering.nodes
-    return components(one[apart], two[apart], numbering.total)[1][numbering.nodes]
+    return components(numbering.nodes, numbering.total + label, numbering.total + len(label))[1][numbering.nodes]
 
 
 @dataclass
@@ -106,10 +100,6 @@ class Held:
         for stand in self.mesh.foreign:
             fixed[(nodes >= stand.nodes.start) & (nodes < stand.nodes.stop)] |= stand.held
         return fixed
-
-    def sides(self, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
-        """Split nodes of either side."""
-        return tuple(self.numbering.offsets[e] + own for e, own in zip(interface.subdomains, interface.nodes))
 
     def changes(self) -> np.ndarray:
         """(entries, steps) how much what each entry prescribes changes over the mesh, at most."""

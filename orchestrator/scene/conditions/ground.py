@@ -107,7 +107,7 @@ def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems)
     interfaces : those of grounds, with what is ``free``
     """
     for i in interfaces:
-        moved = np.where(i.free, 0.0, held.values[:, held.sides(i)[0]])
+        moved = np.where(i.free, 0.0, held.values[:, held.numbering.sides(i)[0]])
         laws = [law.within(i.free, there) for law, there in zip(i.law_at_steps or [i.law] * len(moved), moved)]
         if laws[0] is not None:
             _govern(i, laws)

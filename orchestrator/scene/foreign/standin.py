@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.foreign.joints import Joints, components_held
-from orchestrator.scene.interfaces.pairing import COINCIDE
+from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, StandIn

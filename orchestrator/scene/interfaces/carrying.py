@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
+from orchestrator.scene.interfaces.mortar.operators import corner_vectors, covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.model import Interface
 from orchestrator.scene.mesh.mesh import SplitNumbering
@@ -54,7 +54,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             nodes = i.surfaces.nodes[0]
             joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
             crossed = held.crossed(number) | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
-            free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
+            free = tuple(~fixed[own] for own in numbering.sides(i))
             known[number] = bool((crossed | ~free[0].all(axis=1)).all()), crossed, free
     taken = np.zeros(numbering.total, dtype=bool)
     # those on which no node is left come last, and take nodes that have no point yet

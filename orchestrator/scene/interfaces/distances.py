@@ -10,9 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orchestrator.scene.interfaces.mortar.operators import node_gaps, point_normals, weights_of
+from orchestrator.scene.interfaces.mortar.duals import multipliers
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.pairing import COINCIDE
-from orchestrator.scene.interfaces.search import Search, side_nodes
+from orchestrator.scene.interfaces.opposite import COINCIDE
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import UNSURE, sagittas
 from orchestrator.scene.mesh.geometry import format_point, local_size, node_normals, rounding
 from orchestrator.scene.model import Interface
@@ -23,14 +25,18 @@ ROUNDING, TOLD = 1e-9, 1e-6
 PLANE = 1e-9
 
 
+def paired_distance(one: np.ndarray, two: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) distance of paired points (n, 3) along the normals of the triangles halfway between, negative inside each other."""
+    return np.einsum("ij,ij->i", node_normals((one + two) / 2, triangles), two - one)
+
+
 def paired_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
-    """(n,) distance along the normal of the sides of an interface whose nodes are paired, negative inside each other.
+    """(n,) distance of the sides of an interface whose nodes are paired.
 
     key : the entry of the YAML and what in it asks for the distance
     """
-    one, two = (search.mesh.nodes[nodes] for nodes in side_nodes(search.numbering, interface))
-    middle = (one + two) / 2
-    gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
+    one, two = (search.mesh.nodes[search.numbering.nodes[own]] for own in search.numbering.sides(interface))
+    middle, gap = (one + two) / 2, paired_distance(one, two, interface.triangles)
     h = local_size(middle, interface.triangles)
     if (gap < -COINCIDE * h).any():
         _refuse(search, interface.name, key, middle, np.where(gap < -COINCIDE * h, -gap, 0.0))
@@ -58,8 +64,6 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.n
     bulge : (k₁, 3), (k₂, 3) of the facets' edges, see ``skins.bulges``
     key : the entry of the YAML and what in it asks for the distance
     """
-    from orchestrator.scene.interfaces.mortar.assembly import node_gaps, point_normals, weights_of  # SciPy, where it is asked for
-
     x1, one, segments = surfaces.points[0], surfaces.triangles[0][:, :3], surfaces.segments
     sagitta = tuple(sagittas(b) for b in bulge)
     h, around, inside = local_size(x1, one), _around(surfaces, *sagitta), -_mean_distance(surfaces)
@@ -81,8 +85,6 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.n
 
 def _between(surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """(n₁,) what the surfaces of both sides fill of the gap between facets, averaged with the multipliers of the nodes."""
-    from orchestrator.scene.interfaces.mortar.duals import multipliers
-
     # the bulges are quadratic functions: of nodes of its own amid each facet's edges
     nodes, ends, values = [], [], []
     for points, triangles, own in zip(surfaces.points, surfaces.triangles, bulge):
@@ -139,10 +141,9 @@ def tell_distances(search: Search, found: Sequence[Interface]) -> None:
 def _apart(search: Search, interface: Interface, points: np.ndarray) -> np.ndarray:
     """(n,) distance along the normal of sides that count as touching; zero on curved faces that do not match: facets are
     apart there where their surfaces touch."""
+    if interface.surfaces is None:
+        return paired_distance(points, search.mesh.nodes[search.numbering.nodes[search.numbering.sides(interface)[1]]], interface.triangles)
     normal = node_normals(points, interface.triangles)
-    if interface.surfaces is not None:
-        from orchestrator.scene.interfaces.mortar.assembly import node_gaps, weights_of
-
-        plane = np.abs(normal - normal[0]).max() <= PLANE
-        return node_gaps(interface.surfaces, weights_of(interface.surfaces, quadratic=False), normal) if plane else np.zeros(len(points))
-    return np.einsum("ij,ij->i", normal, search.mesh.nodes[side_nodes(search.numbering, interface)[1]] - points)
+    if np.abs(normal - normal[0]).max() > PLANE:
+        return np.zeros(len(points))
+    return node_gaps(interface.surfaces, weights_of(interface.surfaces, quadratic=False), normal)

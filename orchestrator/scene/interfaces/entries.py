@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -10,10 +10,9 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.pairing import COINCIDE, OPPOSITE, REACH
-from orchestrator.scene.interfaces.proximity import TOUCHING
+from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING
 from orchestrator.scene.model import Interface
-from orchestrator.scene.names import matching, suggestion
+from orchestrator.scene.names import matching
 
 
 def govern(interface: Interface, entry: Any, factors: Sequence[float], direction: float = 1.0, distance: np.ndarray | None = None) -> None:
@@ -39,7 +38,7 @@ class Laws:
     def __init__(self, entries: list[Any], names: Iterable[str], factors: Sequence[Sequence[float]] = ()):
         self.entries, self.factors, self.names = list(entries), factors, list(dict.fromkeys(names))
         self.used = [False] * len(self.entries)
-        self._meant = lru_cache(maxsize=None)(lambda pattern: frozenset(matching(pattern, self.names)))
+        self.meant = lru_cache(maxsize=None)(lambda pattern: frozenset(matching(pattern, self.names)))
 
     def between(self, first: Iterable[str], second: Iterable[str]) -> int:
         """Index of the governing entry, -1 for none.
@@ -128,45 +127,6 @@ class Laws:
                              "names of different bodies: their pieces are joined by perfect interfaces",
                              "leave this entry out; a real joint needs two volumes in the mesh")
 
-    def report_unused(self, pairs: list[tuple[str, str]], pieces: int, problems: Problems,
-                      nearest: Callable[[Any], str] = lambda entry: "") -> None:
-        """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
-
-        pairs : names of the two sides of existing interfaces, for the cure
-        pieces : number of pieces of the mesh that share no faces with each other
-        nearest : what to say of how far apart the parts of an entry are
-        """
-        for i, (entry, used) in enumerate(zip(self.entries, self.used)):
-            everything = entry.pair == ("*", "*")
-            for k, two in enumerate(entry.exclude or []):
-                for p in two:
-                    if not self._meant(p):
-                        problems.add(("interfaces", i, "exclude", k), f"{p!r} matches no subdomain and no volume",
-                                     "names of two parts, shell wildcards allowed", suggestion(p, self.names, "part"))
-            if entry.slave is not None and not self._meant(entry.slave):
-                problems.add(("interfaces", i, "slave"), f"{entry.slave!r} matches no subdomain and no volume",
-                             "names of parts, shell wildcards allowed", suggestion(entry.slave, self.names, "part"))
-            if used or entry.found or (everything and pieces < 2):
-                continue  # of pairs that are found, ``report_neighbours`` says which are missing
-            unknown = [p for p in entry.pair if not self._meant(p)]
-            if unknown:
-                found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
-                cure = "; ".join(suggestion(p, self.names, "part") for p in unknown)
-            else:
-                found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" \
-                    + nearest(entry)
-                beside = [f"{a} | {b}" for a, b in pairs if any(self.means(p, (a, b)) for p in entry.pair if p != "*")] or \
-                         [f"{a} | {b}" for a, b in pairs]
-                cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
-                    if pairs else "there are no interfaces at all"
-                if everything:
-                    found = f"no interface in all the scene: its {pieces} separate pieces share no face" + nearest(entry)
-                    cure = ("mesh what touches alike on both sides; for gaps, let the law read them (contact: "
-                            "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
-            where = "between" if unknown else entry.apart or "between"
-            problems.add(("interfaces", i, where), found,
-                         "names of two parts that share faces, or have opposite faces with matching nodes; shell wildcards allowed", cure)
-
     def _matching(self, first: Iterable[str], second: Iterable[str]) -> list[int]:
         """Indices of all entries that match, ascending."""
         return [i for i, entry in enumerate(self.entries)
@@ -186,4 +146,4 @@ class Laws:
 
     def means(self, pattern: str, names: Iterable[str]) -> bool:
         """Whether a pattern means one of a side's names."""
-        return not self._meant(pattern).isdisjoint(names)
+        return not self.meant(pattern).isdisjoint(names)

@@ -1,4 +1,4 @@
-"""Faces of two bodies that lie on each other, whatever their meshes: found by what they have in common, not by nodes.
+"""Faces of two bodies that lie on each other, whatever their meshes, found by what they have in common; interfaces across them.
 
 Facets face each other where they look at each other, overlap along the normal, and the surfaces that they stand for are
 no farther apart than a share of the element size there. The surfaces, not the facets: chords of two polygons about the
@@ -7,17 +7,24 @@ same circle are apart, or in each other, by as much as either is off the circle 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
-from orchestrator.scene.interfaces.pairing import OPPOSITE
-from orchestrator.scene.interfaces.proximity import TOUCHING, may_face
-from orchestrator.scene.interfaces.skins import UNSURE, Skin, over, smooth_patches
+from orchestrator.scene.interfaces.distances import surface_gap
+from orchestrator.scene.interfaces.matching import Patch
+from orchestrator.scene.interfaces.mortar.moving import whole_faces
+from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
+from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
+from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
+from orchestrator.scene.interfaces.search import Search
+from orchestrator.scene.interfaces.skins import Skin, UNSURE, over, smooth_patches
 from orchestrator.scene.mesh.faces import edge_patches
+from orchestrator.scene.mesh.geometry import local_size
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 
-_NOTHING = Segments(*np.empty((2, 0), dtype=int), *np.empty((2, 0, 6, 3)), *np.empty((2, 0)))
 # What two bodies have in common is a pair from this share of the smaller facet there, and if this share of it is sure:
 # less is where edges cross.
 COMMON = 0.1
@@ -28,19 +35,18 @@ class Facing:
     """A connected patch of faces of two bodies that lie on each other.
 
     segments : the overlaps, the first body being the slave, in the numbers of the bodies' facets
-    area : that both have in common
+    distance : (m,) of the surfaces along the normal in the middle of each, negative inside each other
     size : mean element size of either side
-    lowest, mean, highest : distances of the surfaces along the normal, negative inside each other
-    sagitta : the farthest that the surfaces of both sides together are off their facets
     """
 
     segments: Segments
-    area: float
+    distance: np.ndarray
     size: tuple[float, float]
-    lowest: float
-    mean: float
-    highest: float
-    sagitta: float
+
+    @property
+    def area(self) -> float:
+        """What both have in common."""
+        return float(self.segments.area.sum())
 
     @property
     def facets(self) -> tuple[np.ndarray, np.ndarray]:
@@ -49,68 +55,135 @@ class Facing:
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
-           opposite: float = OPPOSITE, wide: bool = False) -> list[Facing]:
+           cosine: float = OPPOSITE, wide: bool = False) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
     tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
     within : the same as a length, instead
-    opposite : the cosine between facets' normals is below this
+    cosine : that between facets' normals is below this
     """
-    a, b, found, sure = _segments(one, two, tolerance, within, opposite, wide)
-    if not sure.any():
-        return []
-    # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
-    for skin, own, side in ((one, a, "slave"), (two, b, "master")):
-        used, at = np.unique(getattr(found, side), return_inverse=True)
-        chosen = own[used]
-        patch = smooth_patches(skin.body.triangles[chosen, :3], skin.body.normal[chosen], skin.face[chosen])[at]
-        kept = (np.bincount(patch, found.area * sure) > COMMON * np.bincount(patch, found.area))[patch]
-        found, sure = found.some(kept), sure[kept]
-        if not len(found):
-            return []
-    used, at = np.unique(found.slave, return_inverse=True)
-    patch = edge_patches(one.body.triangles[a[used], :3])[1][at]
-    patches = [_facing(one, two, a, b, found.some(patch == label)) for label in range(int(patch.max()) + 1)]
-    return [p for p in patches if p is not None]
-
-
-def _segments(one: Skin, two: Skin, tolerance: float, within: float | None,
-              opposite: float, wide: bool) -> tuple[np.ndarray, np.ndarray, Segments, np.ndarray]:
-    """Facets a, b of either body that come near the other, what they may have in common, and where (m,) bool that is sure."""
     x, y = one.body, two.body
-    sag = float(two.sagitta.max(initial=0.0))
     size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
-    reach = (tolerance * size if within is None else within) + one.sagitta + sag
-    low, high = y.box
-    most = float(np.max(reach, initial=0.0))
-    a = np.flatnonzero(((x.corners.max(axis=1) >= low - most) & (x.corners.min(axis=1) <= high + most)).all(axis=1))
-    low, high = x.box
-    b = np.flatnonzero(((y.corners.max(axis=1) >= low - most) & (y.corners.min(axis=1) <= high + most)).all(axis=1))
-    if not len(a) or not len(b) or not may_face(x.normal[a], y.normal[b], opposite):
-        return a, b, _NOTHING, np.empty(0, dtype=bool)
-    found = find_segments(x.corners[a], y.corners[b], reach[a], reach[a], opposite)
-    h = (np.maximum if wide else np.minimum)(x.size[a][found.slave], y.size[b][found.master])
-    apart = np.abs(_distance(one, two, a, b, found))
-    sagitta = one.sagitta[a][found.slave] + two.sagitta[b][found.master]
-    over_reach = apart - (tolerance * h if within is None else within)
-    near = over_reach <= sagitta
-    return a, b, found.some(near), (over_reach <= UNSURE * sagitta)[near]
+    reach = (tolerance * size if within is None else within) + one.sagitta + two.sagitta.max(initial=0.0)
+    found = find_segments(x, y, reach, cosine)
+    i, j = found.slave, found.master
+    distance = found.distance - over(one.bulge[i], found.on_slave.mean(axis=1)) - over(two.bulge[j], found.on_master.mean(axis=1))
+    allowed = tolerance * (np.maximum if wide else np.minimum)(x.size[i], y.size[j]) if within is None else within
+    beyond, sagitta = np.abs(distance) - allowed, one.sagitta[i] + two.sagitta[j]
+    if not (beyond <= UNSURE * sagitta).any():
+        return []
+    kept, sure = np.flatnonzero(beyond <= sagitta), beyond <= UNSURE * sagitta
+    # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
+    for skin, own in ((one, i), (two, j)):
+        facets, at = np.unique(own[kept], return_inverse=True)
+        patch = smooth_patches(skin.body.triangles[facets, :3], skin.body.normal[facets], skin.face[facets])[at]
+        common, certain = (np.bincount(patch, found.area[kept] * share) for share in (1.0, sure[kept]))
+        kept = kept[(certain > COMMON * common)[patch]]
+    facets, at = np.unique(i[kept], return_inverse=True)
+    patch = edge_patches(x.triangles[facets, :3])[1][at]
+    patches = [kept[patch == label] for label in range(int(patch.max(initial=-1)) + 1)]
+    return [Facing(found.some(p), distance[p], (float(mine.mean()), float(theirs.mean()))) for p in patches
+            for mine, theirs in [(x.size[np.unique(i[p])], y.size[np.unique(j[p])])]
+            if found.area[p].sum() >= COMMON * min(mine.min(), theirs.min()) ** 2 / 2]
 
 
-def _distance(one: Skin, two: Skin, a: np.ndarray, b: np.ndarray, found: Segments) -> np.ndarray:
-    """(m,) of the surfaces, in the middle of each overlap."""
-    middle = found.on_slave.mean(axis=1), found.on_master.mean(axis=1)
-    return (found.distance - over(one.bulge[a[found.slave]], middle[0]) - over(two.bulge[b[found.master]], middle[1]))
+def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], index: int) -> Iterator[Interface]:
+    """Interfaces of two bodies across faces that do not match; none where all that lie opposite each other do.
+
+    Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
+    interface. So they do where they are paired anew as they slide.
+
+    patches : of faces that match
+    index : of the governing entry
+    """
+    mesh, laws, problems, skins = search.mesh, search.laws, search.problems, search.skins
+    follows, names = laws.follows(index), [search.known(b) for b in pair]
+    alone = [np.ones(len(b.area), dtype=bool) for b in pair]
+    if not follows:
+        for patch in patches:
+            for own, facets in zip(alone, patch.facets.T):
+                own[facets] = False
+    room = (1 + REACH) * max(b.size.max() for b in pair) + (laws.reach(index) or 0.0)
+    near = [np.intersect1d(np.flatnonzero(own), b.within(other.box, room)) for b, other, own in zip(pair, pair[::-1], alone)]
+    if not may_face(*(b.normal[own] for b, own in zip(pair, near)), laws.opposite(index)):
+        return
+    found = _facing(search, pair, index)
+    if not any(alone[0][f.segments.slave].any() for f in found):
+        return
+    asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, laws.opposite(index)))
+    if asked.slave is None and mesh.foreign and (quadratic := _quadratic(mesh, pair)) is not None:
+        asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
+    chosen = _for_all_pieces(search, pair, index, asked)
+    if follows and (why := _rests(search, pair)):
+        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, {why[0]}", *why[1:])
+        return
+    for patch in found:
+        more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, search.matter, asked, chosen, more)
+        if mesh.foreign and _same_nodes(surfaces):
+            problems.warnings.append(f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, and faces between "
+                                     "them are cut otherwise: forces are carried from face to face, not from node to node; "
+                                     "give both sides the same faces")
+        turn = slice(None, None, -1 if slave else 1)
+        yield _interface(search, surfaces, [skins(body) for body in pair[turn]], names[turn], index)
 
 
-def _facing(one: Skin, two: Skin, a: np.ndarray, b: np.ndarray, found: Segments) -> Facing | None:
-    """One patch, from all its overlaps; None where edges merely cross."""
-    named = found.numbered(a, b)
-    mine, theirs = np.unique(named.slave), np.unique(named.master)
-    area = float(found.area.sum())
-    if area < COMMON * min(one.body.size[mine].min(), two.body.size[theirs].min()) ** 2 / 2:
-        return None
-    distance = _distance(one, two, a, b, found)
-    sagitta = one.sagitta[a[found.slave]] + two.sagitta[b[found.master]]
-    return Facing(named, area, (float(one.body.size[mine].mean()), float(two.body.size[theirs].mean())), float(distance.min()),
-                  float(found.area @ distance / area), float(distance.max()), float(sagitta.max()))
+def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]:
+    """Where two bodies lie on each other as an entry has it."""
+    laws = search.laws
+    return facing(*map(search.skins, pair), laws.tolerance(index), laws.reach(index), laws.opposite(index), bool(laws.apart(index)))
+
+
+def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
+    """Why two bodies cannot slide on each other, what could, and the cure."""
+    if any(map(search.cut_further, pair)):
+        return ("pieces of bodies that are cut further", "bodies in one piece each: a node has one piece to slide on",
+                "leave split_above out, or write pairing: fixed")
+    if any(stand.volume == b.volume for stand in search.mesh.foreign for b in pair):
+        return ("of which one has a mesh that is not ours", "parts with meshes of ours: where nodes of another's have gone was not tried",
+                "write pairing: fixed")
+    return None
+
+
+def _same_nodes(surfaces: Surfaces) -> bool:
+    """Whether each node of either side coincides with one of the other's."""
+    from scipy.spatial import cKDTree  # parts of other programs alone are asked
+
+    one, two = surfaces.points
+    near = COINCIDE * local_size(one, surfaces.triangles[0])
+    return len(one) == len(two) and bool((cKDTree(two).query(one)[0] <= near).all())
+
+
+def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
+    """Which of two bodies is a part of quadratic elements whose mesh is not ours; None: neither, or both.
+
+    Bonded it is the slave: its nodes' forces are then any, and its functions between nodes, which are not the triangles', are
+    not asked for. Under a law that opens it is the master: uniform pressure is tension at the corners of its faces.
+    """
+    known = [any(stand.quadratic and stand.volume == b.volume for stand in mesh.foreign) for b in pair]
+    return known.index(True) if sum(known) == 1 else None
+
+
+def _for_all_pieces(search: Search, pair: tuple[Body, Body], index: int, asked: Asked) -> int | None:
+    """Which side is the slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
+    if asked.slave is not None or not any(map(search.cut_further, pair)):
+        return asked.slave
+    named = tuple(search.partition.body(b.subdomain) for b in pair)
+    ordered = tuple(sorted(named))
+    if ordered not in search.slaves:
+        pieces = [[b for b in search.bodies if search.partition.body(b.subdomain) == name] for name in ordered]
+        patches = [surfaces_of(search.mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
+                   for f in _facing(search, (one, two), index)]
+        search.slaves[ordered] = ordered[slave_of(patches, search.matter, asked)]
+    return named.index(search.slaves[ordered])
+
+
+def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], index: int) -> Interface:
+    interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
+                                 surfaces=surfaces)
+    distance = None
+    if apart := search.laws.apart(index):
+        bulge = tuple(skin.bulge_of(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles))
+        distance = surface_gap(search, interface.name, surfaces, bulge, (index, apart))
+    search.laws.apply(index, interface, names[0], distance)
+    return interface

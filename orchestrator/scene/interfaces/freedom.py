@@ -1,18 +1,26 @@
-"""Which components boundary conditions leave free on interfaces; those without any are none."""
+"""Which components boundary conditions leave free on interfaces, and along which axis laws of bolts act there.
+
+A bolt's cut runs along faces of tets, a zigzag; the force that it carries and the jump of its sides are along its axis all the same.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.search import side_nodes
+from orchestrator.scene.interfaces.carrying import give_operators
+from orchestrator.scene.interfaces.entries import govern
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.geometry import node_normals
-from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
-from orchestrator.scene.model import Interface
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.model import Interface, PlacedBolt
+from orchestrator.scene.bolts import BoltCut
+from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.scene.partition import Partition
 
 
@@ -27,10 +35,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     entries : of ``interfaces:`` in the YAML
     """
     kept: list[Interface] = []
-    if any(i.surfaces is not None for i in found):
-        from orchestrator.scene.interfaces.carrying import give_operators
-
-        give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))], problems)
+    bodies = [partition.body(i) for i in range(len(partition.names))]
+    give_operators(found, fixed, numbering, bodies, problems)
     for interface in found:
         if interface.mortar is not None:
             if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):
@@ -43,7 +49,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                              "on one side, nodes on which boundary conditions prescribe nothing",
                              f"slave: {partition.names[interface.subdomains[1]]}, more than one element across, or meshes that match")
             continue
-        one, two = (fixed[numbering.offsets[e] + own] for e, own in zip(interface.subdomains, interface.nodes))
+        one, two = (fixed[own] for own in numbering.sides(interface))
         interface.free = ~(one & two)
         if interface.free.any():
             interface.index = len(kept)
@@ -54,7 +60,6 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                          f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
                          "interfaces with nodes that are free to open or slip", "hold the parts elsewhere, or leave the law out")
     _number_patches(kept)
-    bodies = [partition.body(i) for i in range(len(partition.names))]
     if len(set(bodies)) < len(bodies):
         _share_normals(mesh, numbering, kept, bodies)
     return kept
@@ -98,8 +103,64 @@ def _share(mesh: Mesh, numbering: SplitNumbering, pieces: list[Interface]) -> No
     at = []
     for i, first in zip(pieces, ends[:-1]):
         at.append(np.searchsorted(keys, patch[first] * np.int64(len(mesh.nodes)) + i.global_nodes))
-        one, two = side_nodes(numbering, i)
-        points[at[-1]] = 0.5 * (mesh.nodes[one] + mesh.nodes[two])
+        points[at[-1]] = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(i)) / 2
     normals = node_normals(points, local.reshape(triangles.shape))
     for i, own in zip(pieces, at):
         i.normals = normals[own]
+
+
+ALONG = 1e-6  # share of the axis that a prescribed component may have
+
+
+def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Sequence[Any],
+               factors: Sequence[Sequence[float]], problems: Problems) -> list[PlacedBolt]:
+    """Give the interfaces at the cuts the law of their bolts.
+
+    entries : of ``bolts``; factors : per entry (steps,) what multiplies it
+    """
+    placed = []
+    for cut in cuts:
+        sides = {(a, b) for a in cut.behind for b in cut.ahead} | {(b, a) for a in cut.behind for b in cut.ahead}
+        found = [i for i in interfaces if i.subdomains in sides]
+        if len(found) != 1:
+            problems.add(("bolts", cut.index, "cut"), f"a cut of {cut.name} that is in {len(found)} interfaces: between "
+                         f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the other",
+                         "one subdomain on either side of the cut, and one piece of its section",
+                         "leave bolts whole: write subdomains: groups, without split_above or with a larger one; or move the plane")
+            continue
+        interface, = found
+        govern(interface, entries[cut.index].law, factors[cut.index])
+        interface.entry = -1
+        axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
+        placed.append(PlacedBolt(cut.name, interface, axis, cut.point))
+    return placed
+
+
+def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt], problems: Problems) -> list[PlacedBolt]:
+    """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of their own.
+
+    Returns the bolts, and interfaces of such laws between parts as bolts of the interface's name
+    """
+    axes, others = {id(bolt.interface): bolt for bolt in bolts}, []
+    for i in interfaces:
+        if not i.law.axial:
+            continue
+        if not i.matching:
+            problems.add(("interfaces", i.entry, "law"), f"{i.law.name} on {i.name}, whose nodes do not match",
+                         "sides that share faces, or have opposite ones with matching nodes",
+                         "mesh both sides alike, or name a bolt under bolts:, which is cut where it is meshed")
+            continue
+        bolt = axes.get(id(i))
+        axis = area_vectors(mesh.nodes, i.global_nodes[i.triangles]).sum(axis=0) if bolt is None else bolt.axis
+        axis = axis / np.linalg.norm(axis)
+        i.normals = np.tile(axis, (len(i.global_nodes), 1))
+        if bolt is None:
+            others.append(PlacedBolt(i.name, i, axis, mesh.nodes[i.global_nodes].mean(axis=0)))
+        held = ~i.free & (np.abs(axis) > ALONG)
+        if held.any():
+            where = format_point(mesh.nodes[i.global_nodes[np.flatnonzero(held.any(axis=1))[0]]])
+            problems.add(("interfaces", i.entry) if bolt is None else ("boundary",),
+                         f"a support that holds {i.name} along the axis of its law, at {where}",
+                         "sides that are free along the axis: both move by what the force asks for",
+                         "hold the bolt elsewhere, or move the cut")
+    return [*bolts, *others]

@@ -13,11 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.search import Search
+from orchestrator.scene.interfaces.search import Search, bonded
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.model import Interface
-from orchestrator.scene.mesh.mesh import SplitNumbering
 
 
 def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
@@ -28,7 +27,7 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
     partition, numbering, laws = search.partition, search.numbering, search.laws
     owner = np.repeat(np.arange(len(partition.names)), np.diff(numbering.offsets))
     copies = np.bincount(numbering.nodes, minlength=numbering.total)
-    label = _joined(numbering, found)
+    label = bonded(numbering, found)
     lowest, highest = np.full(numbering.total, len(label)), np.full(numbering.total, -1)
     np.minimum.at(lowest, numbering.nodes, label)
     np.maximum.at(highest, numbering.nodes, label)
@@ -65,13 +64,6 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
     return made
 
 
-def _joined(numbering: SplitNumbering, found: Sequence[Interface]) -> np.ndarray:
-    """(N,) int, label of each split node: equal where interfaces of faces make nodes one."""
-    pairs = [[numbering.offsets[e] + own for e, own in zip(i.subdomains, i.nodes)] for i in found if i.law.perfect and i.matching]
-    one, two = (np.concatenate([np.empty(0, int), *side]) for side in (zip(*pairs) if pairs else ((), ())))
-    return components(one, two, len(numbering.nodes))[1]
-
-
 def _interface(search: Search, pair: tuple[int, int], split: np.ndarray) -> Interface:
     """Of split nodes (n,) of the first side and what the second one has of the same nodes, without facets."""
     nodes, corners = search.numbering.nodes[split], 3 if search.numbering.corners.shape[1] == 4 else 6
@@ -83,8 +75,7 @@ class _Around:
     """What is around some split nodes (k,): the volumes, and with ten-node tets the ends of the edges that they are amid."""
 
     def __init__(self, search: Search, split: np.ndarray):
-        numbering = search.numbering
-        self.names, self.volumes = search.partition.names, search.mesh.volumes
+        self.search, numbering = search, search.numbering
         chosen = np.zeros(len(numbering.nodes), dtype=bool)
         chosen[split] = True
         cell, corner = np.nonzero(chosen[numbering.corners])
@@ -97,9 +88,6 @@ class _Around:
         """Split nodes of one side and, ascending, the ends of edges of which they have the middle: soles need them."""
         return np.unique(np.concatenate([split, self.ends[np.isin(self.middle, split)].ravel()]))
 
-    def known(self, pair: Sequence[int], split: Sequence[np.ndarray]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of both sides at their split nodes; inside one volume the subdomains' own names alone."""
-        own = [np.unique(self.volume[np.isin(self.split, at)]) for at in split]
-        if len(self.volumes) == 1 or len(np.intersect1d(*own)):
-            return (self.names[pair[0]],), (self.names[pair[1]],)
-        return tuple((self.names[e], *(self.volumes[v] for v in volumes)) for e, volumes in zip(pair, own))
+    def known(self, pair: tuple[int, int], split: Sequence[np.ndarray]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of both sides at their split nodes."""
+        return self.search.called(pair, [np.unique(self.volume[np.isin(self.split, at)]) for at in split])

@@ -11,20 +11,43 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from orchestrator.errors import KeyPath, some
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.facing import COMMON
+from orchestrator.scene.interfaces.matching import match
+from orchestrator.scene.interfaces.mortar.segments import find_segments
+from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING, Body, close_bodies, nearest, outer_bodies
 from orchestrator.scene.interfaces.overlap import Solid, overlap
-from orchestrator.scene.interfaces.pairing import close_bodies, match, nearest, outer_bodies
-from orchestrator.scene.interfaces.proximity import Near, near
-from orchestrator.scene.interfaces.search import Search, side_nodes
-from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
+from orchestrator.scene.interfaces.search import Search, paired_faces
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
+from orchestrator.scene.names import suggestion
+
+# Pairs of parts beyond which it is not said how far apart the nearest ones are.
+MOST = 50
+
+
+@dataclass(frozen=True)
+class Near:
+    """Faces of two bodies that lie opposite each other.
+
+    where : one of them is
+    distance : of the nearest along the normal; negative inside the other
+    touching : how many of the first body's touch
+    miss : how far corners of those that touch are from the other's nearest corner, at most
+    """
+
+    where: np.ndarray
+    distance: float
+    touching: int
+    miss: float
 
 
 def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int, int]]:
@@ -46,7 +69,7 @@ def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int,
             if pair not in inside and apart:
                 told.add(pair)
                 _beyond_reach(search, pair, seen, governing[pair])
-        elif pair not in inside and (apart or seen.touching):
+        elif pair not in inside and (apart or (seen.touching and not laws.apart(governing[pair]))):
             _report(search, pair, seen, pair in joined, governing[pair])
     _report_alone(search, cells, told)
     return list(beside)
@@ -54,7 +77,8 @@ def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int,
 
 def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:
     """By pair of volumes: what is near without an interface, and the entry that governs."""
-    laws, loose = search.laws, _unpaired(search, found)
+    laws, paired = search.laws, paired_faces(search.numbering, found)
+    loose = {id(b): np.flatnonzero(~np.isin(pack(b.triangles[:, :3], search.numbering.total), paired)) for b in search.bodies}
     governing: dict[tuple[int, int], int] = {}
     beside: dict[tuple[int, int], Near] = {}
     for one, two in close_bodies(search.bodies, None):
@@ -62,33 +86,40 @@ def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int
         known = search.known(one), search.known(two)
         index = laws.foreseen(*known)
         governing[pair] = max(index, governing.get(pair, -1))
-        if laws.excluded(*known) or (laws.apart(index) and not laws.found(index)):
-            continue  # it is not meant; or the search for gaps has said what does not match
-        seen = near(one, two, loose[id(one)], loose[id(two)])
-        if seen is not None:
-            beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
+        if laws.excluded(*known):
+            continue  # it is not meant
+        seen = _near(one, two, loose[id(one)], loose[id(two)])
+        if seen is None or (laws.apart(index) and not laws.found(index) and not seen.touching):
+            continue  # what is apart the search for gaps has looked at
+        beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
     return beside, governing
 
 
-def _unpaired(search: Search, found: list[Interface]) -> dict[int, np.ndarray]:
-    """By the id of each body, which of its faces (k,) bool belong to no interface."""
-    keys, size = [np.empty(0, np.int64)], search.faces.nodes
-    for i in found:
-        if i.surfaces is not None:
-            keys += [pack(nodes[t[:, :3]], size) for nodes, t in zip(i.surfaces.nodes, i.surfaces.triangles)]
-            continue
-        one, two = side_nodes(search.numbering, i)
-        if not np.array_equal(one, two):  # shared faces are no outer ones
-            keys += [pack(nodes[i.triangles[:, :3]], size) for nodes in (one, two)]
-    paired = np.concatenate(keys)
-    return {id(b): ~np.isin(pack(b.triangles[:, :3], size), paired) if len(paired)
-            else np.ones(len(b.triangles), dtype=bool) for b in search.bodies}
+def _near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
+    """Faces opposite each other among those (k,) int of either body; None: there are none.
+
+    They are no farther apart than reach, or a little inside each other: rounding, coarse curves.
+    """
+    a, b = one.some(mine), two.some(theirs)
+    found = find_segments(a, b, REACH * a.size, OPPOSITE)
+    i, j, distance = found.slave, found.master, found.distance
+    seen = (distance >= -TOUCHING * a.size[i]) & (found.area >= COMMON * np.minimum(a.area[i], b.area[j]))
+    if not seen.any():
+        return None
+    i, j, distance = i[seen], j[seen], distance[seen]
+    touches, at, worst = distance <= TOUCHING * a.size[i], int(np.abs(distance).argmin()), 0.0
+    if touches.any():
+        apart = np.linalg.norm(a.corners[i[touches]][:, :, None] - b.corners[j[touches]][:, None], axis=3).min(axis=2)
+        best = np.full(len(a.area), np.inf)  # of the faces opposite one, that which fits best
+        np.minimum.at(best, i[touches], apart.max(axis=1))
+        worst = float(best[np.isfinite(best)].max())
+    return Near(a.centre[i[at]], float(distance[at]), len(np.unique(i[touches])), worst)
 
 
 def _both(one: Near, two: Near) -> Near:
     """What is near between the same parts in several places."""
     first = min(one, two, key=lambda n: abs(n.distance))
-    return replace(first, count=one.count + two.count, touching=one.touching + two.touching, miss=max(one.miss, two.miss))
+    return replace(first, touching=one.touching + two.touching, miss=max(one.miss, two.miss))
 
 
 def _path(search: Search, index: int) -> KeyPath:
@@ -130,26 +161,15 @@ def _beyond_reach(search: Search, pair: tuple[int, int], seen: Near, index: int)
 
 def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tuple[int, int]]:
     """Pairs of parts, of pieces that share no faces, that are inside each other; each with its problem."""
-    mesh, faces, (_, piece) = search.mesh, search.faces, search.pieces
+    mesh, (_, piece) = search.mesh, search.pieces
     own = [np.unique(piece[mesh.volume == v]) for v in range(len(mesh.volumes))]
-    solids: dict[int, Solid] = {}
     result = set()
     for pair, index in governing.items():
-        if len(np.intersect1d(*(own[v] for v in pair))):
-            continue
-        for v in pair:
-            if v not in solids:
-                outer = faces.outer[mesh.volume[faces.owner[faces.outer]] == v]
-                solids[v] = Solid.of(mesh.volumes[v], mesh.nodes, mesh.cells[mesh.volume == v], faces.triangles[outer])
-        both = [solids[v] for v in pair]
-        found = overlap(*both)
-        if found is not None:  # worth a closer look: curved faces of coarse chords may be meant to touch
-            smooth = smooth_faces(mesh, faces)
-            found = overlap(*both, tuple(sagittas(bulges(mesh.nodes, s.outer, smooth[faces.find(s.outer[:, :3])])) for s in both))
+        found = search.inside(*pair) if not len(np.intersect1d(*(own[v] for v in pair))) else None
         if found is None or (index >= 0 and search.laws.entries[index].fit >= found.depth):
             continue
         result.add(pair)
-        search.problems.add(_path(search, index), f"{' and '.join(repr(s.name) for s in both)} are inside each other by about "
+        search.problems.add(_path(search, index), f"{' and '.join(repr(mesh.volumes[v]) for v in pair)} are inside each other by about "
                             f"{found.depth:.3g}, at {format_point(found.where)}", "parts that touch or are apart",
                             "move the parts; a press fit is a gap of contact below zero between parts that touch")
     return result
@@ -195,12 +215,58 @@ def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
         if not common:
             continue
         name = mesh.volumes[min(common)]
-        inside = overlap(*(Solid.of(name, mesh.nodes, mesh.cells[piece == b.volume], b.triangles) for b in (one, two)))
+        inside = overlap(*(Solid(mesh.nodes, mesh.cells[piece == b.volume], b.triangles) for b in (one, two)))
         if inside is not None:
             search.problems.add(("mesh",), f"two pieces of {name!r}, which share no faces, are inside each other by about "
                                 f"{inside.depth:.3g}, at {format_point(inside.where)}", "pieces that are apart",
                                 "leave out what is there twice")
-        elif touching := match(one, two, False)[0]:
+        elif touching := match(one, two):
             search.problems.warnings.append(
                 f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, with "
                 "nodes of their own: nothing joins them there; merge the nodes that coincide, or give each piece a volume of its own")
+
+
+def report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:
+    """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
+
+    pairs : names of the two sides of existing interfaces, for the cure
+    """
+    laws, problems = search.laws, search.problems
+    for i, (entry, used) in enumerate(zip(laws.entries, laws.used)):
+        for key, pattern in [*((("exclude", k), p) for k, two in enumerate(entry.exclude or []) for p in two), (("slave",), entry.slave)]:
+            if pattern is not None and not laws.meant(pattern):
+                problems.add(("interfaces", i, *key), f"{pattern!r} matches no subdomain and no volume",
+                             "names of parts, shell wildcards allowed", suggestion(pattern, laws.names, "part"))
+        everything = entry.pair == ("*", "*")
+        if used or entry.found or (everything and search.pieces[0] < 2):
+            continue  # of pairs that are found, ``report_neighbours`` says which are missing
+        where = entry.apart or "between"
+        if unknown := [p for p in entry.pair if not laws.meant(p)]:
+            where, found = "between", f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
+            cure = "; ".join(suggestion(p, laws.names, "part") for p in unknown)
+        elif everything:
+            found = f"no interface in all the scene: its {search.pieces[0]} separate pieces share no face" + _how_far(search, entry)
+            cure = ("mesh what touches alike on both sides; for gaps, let the law read them (contact: "
+                    "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
+        else:
+            found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" + _how_far(search, entry)
+            beside = [pair for pair in pairs if any(laws.means(p, pair) for p in entry.pair if p != "*")] or pairs
+            cure = "interfaces exist between " + some([" | ".join(b) for b in beside], 6) if pairs else "there are no interfaces at all"
+        problems.add(("interfaces", i, where), found,
+                     "names of two parts that share faces, or have opposite faces with matching nodes; shell wildcards allowed", cure)
+
+
+def _how_far(search: Search, entry: Any) -> str:
+    """How far apart the nearest nodes are of the parts that an entry names."""
+    sides = [[b for b in search.bodies if search.laws.means(pattern, search.known(b))] for pattern in entry.pair]
+    pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
+    if not pairs or len(pairs) > MOST:
+        return ""
+    for a, b in pairs:
+        if (inside := search.inside(a.volume, b.volume)) is not None:
+            return f"; {search.mesh.volumes[a.volume]} and {search.mesh.volumes[b.volume]} are inside each other by about " \
+                   f"{inside.depth:.3g}, at {format_point(inside.where)}"
+    distance, where, size = min((nearest(a, b) for a, b in pairs), key=lambda f: f[0])
+    allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
+               if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
+    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"

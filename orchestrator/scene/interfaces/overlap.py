@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.geometry import area_vectors
 
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
 AROUND, DEEP = 8, 0.1
@@ -20,37 +20,35 @@ ROUNDING = 1e-9
 class Solid:
     """One part as a set of points in space.
 
-    name : of the part
     nodes : (n, 3); cells : (m, 4 or 10) int; outer : (k, 3 or 6) int, its outer faces
-    low, high : (m, 3) boxes of the tets
     """
 
-    name: str
     nodes: np.ndarray
     cells: np.ndarray
     outer: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
 
-    @classmethod
-    def of(cls, name: str, nodes: np.ndarray, cells: np.ndarray, outer: np.ndarray) -> Solid:
-        """Of a mesh's tets and outer faces."""
-        corners = nodes[cells[:, :4]]
-        return cls(name, nodes, cells, outer, corners.min(axis=1), corners.max(axis=1))
+    @cached_property
+    def boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 3) lowest and highest coordinates of the tets."""
+        corners = self.nodes[self.cells[:, :4]]
+        return corners.min(axis=1), corners.max(axis=1)
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest coordinates."""
-        return self.low.min(axis=0), self.high.max(axis=0)
+        """The same of all."""
+        return self.boxes[0].min(axis=0), self.boxes[1].max(axis=0)
+
+    @cached_property
+    def surface(self) -> Facets:
+        """The outer faces as they are in space."""
+        return Facets.of(self.nodes[self.outer[:, :3]])
 
     @cached_property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
         """(k, 3) middles of the tets behind the outer faces, and how far (k,) these are behind."""
         faces = faces_of(self.cells[:, :4], len(self.nodes))
         middle = self.nodes[self.cells[faces.owner[faces.find(self.outer[:, :3])], :4]].mean(axis=1)
-        vectors = area_vectors(self.nodes, self.outer)
-        normal = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-        return middle, np.einsum("ki,ki->k", self.nodes[self.outer[:, 0]] - middle, normal)
+        return middle, np.einsum("ki,ki->k", self.surface.corners[:, 0] - middle, self.surface.normal)
 
 
 @dataclass(frozen=True)
@@ -77,27 +75,21 @@ def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | Non
 
 
 def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: float) -> Overlap | None:
-    faces = one.nodes[one.outer[:, :3]]
     corners = np.unique(one.outer[:, :3])
     middle, height = one.behind
-    points = np.concatenate([one.nodes[corners], faces.mean(axis=1), middle])
+    points = np.concatenate([one.nodes[corners], one.surface.centre, middle])
     own = np.r_[np.zeros(len(corners)), mine, mine]
-    least = np.r_[np.full(len(corners) + len(faces), np.inf), deep * height]  # a middle may be no deeper than a thin tet is
-    boxed = ((points > two.box[0]) & (points < two.box[1])).all(axis=1)
-    points, own, least = points[boxed], own[boxed], least[boxed]
+    least = np.r_[np.full(len(corners) + len(one.outer), np.inf), deep * height]  # a middle may be no deeper than a thin tet is
     within = contained(points, two)
     points, own, least = points[within], own[within], least[within]
     if not len(points):
         return None
     from scipy.spatial import cKDTree  # only parts that are inside each other need it
 
-    faces = two.nodes[two.outer[:, :3]]
-    vectors = area_vectors(two.nodes, two.outer)
-    area = np.linalg.norm(vectors, axis=1)
-    normal, size = vectors / area[:, None], np.sqrt(2 * area)
-    _, near = cKDTree(faces.mean(axis=1)).query(points, min(AROUND, len(faces)))
+    faces, size = two.surface, two.surface.size
+    _, near = cKDTree(faces.centre).query(points, min(AROUND, len(size)))
     near = near.reshape(len(points), -1)
-    behind = np.einsum("pki,pki->pk", faces[near].mean(axis=2) - points[:, None], normal[near])
+    behind = np.einsum("pki,pki->pk", faces.centre[near] - points[:, None], faces.normal[near])
     depth = np.abs(behind).min(axis=1)
     allowed = np.minimum(deep * size[near[:, 0]], least) + own + theirs[near].max(axis=1)
     at = int(np.where(depth > allowed, depth, -1.0).argmax())
@@ -106,20 +98,19 @@ def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: 
 
 def contained(points: np.ndarray, solid: Solid) -> np.ndarray:
     """(p,) bool, which points (p, 3) are in one of a part's tets."""
-    result = np.zeros(len(points), dtype=bool)
-    if not len(points):
-        return result
     from scipy.spatial import cKDTree
 
-    chosen = np.flatnonzero(((solid.low <= points.max(axis=0)) & (solid.high >= points.min(axis=0))).all(axis=1))
-    middle, radius = (solid.low[chosen] + solid.high[chosen]) / 2, (solid.high[chosen] - solid.low[chosen]) / 2
-    around = cKDTree(points).query_ball_point(middle, np.linalg.norm(radius, axis=1))
-    count = np.array([len(a) for a in around], dtype=int)
-    if not count.sum():
+    result = np.zeros(len(points), dtype=bool)
+    boxed = np.flatnonzero(((points >= solid.box[0]) & (points <= solid.box[1])).all(axis=1))
+    if not len(boxed):
         return result
-    tet, point = np.repeat(chosen, count), np.concatenate([np.asarray(a, dtype=int) for a in around])
-    boxed = ((points[point] >= solid.low[tet]) & (points[point] <= solid.high[tet])).all(axis=1)
-    tet, point = tet[boxed], point[boxed]
+    (low, high), near = solid.boxes, points[boxed]
+    chosen = np.flatnonzero(((low <= near.max(axis=0)) & (high >= near.min(axis=0))).all(axis=1))
+    around = cKDTree(near).query_ball_point((low + high)[chosen] / 2, np.linalg.norm((high - low)[chosen] / 2, axis=1))
+    tet = np.repeat(chosen, np.array([len(a) for a in around], dtype=int))
+    point = boxed[np.array([p for a in around for p in a], dtype=int)]
+    inside = ((points[point] >= low[tet]) & (points[point] <= high[tet])).all(axis=1)
+    tet, point = tet[inside], point[inside]
     corners = solid.nodes[solid.cells[tet, :4]]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     share = np.linalg.solve(edges, (points[point] - corners[:, 0])[:, :, None])[:, :, 0]

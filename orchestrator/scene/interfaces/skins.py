@@ -8,13 +8,12 @@ Normals are means over the facets around a corner that are part of the same smoo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.interfaces.pairing import Body
+from orchestrator.scene.interfaces.opposite import Body
 from orchestrator.scene.mesh.faces import Faces, components, pack
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.mesh import Mesh
@@ -65,25 +64,20 @@ class Skin:
 
 
 class Skins:
-    """The skins of bodies.
+    """The skins of bodies of a mesh, each made once."""
 
-    bodies : all of the mesh, pieces of bodies that are cut further among them
-    slaves : of pairs of bodies that are cut further, the names of those whose pieces are the slaves, once chosen
-    """
-
-    def __init__(self, mesh: Mesh, faces: Faces, bodies: Sequence[Body] = ()):
-        self.mesh, self.faces, self.bodies = mesh, faces, bodies
-        self.slaves: dict[tuple[str, str], str] = {}
+    def __init__(self, mesh: Mesh, faces: Faces):
+        self.mesh, self.faces = mesh, faces
         self._made: dict[int, Skin] = {}
 
     def __call__(self, body: Body) -> Skin:
         if id(body) not in self._made:
-            at = self._smooth[self.faces.find(body.triangles[:, :3])]
-            self._made[id(body)] = Skin.of(body, self.mesh.nodes, at)
+            self._made[id(body)] = Skin.of(body, self.mesh.nodes, self.smooth[self.faces.find(body.triangles[:, :3])])
         return self._made[id(body)]
 
     @cached_property
-    def _smooth(self) -> np.ndarray:
+    def smooth(self) -> np.ndarray:
+        """See ``smooth_faces``."""
         return smooth_faces(self.mesh, self.faces)
 
 

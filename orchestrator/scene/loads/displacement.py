@@ -11,8 +11,7 @@ import numpy as np
 from orchestrator.config.base import PartlyFree, one_or_per_step
 from orchestrator.config.paths import dotted, shown
 from orchestrator.errors import KeyPath, Problem
-from orchestrator.scene.conditions.frames import ROUNDING, Cylindrical
-from orchestrator.scene.loads.base import Field, Ground, Kind, OnFaces, Prescribed, Uniform
+from orchestrator.scene.loads.base import Cylindrical, Field, Ground, Kind, OnFaces, Prescribed, ROUNDING, Uniform
 from orchestrator.scene.loads.foundation import Springs
 
 

@@ -105,11 +105,16 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
     return len(roots), label
 
 
-def edge_patches(triangles: np.ndarray) -> tuple[int, np.ndarray]:
-    """Patches of triangles (k, 3) connected through edges: count, and the patch (k,) of each."""
-    size = len(triangles)
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    edge = np.unique(edges, axis=0, return_inverse=True)[1].ravel()
+def edge_patches(triangles: np.ndarray, group: np.ndarray | None = None) -> tuple[int, np.ndarray]:
+    """Patches of triangles (k, 3 or 6) of the same group (k,) connected through edges: count, and the patch (k,) of each.
+
+    Patches are numbered in the order of their first triangles.
+    """
+    size, corners = len(triangles), np.sort(triangles[:, :3], axis=1)
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
+    edge = np.unique(edges[:, 0] * (np.int64(edges.max(initial=0)) + 1) + edges[:, 1], return_inverse=True)[1]
+    if group is not None:  # two groups may meet at an edge: it must not join their patches
+        edge = np.unique(np.tile(group, 3) * (np.int64(edge.max(initial=0)) + 1) + edge, return_inverse=True)[1]
     # Triangles and edges are the two kinds of vertices of one graph.
     count, label = components(np.tile(np.arange(size), 3), size + edge, size + int(edge.max(initial=-1)) + 1)
     return count, label[:size]

@@ -6,6 +6,7 @@ Indices are zero-based, lengths in the user's units.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -164,6 +165,10 @@ class SplitNumbering:
     def find(self, subdomain: np.ndarray, nodes: np.ndarray) -> np.ndarray:
         """Split nodes of global nodes that belong to these subdomains."""
         return np.searchsorted(self.keys, subdomain * self.total + nodes)
+
+    def sides(self, interface: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Split nodes (n₁,) and (n₂,) of an interface's two sides."""
+        return tuple(self.offsets[e] + own for e, own in zip(interface.subdomains, interface.nodes))
 
 
 def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -> SplitNumbering:

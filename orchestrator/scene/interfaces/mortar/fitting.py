@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.duals import multipliers
-from orchestrator.scene.interfaces.mortar.assembly import COVERED
+from orchestrator.scene.interfaces.mortar.operators import COVERED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import area_vectors, local_size, tet_volumes
+from orchestrator.scene.mesh.geometry import local_size, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
@@ -79,9 +79,8 @@ def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mes
 
 def again(surfaces: Surfaces, apart: float) -> Surfaces:
     """The same facets with what they have in common where they are now, apart by as much as they were."""
-    slave, master = (x[t[:, :3]] for x, t in zip(surfaces.points, surfaces.triangles))
-    far = apart + SLANTED * np.sqrt(2 * np.linalg.norm(area_vectors(surfaces.points[0], surfaces.triangles[0]), axis=1))
-    return replace(surfaces, segments=find_segments(slave, master, far, far))
+    slave, master = surfaces.facets
+    return replace(surfaces, segments=find_segments(slave, master, apart + SLANTED * slave.size))
 
 
 def _places(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:

@@ -13,8 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.mortar.assembly import make_mortar, point_normals
-from orchestrator.scene.interfaces.mortar.operators import Mortar
+from orchestrator.scene.interfaces.mortar.operators import Mortar, make_mortar, point_normals
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
@@ -55,12 +54,9 @@ class Moving:
 
         Faces of the master are sought within an element of the slave's, in front of it and behind.
         """
-        points = tuple(x + u for x, u in zip(self.surfaces.points, moved))
-        slave, master = (x[t[:, :3]] for x, t in zip(points, self.surfaces.triangles))
-        reach = self.size[self.surfaces.triangles[0][:, :3]].max(axis=1)
-        segments = find_segments(slave, master, reach, reach)
-        moved = replace(self.surfaces, points=points, segments=segments)
-        return self._embedded(replace(moved, segments=segments.nearest(moved.area), resting=self.surfaces.area))
+        now = replace(self.surfaces, points=tuple(x + u for x, u in zip(self.surfaces.points, moved)))
+        segments = find_segments(*now.facets, self.size[now.triangles[0][:, :3]].max(axis=1))
+        return self._embedded(replace(now, segments=segments.nearest(now.area), resting=self.surfaces.area))
 
     def paired(self, now: Mortar, moved: tuple[np.ndarray, np.ndarray]) -> Mortar:
         """The same in the place of the present operators, whose facets and cells behind them stay what they are."""

@@ -8,29 +8,19 @@ functions of both sides are at hand wherever one integrates. The projection is a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import cross
+from orchestrator.scene.interfaces.opposite import Facets, opposite
 
 # Faces face each other where the cosine between their normals is below this: curved faces of coarse and fine facets
 # still do, the two faces at an edge of 90 degrees do not.
 FACING = -0.3
-# A barycentric coordinate this small is zero: edges that lie upon each other must not cross for rounding.
-SNAP = 1e-12
-# Far from the origin coordinates themselves are rounded: a few units in their last place.
-ROUNDING = 16 * np.finfo(float).eps
 # Overlaps of less than this share of the slave's facet, squared edges that touch, are rounding.
 NOTHING = 1e-12
 # Facets covered by this much more than their area are covered twice.
 TWICE = 1e-6
-# Pairs of facets worked on at once: some 12 MB.
-CHUNK = 20_000
-# Masters are searched in classes of size that differ by this factor: the largest of a class sets how far one searches.
-CLASS = 4.0
 
 
 @dataclass(frozen=True)
@@ -88,86 +78,31 @@ class Segments:
         return np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]), one, two
 
 
-def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, depth: np.ndarray, facing: float = FACING) -> Segments:
-    """All overlaps of facets that face each other.
+def find_segments(slave: Facets, master: Facets, reach: np.ndarray, cosine: float = FACING) -> Segments:
+    """All overlaps of facets that face each other, ordered by slave, then by master.
 
-    slave, master : (a, 3, 3), (b, 3, 3) corners of the facets, outward of their own body
-    reach, depth : (a,) how far in front of each slave facet, and how far behind it, masters are sought
-    facing : the cosine between normals has to be below this
+    reach : (a,) how far in front of each slave facet, and behind it, masters are sought
+    cosine : that between normals has to be below this
     """
-    frame = _Frame.of(slave, reach, depth)
-    normal = _unit(cross(master[:, 1] - master[:, 0], master[:, 2] - master[:, 0]))
-    found = [_clipped(frame, master, normal, i, j, facing)
-             for i, j in _candidates(slave, master, np.maximum(reach, depth))] if len(slave) and len(master) else []
+    found = [_clipped(slave, master, reach, i, j) for i, j in opposite(slave, master, reach, cosine)]
     if not found:
         return Segments(*np.zeros((2, 0), int), *np.zeros((2, 0, 6, 3)), *np.zeros((2, 0)))
     joined = Segments(*(np.concatenate([getattr(f, name) for f in found]) for name in Segments.__dataclass_fields__))
     return joined.some(np.lexsort((joined.master, joined.slave)))
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """The slave's facets as affine maps: a point x has barycentric coordinates at + (x − first)·slopes.
+def _clipped(slave: Facets, master: Facets, reach: np.ndarray, i: np.ndarray, j: np.ndarray) -> Segments:
+    """The overlaps of facets i of the slave and j of the master.
 
-    first : (a, 3) a corner; slopes : (a, 3, 3) gradient of each coordinate; normal : (a, 3) unit; area : (a,)
-    snap : (a,) below this a coordinate is rounding
-    reach, depth : (a,) how far in front of each and behind it masters are sought
+    A point x has barycentric coordinates (1, 0, 0) + (x − first corner)·slopes.
     """
-
-    first: np.ndarray
-    slopes: np.ndarray
-    normal: np.ndarray
-    area: np.ndarray
-    snap: np.ndarray
-    reach: np.ndarray
-    depth: np.ndarray
-
-    @classmethod
-    def of(cls, corners: np.ndarray, reach: np.ndarray, depth: np.ndarray) -> _Frame:
-        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        vector = cross(one, two)
-        double = np.linalg.norm(vector, axis=1)
-        normal = vector / double[:, None]
-        slopes = np.stack([cross(two, normal), cross(normal, one)], axis=1) / double[:, None, None]
-        slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
-        rounding = ROUNDING * np.abs(corners).max(axis=(1, 2)) * np.linalg.norm(slopes, axis=2).max(axis=1)
-        return cls(corners[:, 0], slopes, normal, double / 2, np.maximum(SNAP, rounding), reach, depth)
-
-
-def _candidates(slave: np.ndarray, master: np.ndarray, reach: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Facets i, j whose surrounding spheres come within reach, in pieces of about ``CHUNK`` pairs."""
-    from scipy.spatial import cKDTree  # only scenes of several parts need it
-
-    x, y = slave.mean(axis=1), master.mean(axis=1)
-    one, two = (np.linalg.norm(c - m[:, None], axis=2).max(axis=1) for c, m in ((slave, x), (master, y)))
-    number = np.floor(np.log(two / two.min()) / np.log(CLASS) + SNAP).astype(int)
-    for each in np.unique(number):
-        chosen = np.flatnonzero(number == each)
-        far = two[chosen].max()
-        within = cKDTree(y[chosen])
-        counts = within.query_ball_point(x, one + far + reach, return_length=True)
-        piece = (np.cumsum(counts) - 1) // CHUNK
-        for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(piece)) + 1):
-            if not counts[part].any():
-                continue
-            lists = within.query_ball_point(x[part], (one + far + reach)[part])
-            i = np.repeat(part, counts[part])
-            j = chosen[np.fromiter(chain.from_iterable(lists), int, counts[part].sum())]
-            close = ((x[i] - y[j]) ** 2).sum(axis=1) <= (one[i] + two[j] + reach[i]) ** 2
-            yield i[close], j[close]
-
-
-def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarray, j: np.ndarray, facing: float) -> Segments:
-    """The overlaps of facets i of the slave and j of the master."""
-    keep = np.einsum("ij,ij->i", frame.normal[i], normal[j]) < facing
-    i, j = i[keep], j[keep]
-    away = master[j] - frame.first[i][:, None]
-    height = np.einsum("mvc,mc->mv", away, frame.normal[i])
-    keep = (height.min(axis=1) <= frame.reach[i]) & (height.max(axis=1) >= -frame.depth[i])
+    away = master.corners[j] - slave.corners[i, :1]
+    height = np.einsum("mvc,mc->mv", away, slave.normal[i])
+    keep = (height.min(axis=1) <= reach[i]) & (height.max(axis=1) >= -reach[i])
     i, j, away, height = i[keep], j[keep], away[keep], height[keep]
-    on_slave = np.einsum("mvc,mkc->mvk", away, frame.slopes[i])
+    on_slave = np.einsum("mvc,mkc->mvk", away, slave.slopes[i])
     on_slave[:, :, 0] += 1.0
-    on_slave[np.abs(on_slave) < frame.snap[i][:, None, None]] = 0.0
+    on_slave[np.abs(on_slave) < slave.snap[i][:, None, None]] = 0.0
     keep = (on_slave.max(axis=1) > 0).all(axis=1)
     i, j, height = i[keep], j[keep], height[keep]
     corners = np.concatenate([on_slave[keep], np.broadcast_to(np.eye(3), (len(i), 3, 3))], axis=2)
@@ -182,8 +117,8 @@ def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarra
     share = found.fans[0].sum(axis=1)
     there = np.arange(6) < count[:, None]
     distance = (np.einsum("mvk,mk->mv", found.on_master, height) * there).sum(axis=1) / np.maximum(count, 1)
-    found = replace(found, area=share * frame.area[i], distance=distance)
-    return found.some((share > NOTHING) & (distance <= frame.reach[i]) & (distance >= -frame.depth[i]))
+    found = replace(found, area=share * slave.area[i], distance=distance)
+    return found.some((share > NOTHING) & (np.abs(distance) <= reach[i]))
 
 
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:
@@ -218,7 +153,3 @@ def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray,
     row, slot = np.nonzero(spare)
     result[row, slot] = result[row, np.maximum(left[row] - 1, 0)]
     return result, left
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
-from orchestrator.scene.interfaces.pairing import Body
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.interfaces.opposite import Body, Facets
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,11 @@ class Surfaces:
         none = self.segments.some(np.empty(0, int))
         return Surfaces(*(pair[::-1] for pair in (self.points, self.nodes, self.triangles, self.cells)), none)
 
+    @cached_property
+    def facets(self) -> tuple[Facets, Facets]:
+        """Either side as it is in space."""
+        return tuple(Facets.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
+
     @property
     def overlapping(self) -> tuple[np.ndarray, np.ndarray]:
         """Global ids of the nodes of either side whose facets overlap the other side's."""
@@ -74,9 +79,7 @@ class Surfaces:
     @property
     def area(self) -> np.ndarray:
         """(k₁,) of the slave's facets."""
-        if self.resting is not None:
-            return self.resting
-        return np.linalg.norm(area_vectors(self.points[0], self.triangles[0]), axis=1)
+        return self.facets[0].area if self.resting is None else self.resting
 
     @property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
@@ -138,15 +141,14 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     slave : where it has been chosen already, for several patches at once
     more : facets of either body that belong to the surfaces although they need not overlap
     """
-    segments = segments.nearest(_area(bodies[0].corners))
+    segments = segments.nearest(bodies[0].area)
     found = surfaces_of(points, bodies, segments, more)
     if (slave_of([found], matter, asked) if slave is None else slave) == 0:
         return 0, found
     # the same facets, seen from the other side, as far apart as they are
     turned = found.turned()
-    slave, master = (x[t[:, :3]] for x, t in zip(turned.points, turned.triangles))
-    far = MORE * np.abs(segments.distance).max() + SLANTED * np.sqrt(2 * _area(slave))
-    back = find_segments(slave, master, far, far, asked.facing).nearest(_area(slave))
+    slave, master = turned.facets
+    back = find_segments(slave, master, MORE * np.abs(segments.distance).max() + SLANTED * slave.size, asked.facing).nearest(slave.area)
     everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
     return 1, Surfaces.of(points, everywhere, turned.cells, back, None if more is None else tuple(map(np.arange, map(len, everywhere))))
 
@@ -167,7 +169,7 @@ def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
     held = [all(matter.held[p.nodes[side]].all() for p in patches) for side in (0, 1)]
     if held[0] != held[1]:
         return int(held[0])
-    facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], _areas(p.points[side], p.triangles[side]),
+    facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], p.facets[side].area,
                                                          np.sort(p.nodes[side][p.triangles[side][:, :3]], axis=1)])
                                         for p in patches]), axis=0) for side in (0, 1)]
     if asked.as_one:
@@ -181,12 +183,3 @@ def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
         return int(covered[1])
     mean = [float(a.mean()) for a in area]
     return int(mean[1] > (1 + ALIKE) * mean[0])
-
-
-def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    return _area(points[triangles[:, :3]])
-
-
-def _area(corners: np.ndarray) -> np.ndarray:
-    """(k,) of triangles (k, 3, 3)."""
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2

@@ -7,10 +7,86 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.inspection.pairs import PairRow
-from orchestrator.scene.inspection.shapes import Shape, shape_of
+from orchestrator.scene.shapes import Shape, shape_of
+from orchestrator.scene.interfaces.distances import paired_distance
+from orchestrator.scene.interfaces.facing import facing
+from orchestrator.scene.interfaces.matching import match
+from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies
+from orchestrator.scene.interfaces.patches import patches
+from orchestrator.scene.interfaces.skins import Skins
+from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface, Scene
+
+SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
+
+
+@dataclass(frozen=True)
+class PairRow:
+    """One patch on which two parts lie on each other.
+
+    one, two : names of the parts
+    area : that they have in common
+    nearest, farthest : distance of the sides along the normal; negative inside each other
+    meshes : whether faces are shared, nodes coincide or project onto each other, or neither
+    slave : name of the part whose nodes carry the points; empty where nodes are paired
+    size : element size of either side
+    law : that governs; empty where that is not known
+    """
+
+    one: str
+    two: str
+    area: float
+    nearest: float
+    farthest: float
+    meshes: str
+    slave: str
+    size: tuple[float, float]
+    law: str = ""
+
+
+def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
+    """The interfaces between different bodies, in their order."""
+    for interface in scene.interfaces:
+        one, two = (scene.subdomains[e] for e in interface.subdomains)
+        if one.body == two.body or not len(interface.triangles):
+            continue
+        sizes, areas = zip(*(_measures(scene, interface, side) for side in (0, 1)))
+        if interface.mortar is not None:
+            points, area, slave = interface.mortar.points, float(interface.mortar.area.sum()), one.name
+            read = interface.law.distance
+            distance, meshes = read[points] if np.ndim(read) else interface.mortar.gap, APART
+        else:
+            distance = paired_distance(scene.side_points(interface, 0), scene.side_points(interface, 1), interface.triangles)
+            area, slave = areas[0], ""
+            meshes = SHARED if np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1))) else COINCIDENT
+        yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()), meshes, slave, sizes, interface.law.name)
+
+
+def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, float]:
+    """Mean element size and area of an interface's facets on one side."""
+    each = np.linalg.norm(area_vectors(scene.side_points(interface, side), interface.triangles_on(side)), axis=1)
+    return float(np.sqrt(2 * each).mean()), float(each.sum())
+
+
+def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
+    """What touches, whatever laws may say: shared faces, then faces that lie on each other."""
+    shared, sides, bounds = patches(faces, mesh.volume)
+    for first, last in zip(bounds[:-1], bounds[1:]):
+        each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[shared[first:last]]), axis=1)
+        size = float(np.sqrt(2 * each).mean())
+        yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED, "", (size, size))
+    if len(mesh.volumes) < 2:
+        return
+    skins = Skins(mesh, faces)
+    for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
+        matching = np.concatenate([np.empty(0, int), *(patch.facets[:, 0] for patch in match(one, two))])
+        for found in facing(skins(one), skins(two)):
+            fits = np.isin(found.segments.slave, matching).all()
+            yield PairRow(mesh.volumes[one.volume], mesh.volumes[two.volume], found.area, float(found.distance.min()),
+                          float(found.distance.max()), COINCIDENT if fits else APART, "", found.size)
+
 
 # Largest extents of what is built and made, in metres: beyond, one unit is meant for another.
 LARGEST, SMALLEST = 100.0, 1e-3

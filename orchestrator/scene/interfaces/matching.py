@@ -1,0 +1,89 @@
+"""Opposite faces of different parts, matched node by node where the parts share no faces.
+
+Two outer faces match when they face each other and each corner of one projects, along the mean of their normals,
+onto a corner of the other. Parts that touch with coincident but separately numbered nodes match under any law;
+under ``gap: geometry`` the faces may be apart, and how far they are is the initial gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, opposite
+from orchestrator.scene.mesh.faces import edge_patches
+
+# How deep, in h, parts may reach into each other to be noticed.
+DEEP = 0.5
+# Corners may miss each other sideways by this share of h, or of their distance where that is larger: normals turn.
+ASIDE = 0.3
+# The three ways in which corners of two opposite triangles, then the middles of their edges, can belong together.
+TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Matching faces connected through edges.
+
+    facets : (k, 2) int, of either body
+    triangles : (k, 3 or 6) int, global nodes of the first side, outward; opposite : the same shape, their partners
+    cells : (k, 2) int, the tets behind them
+    """
+
+    facets: np.ndarray
+    triangles: np.ndarray
+    opposite: np.ndarray
+    cells: np.ndarray
+
+
+def match(one: Body, two: Body, apart: bool = False, within: float | None = None, share: float = REACH) -> list[Patch]:
+    """Patches of matching faces of two bodies.
+
+    apart : whether they may be at a distance; otherwise nodes must coincide
+    within : search distance; none: ``share`` × h, of the larger facet of two
+    """
+    size = one.size
+    reach = COINCIDE * size if not apart else np.full(len(size), within) if within else share * np.maximum(size, two.size.max())
+    found = list(opposite(one, two, (1 + ASIDE) * reach + ASIDE * size * apart, spheres=False))
+    if not found:
+        return []
+    i, j = (np.concatenate(side) for side in zip(*found))
+    reach = share * np.maximum(size[i], two.size[j]) if apart and not within else reach[i]
+    normal = one.normal[i] - two.normal[j]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    away = two.corners[j][:, TURNS[:, :3]] - one.corners[i][:, None]  # (m, 3 turns, 3 corners, 3)
+    along = np.einsum("mtci,mi->mtc", away, normal)
+    aside = np.linalg.norm(away - along[..., None] * normal[:, None, None, :], axis=3).max(axis=2)  # (m, 3)
+    turn, rows = aside.argmin(axis=1), np.arange(len(i))
+    aside, distance = aside[rows, turn], along[rows, turn].mean(axis=1)
+    limit, depth = (ASIDE * np.maximum(size[i], np.abs(distance)), DEEP * size[i]) if apart else (reach, reach)
+    fits = np.flatnonzero((distance <= reach) & (distance >= -depth) & (aside <= limit))
+    # of several partners the nearest; then one node for one node
+    order = fits[np.lexsort((aside[fits], np.abs(distance[fits])))]
+    keep = np.sort(order[np.unique(i[order], return_index=True)[1]])
+    i, j, turn = i[keep], j[keep], turn[keep]
+    partners = two.triangles[j[:, None], TURNS[turn, : two.triangles.shape[1]]]
+    single = _one_to_one(one.triangles[i], partners)
+    facets, partners = np.c_[i, j][single], partners[single]
+    triangles, cells = one.triangles[facets[:, 0]], np.c_[one.cells[facets[:, 0]], two.cells[facets[:, 1]]]
+    return [Patch(facets[p], triangles[p], partners[p], cells[p]) for p in _connected(triangles)]
+
+
+def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:
+    """(k,) bool, faces none of whose nodes has a second partner."""
+    pairs = np.unique(np.c_[triangles.ravel(), opposite.ravel()], axis=0)
+    single = np.ones(len(triangles), dtype=bool)
+    for nodes, side in zip(pairs.T, (triangles, opposite)):
+        found, count = np.unique(nodes, return_counts=True)
+        single &= ~np.isin(side, found[count > 1]).any(axis=1)
+    return single
+
+
+def _connected(triangles: np.ndarray) -> list[np.ndarray]:
+    """Indices of triangles, one array per patch connected through edges, the lowest first."""
+    if len(triangles) == 0:
+        return []
+    label = edge_patches(triangles)[1]
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)

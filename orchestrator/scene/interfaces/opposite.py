@@ -1,0 +1,208 @@
+"""The outer faces of bodies, and the one search for facets that lie opposite each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from orchestrator.scene.mesh.faces import Faces, pack
+from orchestrator.scene.mesh.geometry import area_vectors, cross
+from orchestrator.scene.mesh.mesh import Mesh
+
+# Of the local mesh size h = √(2 × facet area): nodes closer than this coincide, surfaces closer touch, and gaps are sought so far.
+COINCIDE, TOUCHING, REACH = 1e-3, 0.1, 2.0
+# Two faces are opposite when the cosine between their normals is below this.
+OPPOSITE = -0.7
+# A barycentric coordinate this small is zero: edges that lie upon each other must not cross for rounding.
+SNAP = 1e-12
+# Far from the origin coordinates themselves are rounded: a few units in their last place.
+ROUNDING = 16 * np.finfo(float).eps
+# Pairs of facets worked on at once: some 12 MB.
+CHUNK = 20_000
+# Facets are searched in classes of size that differ by this factor: the largest of a class sets how far one searches.
+CLASS = 4.0
+# Normals are compared in steps of this size before facets are: most bodies that are close face each other nowhere.
+COARSE = 0.25
+_STEPS = round(1 / COARSE)
+_KEY = (2 * _STEPS + 1) ** np.arange(2, -1, -1)  # of three numbers of steps, a single one
+_DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COARSE
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Triangles: corners (k, 3, 3), unit normals (k, 3) to which they turn, areas (k,)."""
+
+    corners: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+
+    @classmethod
+    def of(cls, corners: np.ndarray) -> Facets:
+        vectors = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        area = np.linalg.norm(vectors, axis=1)
+        return cls(corners, vectors / area[:, None], area)
+
+    def some(self, chosen: np.ndarray) -> Facets:
+        """Some of them, by index or mask."""
+        return Facets(self.corners[chosen], self.normal[chosen], self.area[chosen])
+
+    @cached_property
+    def size(self) -> np.ndarray:
+        """(k,) h of each."""
+        return np.sqrt(2 * self.area)
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(k, 3)."""
+        return self.corners.mean(axis=1)
+
+    @cached_property
+    def radius(self) -> np.ndarray:
+        """(k,) of the spheres about the centres that hold the facets."""
+        return np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1)
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates (3,)."""
+        return self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """(k, 3, 3) gradients of the barycentric coordinates."""
+        one, two = (self.corners[:, k] - self.corners[:, 0] for k in (1, 2))
+        slopes = np.stack([cross(two, self.normal), cross(self.normal, one)], axis=1) / (2 * self.area)[:, None, None]
+        return np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
+
+    @cached_property
+    def snap(self) -> np.ndarray:
+        """(k,) below this a barycentric coordinate is rounding."""
+        return np.maximum(SNAP, ROUNDING * np.abs(self.corners).max(axis=(1, 2)) * np.linalg.norm(self.slopes, axis=2).max(axis=1))
+
+    def within(self, box: tuple[np.ndarray, np.ndarray], room: float) -> np.ndarray:
+        """(c,) int, the facets that come within reach of a box."""
+        low, high = self._boxes
+        return np.flatnonzero(((high >= box[0] - room) & (low <= box[1] + room)).all(axis=1))
+
+    @cached_property
+    def _boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.corners.min(axis=1), self.corners.max(axis=1)
+
+
+@dataclass(frozen=True)
+class Body(Facets):
+    """The outer faces of one volume in one subdomain.
+
+    subdomain, volume : indices
+    triangles : (k, 3 or 6) int, global nodes, outward; cells : (k,) int, the tet behind each
+    """
+
+    subdomain: int
+    volume: int
+    triangles: np.ndarray
+    cells: np.ndarray
+
+
+def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
+    """The outer faces, by subdomain and volume."""
+    outer = faces.outer
+    if mesh.foreign:  # of parts whose mesh is not ours nothing but the joints is a face
+        joints = np.concatenate([pack(stand.triangles, faces.nodes) for stand in mesh.foreign])
+        outer = outer[~mesh.is_foreign(faces.owner[outer]) | np.isin(faces.keys[outer], joints)]
+    owner = faces.owner[outer]
+    order = np.lexsort((outer, mesh.volume[owner], subdomain[owner]))
+    outer, owner = outer[order], owner[order]
+    label = np.c_[subdomain[owner], mesh.volume[owner]]
+    starts = np.flatnonzero(np.r_[True, (np.diff(label, axis=0) != 0).any(axis=1)])
+    vectors = area_vectors(mesh.nodes, faces.triangles[outer])
+    area = np.linalg.norm(vectors, axis=1)
+    corners = mesh.nodes[faces.triangles[outer, :3]]
+    return [Body(corners[a:b], vectors[a:b] / area[a:b, None], area[a:b], *label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b])
+            for a, b in zip(starts, [*starts[1:], len(outer)])]
+
+
+def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Body, Body]]:
+    """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain first.
+
+    within : largest search distance asked for, if any
+    """
+    if len(bodies) < 2:
+        return
+    low, high = (np.array(corners) for corners in zip(*(b.box for b in bodies)))
+    room = np.array([max(REACH * b.size.max(), within or 0.0) for b in bodies])
+    for i, j in zip(*_boxes_within(low, high, room)):
+        if bodies[j].subdomain != bodies[i].subdomain and bodies[j].volume != bodies[i].volume:
+            yield bodies[i], bodies[j]
+
+
+def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs i < j, ascending, of boxes (n, 3) no farther apart than the larger of their rooms (n,).
+
+    Only boxes that overlap along the axis on which they spread most are compared.
+    """
+    axis = int(np.ptp(low + high, axis=0).argmax())
+    order = np.argsort(low[:, axis] - room)
+    start, stop = (low[:, axis] - room)[order], (high[:, axis] + room)[order]
+    later = np.searchsorted(start, stop, side="right") - np.arange(1, len(order) + 1)
+    first = np.repeat(np.arange(len(order)), later)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(later) - later, later)
+    i, j = np.sort([order[first], order[second]], axis=0)
+    apart = np.maximum(low[i] - high[j], low[j] - high[i]).max(axis=1)
+    near = apart <= np.maximum(room[i], room[j])
+    chosen = np.lexsort((j[near], i[near]))
+    return i[near][chosen], j[near][chosen]
+
+
+def opposite(one: Facets, two: Facets, reach: np.ndarray, cosine: float = OPPOSITE,
+             spheres: bool = True) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Facets i, j that look at each other within reach, in pieces of about ``CHUNK`` pairs.
+
+    reach : (k₁,) how far apart the spheres around them may be, or their centres where they are not ``spheres``
+    cosine : between their normals it is below this
+    """
+    from scipy.spatial import cKDTree  # only scenes of several parts need it
+
+    if not len(one.area) or not len(two.area):
+        return
+    a, b = one.within(two.box, reach.max()), two.within(one.box, reach.max())
+    if not may_face(one.normal[a], two.normal[b], cosine):
+        return
+    x, y, near, room = one.centre[a], two.centre[b], reach[a], np.zeros(len(b))
+    number = np.zeros(len(b), dtype=int)
+    if spheres:
+        near, room = near + one.radius[a], two.radius[b]
+        number = np.floor(np.log(room / room.min()) / np.log(CLASS) + SNAP).astype(int)
+    for each in np.unique(number):
+        chosen = np.flatnonzero(number == each)
+        far, tree = near + room[chosen].max(), cKDTree(y[chosen])
+        counts = tree.query_ball_point(x, far, return_length=True)
+        piece = (np.cumsum(counts) - 1) // CHUNK
+        for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(piece)) + 1):
+            lists = tree.query_ball_point(x[part], far[part]) if counts[part].any() else ()
+            i = np.repeat(part, counts[part])
+            j = chosen[np.fromiter(chain.from_iterable(lists), int, counts[part].sum())]
+            keep = np.einsum("ij,ij->i", one.normal[a[i]], two.normal[b[j]]) < cosine
+            keep &= ((x[i] - y[j]) ** 2).sum(axis=1) <= (near[i] + room[j]) ** 2
+            yield a[i[keep]], b[j[keep]]
+
+
+def may_face(one: np.ndarray, two: np.ndarray, cosine: float = OPPOSITE) -> bool:
+    """Whether any of the normals (n, 3) and (m, 3) may be opposite: the cosine between them below a limit."""
+    if not len(one) or not len(two):
+        return False
+    rounded = [_DIRECTIONS[np.flatnonzero(np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
+               for normal in (one, two)]
+    return bool((rounded[0] @ rounded[1].T < cosine + 2 * COARSE).any())
+
+
+def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
+    """Distance of the nearest outer nodes of two bodies, where that is, and the facets' mean size there."""
+    from scipy.spatial import cKDTree  # as above
+
+    x, y = one.corners.reshape(-1, 3), two.corners.reshape(-1, 3)
+    distance, _ = cKDTree(y).query(x)
+    at = int(distance.argmin())
+    return float(distance[at]), x[at], float(one.size[at // 3])
