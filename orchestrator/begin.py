@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, some
+from orchestrator.errors import some, wrong
 from orchestrator.inspect import section_of
 from orchestrator.scene.inspection import SurfaceRow, pairs_of_mesh, surfaces_of
 from orchestrator.scene.mesh.sources import make_mesh
@@ -32,9 +32,9 @@ def begin(target: Path, source: Path | None, h: float | None) -> list[str]:
         with open(target, "x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
-        raise InputError(Problem((), f"{target}, which is there already", "a file that is not", "name another one")) from None
+        raise wrong((), f"{target}, which is there already", "a file that is not", "name another one") from None
     except OSError as error:
-        raise InputError(Problem((), f"{target}: {error.strerror}", "a place that can be written to", "name another one")) from error
+        raise wrong((), f"{target}: {error.strerror}", "a place that can be written to", "name another one") from error
     return [f"{target} is written: look for EDIT in it, then", f"    orchestrator check {target}", f"    orchestrator run {target}"]
 
 
@@ -43,8 +43,8 @@ def _of_file(target: Path, source: Path, h: float | None) -> str:
     mesh, faces = make_mesh(section)
     rows = [row for row in surfaces_of(mesh) if row.area > 0]
     if not rows:
-        raise InputError(Problem((), f"{source} without surfaces that have names", "physical groups of surfaces, node sets or a CAD file",
-                                 "name the surfaces where the mesh is made, or select faces by {plane: z, at: 0}"))
+        raise wrong((), f"{source} without surfaces that have names", "physical groups of surfaces, node sets or a CAD file",
+                    "name the surfaces where the mesh is made, or select faces by {plane: z, at: 0}")
     held, loaded = _lowest_and_highest(rows)
     several = len(mesh.volumes) > 1
     place = str(source) if str(source).startswith("gmsh:") else os.path.relpath(source, target.parent)

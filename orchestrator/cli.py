@@ -13,7 +13,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem, visible
+from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, visible, wrong
 from orchestrator.guarded import guard_streams, guarded, heard, lost_output
 from orchestrator.registry import CODES
 
@@ -181,16 +181,16 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
         return None
     from orchestrator.config.explain import nearest
 
-    raise InputError(Problem((), f"study '{name}'", "one of\n" + listing, nearest(name, list(STUDIES), otherwise="take one of these")))
+    raise wrong((), f"study '{name}'", "one of\n" + listing, nearest(name, list(STUDIES), otherwise="take one of these"))
 
 
 def _find_benchmarks() -> None:
     """Let the folder ``benchmarks`` beside this package be imported; InputError where there is none, as in a wheel."""
     clone = Path(__file__).resolve().parents[1]
     if not (clone / "benchmarks" / "registry.py").is_file():
-        raise InputError(Problem((), "a study in an installation without the folder benchmarks",
-                                 "a clone of the project: studies are in its repository, wheels do not have them",
-                                 "run it in a clone, after `make setup`"))
+        raise wrong((), "a study in an installation without the folder benchmarks",
+                    "a clone of the project: studies are in its repository, wheels do not have them",
+                    "run it in a clone, after `make setup`")
     sys.path.insert(0, str(clone))
 
 
@@ -252,6 +252,6 @@ def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict
             azimuth, elevation = map(float, view.split(","))
             figures["view"] = {"azimuth": azimuth, "elevation": elevation}
     except ValueError:
-        raise InputError(Problem((), f"--cut {cut}" if "cut" not in figures and cut is not None else f"--view {view}",
-                                 "an axis and a place, or two angles in degrees", "write --cut x=80, --view 30,20")) from None
+        raise wrong((), f"--cut {cut}" if "cut" not in figures and cut is not None else f"--view {view}",
+                    "an axis and a place, or two angles in degrees", "write --cut x=80, --view 30,20") from None
     return figures or None

@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 
 _PREFIX, _LOCK = "orchestrator", "owner"
 _held: dict[Path, int] = {}  # the locks of this process's folders
@@ -45,8 +45,8 @@ def make(below: str | None = None) -> Path:
             path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]), dir=below))
             lock = _locked(path)
     except OSError as error:
-        raise InputError(Problem((), f"no folder can be made in {below}: {error.strerror}",
-            "a writable temporary folder with room", "free some room, or set TMPDIR to another folder")) from error
+        raise wrong((), f"no folder can be made in {below}: {error.strerror}", "a writable temporary folder with room",
+                    "free some room, or set TMPDIR to another folder") from error
     _held[path] = lock
     return path
 

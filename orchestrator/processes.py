@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 
 _running: set[subprocess.Popen] = set()
 _starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
@@ -114,6 +114,6 @@ def check_addresses() -> None:
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < NEEDED:
-        raise InputError(Problem((), f"at most {limit / 1e6:,.0f} MB of addresses for a process (ulimit -v)",
-                                 f"{NEEDED / 1e6:,.0f} MB: libraries and their threads take as much, however small the problem",
-                                 "ulimit -v unlimited, or a higher limit"))
+        raise wrong((), f"at most {limit / 1e6:,.0f} MB of addresses for a process (ulimit -v)",
+                    f"{NEEDED / 1e6:,.0f} MB: libraries and their threads take as much, however small the problem",
+                    "ulimit -v unlimited, or a higher limit")

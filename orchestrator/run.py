@@ -24,7 +24,7 @@ from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
-from orchestrator.results.summary.short_form import print_summary
+from orchestrator.results.summary.words import print_summary
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
 from orchestrator.timing import Stopwatch

@@ -10,8 +10,8 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep
-from orchestrator.results.report.answer import interface_section
-from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.results.report.sections import interface_section
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks

@@ -24,7 +24,7 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import read_history
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.results.summary.summary import STAGES, jsonable, read_summary
 from orchestrator.run import run
 

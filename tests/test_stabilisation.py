@@ -17,7 +17,7 @@ from orchestrator.method.interface.stabilisation import SHARE, cautions, stabili
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.method.monitors.places import SEEN, Places
 from orchestrator.method.monitors.weakening import PATIENCE, STAGES, WEAKER, Weakening
-from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.loose import loose_bodies

@@ -15,9 +15,9 @@ from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import write_history
 from orchestrator.results.report.report import report
-from orchestrator.results.summary.short_form import print_summary
+from orchestrator.results.summary.words import print_summary
 from orchestrator.results.summary.summary import write_summary
-from orchestrator.results.summary.workload import Workload, idle_share, joined
+from orchestrator.results.summary.workload import Workload, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from benchmarks.problems.cases import grains
@@ -85,6 +85,10 @@ def test_places_by_predicted_cost_not_by_count():
     assert [first, second] == [[0], [1, 2, 3, 4, 5, 6]]
 
 
+def idle_share(workers):
+    return sum(row["waiting"] + row["idle"] for row in workers) / sum(row["seconds"] for row in workers)
+
+
 @pytest.fixture(scope="module")
 def solved():
     config = config_from({**grains(10, 0.2), "blackbox": {"workers": 2}, "method": {"max_iterations": 6}})
@@ -107,7 +111,7 @@ def test_record_of_a_run(solved):
     assert calls["local_stage"] == calls["coarse"] == 6
     assert calls["linear_stage"] == 7, "the last one completes the fields that are delivered"
     assert all(row["factorise"] == 0 and row["solve"] > 0 for row in record["iterations"]["workers"])
-    assert 0 < idle_share(record["iterations"]) < 1
+    assert 0 < idle_share(record["iterations"]["workers"]) < 1
 
 
 @pytest.mark.long
@@ -122,7 +126,7 @@ def test_ranks_are_joined_and_shown(solved, tmp_path):
     summary = {**solved.summary, "workload": both}
     stream = io.StringIO()
     print_summary(summary, console=Console(file=stream, width=200))
-    assert f"idle for {100 * idle_share(both['iterations']):.0f} % of the" in stream.getvalue()
+    assert f"idle for {100 * idle_share(both['iterations']['workers']):.0f} % of the" in stream.getvalue()
     folder = ResultsFolder(tmp_path)
     write_summary(folder, summary)
     write_history(folder, case.history())

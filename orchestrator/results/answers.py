@@ -17,7 +17,7 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.probes import read_probes, write_probes
 from orchestrator.results.ranks import Piece
-from orchestrator.results.summary.words import place_text
+from orchestrator.results.summary.summary import place_text
 from orchestrator.scene.model import Scene
 
 INTERFACES = "interfaces.csv"
@@ -113,8 +113,7 @@ class InterfaceTable:
         r, steps = self.resultants, len(self.work)
         numbers = np.concatenate([r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
             np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]], axis=2)
-        return folder.write_table(INTERFACES, [COLUMNS, *(
-            [name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
+        return folder.write_table(INTERFACES, [COLUMNS, *([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
             for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)) for step, row in enumerate(numbers[:, k].tolist()))])
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.checkpoint import Checkpoint, Start
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.results.fingerprint import differences, digest_of
@@ -172,8 +172,8 @@ def read_file(path: Path) -> tuple[str, Checkpoint]:
     with np.load(path, allow_pickle=False) as file:
         about = json.loads(bytes(file["about"]))
         if about["version"] != VERSION:
-            raise InputError(Problem(DIRECTORY_KEY, f"{path} was written by another version of this program (version {about['version']})",
-                                     "a checkpoint of this version", "resume with that version, or run without --resume"))
+            raise wrong(DIRECTORY_KEY, f"{path} was written by another version of this program (version {about['version']})",
+                        "a checkpoint of this version", "resume with that version, or run without --resume")
         arrays = {name: file[name] for name in about["arrays"]}
     return about["problem"], Checkpoint(about["iteration"], about["increment"], about["evaluations"], arrays, about["notes"])
 
@@ -190,8 +190,7 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     """
     path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
     if not path.is_dir():
-        raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
-                                 "the checkpoint of an interrupted run of this configuration", _FRESH))
+        raise wrong(DIRECTORY_KEY, f"no {NAME} in {path.parent}", "the checkpoint of an interrupted run of this configuration", _FRESH)
     increments, latest = ([found for file in sorted(path.glob(pattern)) if (found := _sound(path, file, fingerprint, problem, warn))]
                           for pattern in (INCREMENTS, ITERATIONS))
     done: list[Checkpoint] = []

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, UNFINISHED, Manifest
 
 DIRECTORY_KEY = ("output", "directory")
@@ -46,13 +46,12 @@ class ResultsFolder:
                     probe.unlink()
         for name in (OWN, LIST):
             if (self.path / name).is_symlink():
-                raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is a link", "this program's own list of what it has written here",
-                                         "remove the link, or choose another folder with --output"))
+                raise wrong(DIRECTORY_KEY, f"{self.path / name} is a link", "this program's own list of what it has written here",
+                            "remove the link, or choose another folder with --output")
         for name in (OWN, *FOLDERS):  # now, not when all has been computed
             if os.path.lexists(self.path / name) and not (self.path / name).is_dir():
-                raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
-                                         "a folder that can be created and written to",
-                                         f"rename {name}, or choose another folder with --output"))
+                raise wrong(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
+                            "a folder that can be created and written to", f"rename {name}, or choose another folder with --output")
 
     def __repr__(self) -> str:
         return f"ResultsFolder({str(self.path)!r})"
@@ -218,9 +217,8 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
         try:
             lock.acquire()
         except Timeout:
-            raise InputError(Problem(
-                DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
-                "wait for that run, end it, or choose another folder with --output")) from None
+            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
+                        "wait for that run, end it, or choose another folder with --output") from None
     try:
         with suppress(OSError), open(folder / HOLDER, "w", opener=_not_through_links) as file:  # a full disk still locks
             json.dump(about, file)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 from orchestrator.method.events import COUNTED, HISTORY_COLUMNS, Iteration, Subscriber
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
@@ -114,15 +114,14 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         names = head.split(",")
         missing = [name for name in HISTORY_COLUMNS if name not in names]
         if missing:
-            raise InputError(Problem(DIRECTORY_KEY, f"the first line of {path} lacks the columns {', '.join(missing)}",
-                                     "a history.csv of this version",
-                                     f"go on with the version that wrote it, or begin anew in another folder; {_WITHOUT}"))
+            raise wrong(DIRECTORY_KEY, f"the first line of {path} lacks the columns {', '.join(missing)}", "a history.csv of this version",
+                        f"go on with the version that wrote it, or begin anew in another folder; {_WITHOUT}")
         # What follows the last line end is empty, or half a line.
         texts = [line.split(",") for line in lines[:-1]]
         table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
     except (OSError, ValueError) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}", "a history.csv written by a run",
-                                 f"name the results folder of an earlier run; {_WITHOUT}")) from error
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}", "a history.csv written by a run",
+                    f"name the results folder of an earlier run; {_WITHOUT}") from error
     whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
     return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}
 

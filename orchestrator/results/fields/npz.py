@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
@@ -68,8 +68,8 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
                           _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
                           parts=tuple(data["parts"].tolist()))
     except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
-                                 "run the configuration again")) from error
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
+                    "run the configuration again") from error
 
 
 def _interfaces(data: Mapping[str, np.ndarray]) -> InterfaceFields | None:

@@ -15,7 +15,7 @@ from orchestrator.results.figures.sheet import compose, draw
 from orchestrator.results.figures.surface import edges, outer_faces
 from orchestrator.results.figures.view import Camera, Look, View
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.summary.words import units_of
+from orchestrator.results.summary.summary import units_of
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray], fields: Fields | None = None,

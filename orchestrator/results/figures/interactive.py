@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.pictures import exaggeration, most_deformed, stress_limits
 from orchestrator.results.figures.plotting import COLOURS
@@ -33,8 +33,8 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
     """
     step = most_deformed(fields)
     if not len(drawn_cells(fields, look)):
-        raise InputError(Problem((), "no part to draw that has a mesh of ours", "a part other than decks, matrices and programs",
-                                 "open fields/fields.pvd in ParaView: decks are there with their own mesh"))
+        raise wrong((), "no part to draw that has a mesh of ours", "a part other than decks, matrices and programs",
+                    "open fields/fields.pvd in ParaView: decks are there with their own mesh")
     seen = skin(fields, [step], look, toward_eye(fields.nodes) if look.direction is None else look.direction)
     _check(len(seen.triangles))
     u, stress = seen.displacement[step], seen.stress[step]
@@ -80,16 +80,16 @@ def model_page(nodes: np.ndarray, groups: Sequence[tuple[str, np.ndarray]], titl
 
 def _check(count: int) -> None:
     if count > MOST:
-        raise InputError(Problem((), f"a surface of {count:,} triangles", f"at most {MOST:,}, which a browser can turn",
-                                 "draw some parts alone: --parts NAME, or a coarser mesh; fields/ is for ParaView"))
+        raise wrong((), f"a surface of {count:,} triangles", f"at most {MOST:,}, which a browser can turn",
+                    "draw some parts alone: --parts NAME, or a coarser mesh; fields/ is for ParaView")
 
 
 def _figure(title: str) -> tuple[object, Figure]:
     try:
         from plotly import graph_objects as graph
     except ImportError as error:
-        raise InputError(Problem((), "no Plotly, which makes pages that turn", "the package plotly",
-                                 "pip install 'latin-orchestrator[interactive]', or leave the option out")) from error
+        raise wrong((), "no Plotly, which makes pages that turn", "the package plotly",
+                    "pip install 'latin-orchestrator[interactive]', or leave the option out") from error
     axis = {"showbackground": False, "gridcolor": "#dddddd", "zeroline": False}
     figure = graph.Figure(layout={"title": {"text": title}, "scene": {"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis,
                                             "camera": {"projection": {"type": "orthographic"}}},
@@ -124,11 +124,11 @@ def write_sealed(path: Path, page: bytes) -> None:
     """
     try:
         if path.is_symlink() or path.exists() and not _sealed(path.read_bytes()):
-            raise InputError(Problem((), f"{path}, which is there already and was not written by this program, or changed since",
-                                     "a file that is not, or a page of an earlier call", "name another one, or remove it"))
+            raise wrong((), f"{path}, which is there already and was not written by this program, or changed since",
+                        "a file that is not, or a page of an earlier call", "name another one, or remove it")
         path.write_bytes(page + f"\n<!-- orchestrator {hashlib.sha256(page).hexdigest()} -->\n".encode())
     except OSError as error:
-        raise InputError(Problem((), f"{path}: {error.strerror}", "a place that can be written to", "name another one")) from error
+        raise wrong((), f"{path}: {error.strerror}", "a place that can be written to", "name another one") from error
 
 
 def _sealed(content: bytes) -> bool:

@@ -17,7 +17,7 @@ from orchestrator.results.figures.plotting import viridis
 from orchestrator.results.figures.sheet import Scale, Sheet
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
 from orchestrator.results.figures.view import Camera, Look, NO_LINES, View, colour_limits, toward_eye
-from orchestrator.results.summary.words import code_label
+from orchestrator.results.summary.summary import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:

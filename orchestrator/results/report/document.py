@@ -89,11 +89,6 @@ def picture(path: str, text: str) -> str:
     return f"![{plain(text)}]({path})\\\n*{plain(text)}*"
 
 
-def listing(text: str) -> str:
-    """Text shown as it is, in lines."""
-    return f"```\n{text}\n```"
-
-
 def page(markdown: str, folder: Path, title: str) -> str:
     """One HTML file of a document in Markdown, with its pictures (PNG, read from ``folder``) inside."""
     from markdown_it import MarkdownIt  # no more than a report needs it

@@ -10,36 +10,21 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from orchestrator.config.model import Figures
-from orchestrator.errors import InputError, Problem, Problems
-from orchestrator.results.report.answer import answer, carried, extremes, interface_section, law_quantities, probes, reactions
-from orchestrator.results.report.document import by_step, heading, page, picture, plain, section, table
-from orchestrator.results.report.question import question, settings
-from orchestrator.results.summary.words import CODE_HEAD, code_rows, units_of
+from orchestrator.errors import InputError, Problem, Problems, wrong
 from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.charts import tolerance
+from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.report.document import by_step, heading, page, picture, plain, section, table
+from orchestrator.results.report.sections import (answer, carried, extremes, interface_section, last_values, probes, question, reactions,
+    settings)
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.short_form import summary_rows
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
-from orchestrator.results.summary.workload import (PERIODS, RANK_HEAD, STAGE_HEAD, WORKER_HEAD, rank_rows, stage_rows, worker_rows)
+from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
+from orchestrator.results.summary.words import summary_rows, told_by_code
+from orchestrator.results.summary.workload import PERIODS
 from orchestrator.scene.conditions.selection import check_figures
 
-# quantity, its formula, what it tells
-_QUANTITIES = [
-    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf), relative to the energy norm of the solution; "
-                    "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge)",
-     "guaranteed upper bound of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
-    ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
-     "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
-    ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
-    ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
-     "eq. 16: distance of the linear from the local stage; a squared ratio, no measure of accuracy"),
-    ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
-    ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
-    ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
-]
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: sharp edges and borders of the "
                               "subdomains; grey: the undeformed outline."),
              ("codes.png", "Which code solves what."),
@@ -98,7 +83,7 @@ def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
     from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
 
     if solution.fields is None:
-        raise InputError(Problem((), f"no fields in {folder.path}", "a run with output.fields: true", "run it again, with fields"))
+        raise wrong((), f"no fields in {folder.path}", "a run with output.fields: true", "run it again, with fields")
     folder.write("result.html", result_page(solution.fields, str(solution.summary.get("name")), look))
 
 
@@ -107,14 +92,13 @@ def _parts(solution: Solution, pictures: list[str]) -> list[str]:
     summary, folder = solution.summary, solution.directory
     told = {"run", "result", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "probes", "warning"}
     rest = [row for row in summary_rows(summary) if row[0] not in told]
-    parts = [heading(str(summary.get("name") or "Run"), 1), *question(summary), *answer(summary), *pictures]
-    parts += [*probes(summary), *reactions(summary), *extremes(folder, summary)]
-    parts += interface_section(summary) + carried(folder, summary)
-    parts += section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True))
-    parts += [heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), _stopping(solution)]
-    return parts + [heading("Time"), _time(summary), *section(
-        "Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", table(CODE_HEAD, code_rows(summary), numeric=True),
-        level=3), *_workload(summary)]
+    return [heading(str(summary.get("name") or "Run"), 1), *question(summary), *answer(summary), *pictures,
+        *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),
+        *section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True)),
+        heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), last_values(summary, solution.history),
+        heading("Time"), _time(summary),
+        *section("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", _codes(summary), level=3),
+        *_workload(summary)]
 
 
 def _in_words(solution: Solution) -> str:
@@ -125,50 +109,56 @@ def _in_words(solution: Solution) -> str:
         f"It stopped WITHOUT converging ({summary.get('stop_reason')}); what follows is its last state"
     target = tolerance(summary)
     waited = f" The tolerance was {target[1]:g} on the {target[0]}." if target else ""
-    algorithm = summary.get("acceleration")
-    how = f" Acceleration: {algorithm}." if algorithm else ""
+    how = f" Acceleration: {summary['acceleration']}." if summary.get("acceleration") else ""
     return (f"A structure{size} in {split or 'subdomains'} was computed for {summary.get('load_steps') or 1} load "
             f"step(s). {ended} after {solution.iterations} iterations.{waited}{how}")
 
 
-def _stopping(solution: Solution) -> str:
-    rows, quantities = [], [*_QUANTITIES, *law_quantities()]
-    residuals = solution.summary.get("residuals")
-    known = {**(residuals if isinstance(residuals, Mapping) else {}), **solution.summary}
-    for name, formula, meaning in quantities:
-        value = known.get(name)
-        if value is None and len(solution.history.get(name, ())):
-            value = float(solution.history[name][-1])
-        if value is not None and value == value:
-            rows.append((name.replace("_", " "), f"{value:.2e}", formula, meaning))
-    described = {name for name, _, _ in quantities}
-    rows += [(str(name).replace("_", " "), f"{value:.2e}", "", "") for name, value in
-             (residuals.items() if isinstance(residuals, Mapping) else ()) if name not in described and isinstance(value, (int, float))]
-    return table(("quantity", "last value", "formula", "meaning"), rows)
-
-
 def _time(summary: Mapping[str, object]) -> str:
     timing = summary.get("timing") or {}
-    total = timing.get("total") or 0.0
-    rows = [(label, timing[stage]) for stage, label in STAGES.items() if timing.get(stage) is not None]
-    rows.append(("everything else", max(0.0, total - sum(seconds for _, seconds in rows))))
-    lines = [(name, f"{s:.2f}", f"{100 * s / total:.0f} %" if total else "") for name, s in rows]
+    total, own = timing.get("total") or 0.0, timing.get("blackbox") or {}
+    lines = [(label, f"{s:.2f}", f"{100 * s / total:.0f} %" if total else "") for label, s in stage_seconds(timing)]
     lines.append(("total (wall clock)", f"{total:.2f}", "100 %"))
-    own = timing.get("blackbox") or {}
     lines += [(f"black box: {stage}", f"{own[stage]:.2f}", "") for stage in BLACKBOX_STAGES if own.get(stage) is not None]
     if blackbox_seconds(timing):
         lines.append(("black box: all, on its own clock, summed over its workers", f"{blackbox_seconds(timing):.2f}", ""))
     return table(("stage", "seconds", "share"), lines, numeric=True)
 
 
+def _codes(summary: Mapping[str, object]) -> str:
+    """CPU seconds of each code by kind of work, and the orchestrator's seconds of wall clock."""
+    kinds = ("start", "assemble", "factorise", "solve", "total")
+    rows = [(code_label(entry), str(len(entry["subdomains"])), *(f"{entry['seconds'][kind]:.2f}" for kind in kinds),
+             f"{sum(note['unit_loads'] for note in entry['compliances']):,}") for entry in summary["codes"]] if told_by_code(summary) else []
+    if rows and (own := summary.get("orchestrator_seconds")) is not None:
+        rows.append(("orchestrator", "", "", "", "", "", f"{own:.2f}", ""))
+    return table(("code", "subdomains", *kinds[:-1], "seconds", "unit loads"), rows, numeric=True)
+
+
+# column → format of a row of the record; times in seconds, shares of the period
+_STAGE = {"stage": "{name}", "rank": "{rank}", "calls": "{calls}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}",
+          "share": "{percent:.1f} %"}
+_WORKER = {"rank": "{rank}", "worker": "{worker}", "subdomains": "{models}", "dofs": "{dofs:,}", "calls": "{calls}",
+           "assemble, factorise": "{ready:.2f}", "solve": "{solve:.2f}", "messages": "{messages:.2f}", "waiting": "{waiting:.2f}",
+           "idle": "{idle:.2f}", "idle share": "{percent:.1f} %"}
+_RANK = {"rank": "{rank}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}", "share": "{percent:.1f} %",
+         "messages": "{messages:,}", "of them sums": "{reductions:,}", "MB sent": "{MB:.2f}", "peak memory MB": "{memory_peak_mb:,.0f}"}
+_LEAST = 5e-3  # share from which a stage is worth a row
+
+
 def _workload(summary: Mapping[str, object]) -> list[str]:
-    record, parts = summary.get("workload") or {}, []
-    for period, name in PERIODS.items():
-        if period not in record:
-            continue
-        parts += section(f"Who did what: {name}, {record[period]['seconds']:.2f} s", *(
-            table(head, rows, numeric=True) for head, rows in ((STAGE_HEAD, stage_rows(record[period], STAGES)), (WORKER_HEAD, worker_rows(
-                record[period])), (RANK_HEAD, rank_rows(record[period])))), level=3)
+    """Who did what in each period: stages, the longest first within a rank, workers and, where there are several, ranks."""
+    parts: list[str] = []
+    for key, period in (summary.get("workload") or {}).items():
+        stages = sorted((row for row in period["stages"] if row["share"] >= _LEAST), key=lambda row: (row["rank"], -row["seconds"]))
+        ranks = period.get("ranks") or ()
+        parts += section(f"Who did what: {PERIODS[key]}, {period['seconds']:.2f} s", *(
+            table(list(columns), [[form.format_map(row | {"percent": 100 * row[share]}) for form in columns.values()] for row in rows], True)
+            for columns, share, rows in ((_STAGE, "share", [{**row, "name": STAGES.get(row["stage"], row["stage"])} for row in stages]),
+                (_WORKER, "idle_share", [{**row, "ready": row["start"] + row["assemble"] + row["factorise"],
+                                          **{name: max(row[name], 0.0) for name in ("solve", "messages", "waiting", "idle")}}
+                                         for row in period["workers"]]),
+                (_RANK, "share", [{**row, "MB": row["bytes"] / 1e6} for row in ranks] if len(ranks) > 1 else []))), level=3)
     if parts:
         parts.append("Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
             "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from orchestrator.config.model import Config
+from orchestrator.errors import some
 from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.loose import held_bodies
@@ -18,10 +19,12 @@ from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.summary import memory_peak_mb
-from orchestrator.results.summary.words import foreign_matter, nonlinear_parts
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
+
+# What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
+OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
 
 
 def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float, exact: Reference | None,
@@ -35,10 +38,10 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact, met = iterated.last, _contact(scene, delivered), delivered.contact
     spent = total(ranks, scene)
-    if foreign := foreign_matter(spent["codes"]):
+    if foreign := _foreign_matter(spent["codes"]):
         estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
-    nonlinear = nonlinear_parts(scene, iterated.iterations)
+    nonlinear = _nonlinear_parts(scene, iterated.iterations)
     summary = {"name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes], met and met.stabilised)),
         "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration,
@@ -90,3 +93,20 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
         "detached": detached, "weakly_held": weakly_held, **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
+
+
+def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
+    """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
+    own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
+    return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
+            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is meant: "
+            "nothing shows that it is"] if own else []
+
+
+def _nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:
+    """The summary's entry; empty where all matter is linear.
+
+    iterations : of all load steps; each asked every such subdomain once, and each load step's end once more
+    """
+    names = [s.name for s in scene.subdomains if s.remembers]
+    return {"nonlinear": {"subdomains": names, "answers": len(names) * (iterations + scene.steps), "off": OFF}} if names else {}

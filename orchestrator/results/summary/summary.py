@@ -1,4 +1,4 @@
-"""summary.json: its keys, writing and reading it."""
+"""summary.json: its keys, writing and reading it, and what all who read it ask of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import orchestrator
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "summary.json"
@@ -36,7 +36,6 @@ def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
     """Writes summary.json: the keys of ``KEYS`` in their order (null where absent), then any others.
 
     Numpy numbers and arrays become plain ones; nan and infinities become null, which JSON can hold.
-
     """
     complete = {key: summary.get(key) for key in KEYS} | dict(summary)
     return folder.write(NAME, json.dumps(jsonable(complete), indent=1, allow_nan=False) + "\n")
@@ -52,15 +51,15 @@ def read_summary(directory: str | os.PathLike[str]) -> dict[str, object]:
     cure = "run a configuration first, or name its output folder"
     if not path.is_file():
         what = f"no {NAME} in {path.parent}" if path.parent.is_dir() else f"no folder {path.parent}"
-        raise InputError(Problem(DIRECTORY_KEY, what, expected, cure))
+        raise wrong(DIRECTORY_KEY, what, expected, cure)
     try:
         summary = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}", expected, cure)) from error
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", expected, cure) from error
     missing = [key for key in ("name", "converged", "stop_reason", "iterations", "timing")
                if not isinstance(summary, dict) or key not in summary]
     if missing:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} lacks {', '.join(missing)}", expected, cure))
+        raise wrong(DIRECTORY_KEY, f"{path} lacks {', '.join(missing)}", expected, cure)
     return summary
 
 
@@ -99,3 +98,35 @@ def blackbox_seconds(timing: Mapping[str, object]) -> float:
     """The black box's own seconds, summed over its workers and its stages."""
     own = timing.get("blackbox") or {}
     return float(sum(own.get(stage) or 0.0 for stage in BLACKBOX_STAGES))
+
+
+def stage_seconds(timing: Mapping[str, object]) -> list[tuple[str, float]]:
+    """What each stage of ``STAGES`` is called and the seconds that it took, those that took some; the rest of the total last."""
+    rows = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
+    return [*rows, ("everything else", max(0.0, (timing.get("total") or 0.0) - sum(seconds for _, seconds in rows)))]
+
+
+def units_of(summary: Mapping[str, object]) -> dict[str, str]:
+    """Units of length, force, stress and moment with a space before; empty where none are named."""
+    named = ((summary.get("config") or {}).get("output") or {}).get("units")
+    if not named:
+        return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
+    from orchestrator.config.model import Units  # pydantic comes with it, for which who draws would wait
+
+    units = Units.model_validate(named)
+    moment = f" {units.force}·{units.length}"
+    return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
+
+
+def place_text(on: str | Mapping[str, object]) -> str:
+    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
+    if isinstance(on, str):
+        return on
+    if "plane" in on:
+        return f"{on['plane']} = {on['at']:g}"
+    return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in on["box"])
+
+
+def code_label(entry: Mapping[str, object]) -> str:
+    """Name of a code with its transport."""
+    return f"{entry['code']} ({entry['transport']})"

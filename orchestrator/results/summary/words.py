@@ -1,98 +1,271 @@
-"""Words for units, places, and what each of several codes has spent, as summaries and reports have them."""
+"""A summary in words: a label and a text for each line, for the console and for the report, and the sentences that these share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 
 from orchestrator.errors import some
+from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.summary import blackbox_seconds, code_label, jsonable, stage_seconds, units_of
 
-if TYPE_CHECKING:  # who draws has no scene, and need not load what makes one
-    from orchestrator.scene.model import Scene
-
-
-def units_of(summary: Mapping[str, object]) -> dict[str, str]:
-    """Units of length, force, stress and moment with a space before; empty where none are named."""
-    named = ((summary.get("config") or {}).get("output") or {}).get("units")
-    if not named:
-        return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
-    from orchestrator.config.model import Units  # pydantic comes with it, for which who draws would wait
-
-    units = Units.model_validate(named)
-    moment = f" {units.force}·{units.length}"
-    return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
+LARGEST = 6  # stages named
+SHOWN = 8  # reactions on screen
+NAMES = 6  # bodies in a sentence
+ROUNDED = 1e-10  # of the largest component of them: shown as zero
 
 
-def place_text(on: str | Mapping[str, object]) -> str:
-    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
-    if isinstance(on, str):
-        return on
-    if "plane" in on:
-        return f"{on['plane']} = {on['at']:g}"
-    return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in on["box"])
+def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None) -> None:
+    """Prints what matters of a summary as a compact table.
 
-
-CODE_HEAD = ("code", "subdomains", "start", "assemble", "factorise", "solve", "seconds", "unit loads")
-
-
-def code_label(entry: Mapping[str, object]) -> str:
-    """Name of a code with its transport."""
-    return f"{entry['code']} ({entry['transport']})"
-
-
-def codes_text(summary: Mapping[str, object]) -> str | None:
-    """Seconds in each code and in the orchestrator; None for a single code that was asked for no compliance."""
-    codes = summary.get("codes") or []
-    if len(codes) < 2 and not any(entry["compliances"] for entry in codes):
-        return None
-    rows = []
-    for entry in codes:
-        count, asked = len(entry["subdomains"]), entry["compliances"]
-        row = (f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} subdomain{'s' if count != 1 else ''}")
-        if asked:
-            loads, seconds = sum(note["unit_loads"] for note in asked), sum(note["seconds"] for note in asked)
-            row += (f"; asked once for the interface compliance of {len(asked)} of them ({loads:,} unit loads, "
-                    f"{seconds:.2f} s), cheaper than a run per iteration")
-        rows.append(row)
-    own = summary.get("orchestrator_seconds")
-    return "\n".join(rows + ([f"orchestrator: {own:.2f} s of wall clock, between requests"] if own is not None else []))
-
-
-def code_rows(summary: Mapping[str, object]) -> list[tuple[str, ...]]:
-    """As ``CODE_HEAD``: CPU seconds of each code by kind of work, and the orchestrator's seconds of wall clock."""
-    if codes_text(summary) is None:
-        return []
-    rows = [(code_label(entry), str(len(entry["subdomains"])),
-             *(f"{entry['seconds'][kind]:.2f}" for kind in ("start", "assemble", "factorise", "solve", "total")),
-             f"{sum(note['unit_loads'] for note in entry['compliances']):,}") for entry in summary["codes"]]
-    own = summary.get("orchestrator_seconds")
-    return rows + ([("orchestrator", "", "", "", "", "", f"{own:.2f}", "")] if own is not None else [])
-
-
-def foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
-    """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
-    own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
-    return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
-            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is meant: "
-            "nothing shows that it is"] if own else []
-
-# What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
-OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
-
-
-def nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:
-    """The summary's entry; empty where all matter is linear.
-
-    iterations : of all load steps; each asked every such subdomain once, and each load step's end once more
+    summary : as for ``write_summary``
+    directory : the results folder, to say where the figures are
+    console : a rich Console; default: standard output
     """
-    names = [s.name for s in scene.subdomains if s.remembers]
-    return {"nonlinear": {"subdomains": names, "answers": len(names) * (iterations + scene.steps), "off": OFF}} if names else {}
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    style = {"result": "green" if summary.get("converged") else "red", "warning": "yellow", "what to do": "yellow"}
+    rows = summary_rows(summary)
+    if directory is not None:
+        rows += [("results", str(directory)), ("figures", "\n".join(map(str, sorted(Path(directory).glob("figures/*.png")))))]
+    for label, text in rows:
+        if text:
+            table.add_row(label, Text(text, style=style.get(label, "")))
+    (console or Console(highlight=False, emoji=False)).print(table)
 
 
-def nonlinear_text(summary: Mapping[str, object]) -> str | None:
-    """The same in words."""
+def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Label and text of each line of the short summary; what is not known is left out."""
+    found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {"config": summary.get("config") or {}}
+    rows = [(label, told(found) if callable(told) else _numbers(found, *told)) for label, told in _LINES]
+    return [(label, text) for label, text in rows if text]
+
+
+def _numbers(summary: Mapping[str, object], key: str, form: str) -> str:
+    """A format of the entry ``key``, which may be within another one: ``sweeps.total``."""
+    value: object = summary
+    for name in key.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return "" if value is None else form.format(value)
+
+
+def _sentences(key: str) -> Callable[[Mapping[str, object]], str]:
+    return lambda summary: "\n".join(summary.get(key) or ())
+
+
+def _result(summary: Mapping[str, object]) -> str:
+    reason = str(summary.get("stop_reason") or "")
+    return ("converged" if summary.get("converged") else "NOT converged") + (f" ({reason})" if reason not in ("", "converged") else "")
+
+
+def _iterations(summary: Mapping[str, object]) -> str:
+    return _numbers(summary, "iterations", "{:,}") and _numbers(summary, "iterations", "{:,}") + _numbers(
+        summary, "sweeps.total", ", {:.4g} sweeps (back-substitutions per subdomain and load step)")
+
+
+def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], str]:
+    """A largest value with its place."""
+    def told(summary: Mapping[str, object]) -> str:
+        if not (found := summary.get(key)):
+            return ""
+        part = f" of {found['part']}" if found["part"] else ""
+        when = f", load step {found['load_step']}" if (summary.get("load_steps") or 1) > 1 else ""
+        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {_vector(found['at'])}{part}{when})"
+
+    return told
+
+
+def _reactions(summary: Mapping[str, object]) -> str:
+    """Of the last load step."""
+    names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
+    largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
+    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}" for name, steps in zip(names, reactions) if steps]
+    return "\n".join(texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN))
+
+
+def _probes(summary: Mapping[str, object]) -> str:
+    """At the last load step."""
+    units, texts = units_of(summary), []
+    for probe in summary.get("probes") or ():
+        kind = "" if probe["quantity"] in ("point", "resultant") else f"{probe['quantity']} "
+        unit = {"displacement": units["length"], "stress": units["stress"], "force": ""}[probe["of"]]
+        texts.append(f"{probe['name']}: " + (probe.get("why") or kind + ", ".join(
+            f"{name} {values[-1] + 0.0:.5g}" for name, values in probe["values"].items()) + unit))
+    return "\n".join(texts)
+
+
+def _vector(values: Sequence[float | None], least: float = 0.0) -> str:
+    """Components, those below ``least`` as zero: what rounding leaves of the others would be read as a number."""
+    return "(" + ", ".join("–" if x is None else f"{x if abs(x) > least else 0.0:.5g}" for x in values) + ")"
+
+
+def _mesh(summary: Mapping[str, object]) -> str:
+    asked = (summary["config"].get("method") or {}).get("tolerance") or {}
+    text = _numbers(summary, "discretisation_error", "{:.2e}  (estimated discretisation error, relative, energy norm)")
+    return text + (f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it" if text and asked.get("error") == "auto" else "")
+
+
+def shown_statuses(counts: Mapping[str, list[int]] | None) -> list[str]:
+    """Names of the statuses that say something: open, stick and slip only where there are such."""
+    usual = [name for name in COUNTED if (counts or {}).get(name)]
+    return (usual if any(any(counts[name]) for name in usual) else []) + [name for name in counts or () if name not in COUNTED]
+
+
+def _statuses(summary: Mapping[str, object]) -> str:
+    """Node pairs that are open, stick, slip … at the last load step."""
+    counts = summary.get("status_counts")
+    if not (names := shown_statuses(counts)):  # imposed jumps alone
+        return ""
+    steps = len(counts[names[0]])
+    when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
+    return ", ".join(f"{counts[name][-1]:,} {name}" for name in names if any(counts[name])) + when
+
+
+def _nonlinear(summary: Mapping[str, object]) -> str:
     found = summary.get("nonlinear")
-    if not isinstance(found, Mapping):
-        return None
-    return (f"{some(found['subdomains'], 6)}: load steps one after the other, {found['answers']:,} answers from the last committed "
-            f"one; no error bound is claimed, residuals are; off: {', '.join(found['off'])}")
+    return (f"{some(found['subdomains'], NAMES)}: load steps one after the other, {found['answers']:,} answers from the last committed "
+            f"one; no error bound is claimed, residuals are; off: {', '.join(found['off'])}") if found else ""
+
+
+def _bolts(summary: Mapping[str, object]) -> str:
+    """What they carry at the last load step."""
+    return "\n".join(f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}"
+                     for bolt in summary.get("bolts") or ())
+
+
+def hold_sentences(summary: Mapping[str, object]) -> list[str]:
+    """Which bodies are detached or weakly held, at which load steps, in words."""
+    place = "where stabilisation leaves it" if summary.get("stabilised") else "undetermined"
+    return [f"{some(names, NAMES)}: {what} at load step {steps}; {'its' if len(names) == 1 else 'their'} rigid position is {place}"
+            for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole"))
+            for steps, names in _alike(summary.get(key) or ())]
+
+
+def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
+    """How much stabilisation carried, and which bodies live by it at which load steps, in words."""
+    if not (found := summary.get("stabilised")):
+        return []
+    force, work = map(_times, (found["force"], found["work"]))
+    text = (f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do "
+            f"{work} of the largest strain energy in work")
+    weakened, withdrawn = (", ".join(str(after + 1) for after in found.get(key) or ()) for key in ("weakened", "withdrawn"))
+    text += f"; weaker from iteration {weakened} on" if weakened else ""
+    text += (f"; from iteration {withdrawn} on as before the last of these, which led nowhere: what many loose bodies carry may be off by "
+             "more than the tolerance") if withdrawn else ""
+    lived = [f"{some(names, NAMES)}: {'lives' if len(names) == 1 else 'live'} by them at load step {steps} (more than a tenth of the "
+             "forces there)" for steps, names in _alike(found["bodies"])]
+    return [text, *lived] if lived else [f"{text}; no body lives by them"]
+
+
+def place_sentences(summary: Mapping[str, object]) -> list[str]:
+    """How far the places of loose bodies are determined, and which ones are beyond the tolerance, in words."""
+    found, tolerance = summary.get("places"), summary.get("tolerance")
+    if not found or not found["bodies"]:
+        return []
+    beyond = [f"{name} {_times(far)}" for name, far in found["bodies"].items() if None in (far, tolerance) or far > tolerance]
+    return [f"rigid positions of loose bodies are determined to about {_times(found['open'])} of the largest displacement"
+            + (": " + some(beyond, NAMES) if beyond else ", less than the tolerance")]
+
+
+def _times(share: float | None) -> str:
+    return "any number of times" if share is None else f"{share:.1e}"
+
+
+def _alike(named: Iterable[list[str]]) -> list[tuple[str, list[str]]]:
+    """Load steps, and the names that are told at these and no others, from the names per load step."""
+    when: dict[str, list[str]] = {}
+    for step, names in enumerate(named, 1):
+        for name in names:
+            when.setdefault(name, []).append(str(step))
+    alike: dict[str, list[str]] = {}
+    for name, steps in when.items():
+        alike.setdefault(", ".join(steps), []).append(name)
+    return list(alike.items())
+
+
+def _size(summary: Mapping[str, object]) -> str:
+    words = {"dofs": "dof", "subdomains": "subdomain", "interfaces": "interface", "load_steps": "load step"}
+    return ", ".join(f"{summary[key]:,} {word}{'s' * (summary[key] != 1)}" for key, word in words.items() if summary.get(key) is not None)
+
+
+def _time(summary: Mapping[str, object]) -> str:
+    timing = summary.get("timing") or {}
+    if (total := timing.get("total")) is None:
+        return ""
+    stages = sorted(stage_seconds(timing)[:-1], key=lambda stage: -stage[1])[:LARGEST]
+    rest = total - sum(seconds for _, seconds in stages)
+    parts = [f"{label} {seconds:.2f}" for label, seconds in stages] + [f"the rest {rest:.2f}"] * (bool(stages) and rest >= 0.005)
+    text = f"{total:.2f} s" + (": " + ", ".join(parts) if parts else "")
+    if own := blackbox_seconds(timing):
+        text += f"\nblack box {own:.2f} s of its own clock, summed over its workers"
+        if (workers := summary.get("workers")) and total:
+            text += f" ({100 * own / (workers * total):.0f} % of {workers} × {total:.2f} s)"
+    return text
+
+
+def told_by_code(summary: Mapping[str, object]) -> bool:
+    """Whether it is worth saying what each code has taken: there are several, or one was asked for a compliance."""
+    codes = summary.get("codes") or ()
+    return len(codes) > 1 or any(entry["compliances"] for entry in codes)
+
+
+def _codes(summary: Mapping[str, object]) -> str:
+    """Seconds in each code and in the orchestrator."""
+    rows = []
+    for entry in summary["codes"] if told_by_code(summary) else ():
+        count, asked = len(entry["subdomains"]), entry["compliances"]
+        rows.append(f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} subdomain{'s' * (count != 1)}" + (
+            f"; asked once for the interface compliance of {len(asked)} of them ({sum(note['unit_loads'] for note in asked):,} unit loads, "
+            f"{sum(note['seconds'] for note in asked):.2f} s), cheaper than a run per iteration" if asked else ""))
+    return "\n".join(rows + [_numbers(summary, "orchestrator_seconds", "orchestrator: {:.2f} s of wall clock, between requests")] * bool(rows))
+
+
+def _workers(summary: Mapping[str, object]) -> str:
+    """On their idleness in the iterations."""
+    period = (summary.get("workload") or {}).get("iterations") or {}
+    if not (workers := period.get("workers")):
+        return ""
+    total = sum(row["seconds"] for row in workers)
+    waiting, idle, messages = (100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages"))
+    return (f"idle for {waiting + idle:.0f} % of the {period['seconds']:.2f} s of iterations (for the orchestrator {idle:.0f} %, for each "
+            f"other {waiting:.0f} %); messages {messages:.0f} %")
+
+
+def _ranks(summary: Mapping[str, object]) -> str:
+    """What they tell each other and hold."""
+    ranks = ((summary.get("workload") or {}).get("iterations") or {}).get("ranks") or ()
+    if len(ranks) < 2 or not (count := summary.get("iterations")):
+        return ""
+    waiting, messages, sums, sent, memory = ([row[name] for row in ranks]
+                                             for name in ("share", "messages", "reductions", "bytes", "memory_peak_mb"))
+    memory = summary.get("rank_memory_peak_mb") or memory
+    return (f"waiting {100 * min(waiting):.0f} to {100 * max(waiting):.0f} % of the iterations; per iteration and rank at most "
+            f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
+            f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted")
+
+
+def _skipped(summary: Mapping[str, object]) -> str:
+    """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
+    return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
+                     for entry in summary.get("skipped") or ())
+
+
+# label → a function of the summary, or a key of it and the format of what is there
+_LINES: tuple[tuple[str, object], ...] = (
+    ("run", ("name", "{}")), ("result", _result), ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
+    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes),
+    ("what to do", _sentences("advice")), ("iterations", _iterations),
+    ("error bound", ("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
+    ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
+    ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
+    ("mesh's error", _mesh), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
+    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary))), ("places", lambda summary: "\n".join(place_sentences(summary))),
+    ("not held", lambda summary: "\n".join(hold_sentences(summary))), ("warning", _sentences("warnings")), ("size", _size),
+    ("element", ("element", "{}")), ("time", _time), ("codes", _codes), ("workers", _workers), ("ranks", _ranks), ("skipped", _skipped),
+    ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))

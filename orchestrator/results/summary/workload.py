@@ -19,14 +19,8 @@ from orchestrator.timing import Savings, Stopwatch
 if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one
     from orchestrator.scene.model import Scene
 
-STAGE_HEAD = ("stage", "rank", "calls", "seconds", "waiting for other ranks", "share")
-WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
-               "waiting", "idle", "idle share")
-RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share", "messages", "of them sums",
-             "MB sent", "peak memory MB")
 PERIODS = {"set_up": "set-up", "iterations": "iterations"}
 _TABLES = ("stages", "workers", "ranks")
-_LEAST = 5e-3  # share from which a stage is worth a row
 
 Record = dict[str, dict[str, object]]
 
@@ -55,8 +49,7 @@ class Workload:
         wall, waited = now[0] - begin, now[2] - waited
         spent = {name: [late - early for late, early in zip(measured, stages.get(name, (0.0, 0, 0.0)))]
                  for name, measured in self._then[1].items()}
-        self.record[period] = {
-            "seconds": wall,
+        self.record[period] = {"seconds": wall,
             "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
             "workers": [_row(rank, late.since(early)) for late, early in zip(self._then[2], workers)],
@@ -93,61 +86,6 @@ def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
             known[key] = known[key] + entry[key]
         known["seconds"] = {kind: known["seconds"][kind] + spent for kind, spent in entry["seconds"].items()}
     return result
-
-
-def idle_share(period: Mapping[str, object]) -> float:
-    """Share of the workers' time in which they had nothing to do; 0 without workers."""
-    workers = period["workers"]
-    total = sum(row["seconds"] for row in workers)
-    return sum(row["waiting"] + row["idle"] for row in workers) / total if total else 0.0
-
-
-def idle_text(record: Mapping[str, object] | None) -> str | None:
-    """One line on the workers' idleness in the iterations, for the console."""
-    period = (record or {}).get("iterations")
-    if not period or not period["workers"]:
-        return None
-    workers, total = period["workers"], sum(row["seconds"] for row in period["workers"])
-    share = {name: 100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages")}
-    return (f"idle for {100 * idle_share(period):.0f} % of the {period['seconds']:.2f} s of iterations (for the "
-            f"orchestrator {share['idle']:.0f} %, for each other {share['waiting']:.0f} %); messages {share['messages']:.0f} %")
-
-
-def ranks_text(summary: Mapping[str, object]) -> str | None:
-    """One line on what ranks tell each other and hold, for the console; None for a single one."""
-    period = (summary.get("workload") or {}).get("iterations")
-    ranks, count = (period or {}).get("ranks") or (), summary.get("iterations")
-    if len(ranks) < 2 or not count:
-        return None
-    waiting, messages, sums, sent, memory = ([row[name] for row in ranks]
-                                             for name in ("share", "messages", "reductions", "bytes", "memory_peak_mb"))
-    whole = summary.get("rank_memory_peak_mb") or memory
-    return (f"waiting {100 * min(waiting):.0f} to {100 * max(waiting):.0f} % of the iterations; per iteration and rank at most "
-            f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
-            f"{min(whole):,.0f} to {max(whole):,.0f} MB at the peak, codes not counted")
-
-
-def stage_rows(period: Mapping[str, object], names: Mapping[str, str]) -> list[tuple[str, ...]]:
-    """As ``STAGE_HEAD``, the longest first within a rank; shares are of the period."""
-    rows = sorted(period["stages"], key=lambda row: (row["rank"], -row["seconds"]))
-    return [(names.get(row["stage"], row["stage"]), str(row["rank"]), str(row["calls"]), f"{row['seconds']:.2f}",
-             f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %") for row in rows if row["share"] >= _LEAST]
-
-
-def worker_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
-    """As ``WORKER_HEAD``; times in seconds."""
-    return [(str(row["rank"]), str(row["worker"]), str(row["models"]), f"{row['dofs']:,}", str(row["calls"]),
-             f"{row['start'] + row['assemble'] + row['factorise']:.2f}",
-             *(f"{max(row[name], 0.0):.2f}" for name in ("solve", "messages", "waiting", "idle")),
-             f"{100 * row['idle_share']:.1f} %") for row in period["workers"]]
-
-
-def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
-    """As ``RANK_HEAD``; none for a single rank."""
-    ranks = period.get("ranks") or ()
-    return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %",
-             f"{row['messages']:,}", f"{row['reductions']:,}", f"{row['bytes'] / 1e6:.2f}", f"{row['memory_peak_mb']:,.0f}")
-            for row in ranks] if len(ranks) > 1 else []
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,230 @@
+"""The sections of a report, from the summary and the tables beside it: what was asked, the answer, then the rest."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from orchestrator.config.method import Method
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
+from orchestrator.registry import LAWS
+from orchestrator.results.answers import INTERFACES
+from orchestrator.results.extremes import NAME as EXTREMES
+from orchestrator.results.report.document import Marked, by_step, heading, number, plain, section, sentences, table
+from orchestrator.results.summary.summary import jsonable, place_text, units_of
+from orchestrator.results.summary.words import hold_sentences, place_sentences, shown_statuses, stabilised_sentences, summary_rows
+
+LARGE = 0.1  # an error that stands out
+MOST = 40  # rows of a table; of more, the largest
+_SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
+_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual", "mesh's error")
+_BESIDE = ("on", "history", "name")  # keys of an entry that are not what it prescribes
+# quantity, its formula, what it tells; measures of the laws follow
+_QUANTITIES = [
+    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf), relative to the energy norm of the solution; "
+                    "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge)",
+     "guaranteed upper bound of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
+    ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
+     "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
+    ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
+    ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
+     "eq. 16: distance of the linear from the local stage; a squared ratio, no measure of accuracy"),
+    ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
+    ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
+    ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
+    ("law_residual", "the largest of those below", "what the tolerance is compared with"),
+    ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
+     "forces in equilibrium against forces that obey the laws"),
+    (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),
+    (FIXED_POINT, "‖F(s) − s‖ / ‖F(s)‖, in the same norm", "what nonlinear parts truly do against what is extrapolated"),
+    ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance")]
+
+
+def question(summary: Mapping[str, object]) -> list[str]:
+    """Model, matter, supports and loads, interfaces, as tables; nothing of a summary without a configuration."""
+    config = summary.get("config") or {}
+    if not config.get("boundary"):
+        return []
+    units, rest = units_of(summary), lambda entry, known: ", ".join(f"{k}: {flow(v)}" for k, v in entry.items() if k not in known)
+    own = [{**part["material"], "on": [part["name"]]} for part in config.get("parts") or () if part.get("material")]
+    matter = [(str(k), flow(entry.get("on", ["*"])), *(flow(entry.get(key, "")) for key in ("young", "poisson", "density")))
+              for k, entry in enumerate([*(config.get("materials") or ()), *own], 1)]
+    between = [(b if isinstance(b := entry.get("between", ""), str) else " – ".join(b), str(entry.get("law", "")),
+                rest(entry, ("between", "law"))) for entry in config.get("interfaces") or ()]
+    tables = [(("material", "on", "Young's modulus", "Poisson's ratio", "density"), matter),
+              (("boundary", "prescribed", "value", "history"), list(_entries(config["boundary"]))),
+              (("volumes", "load", "value", "history"), list(_entries(config.get("loads") or ()))),
+              (("between", "law", "parameters"), between),
+              (("bolt", "how it is tightened"), [(flow(bolt.get("on")), rest(bolt, ("on",))) for bolt in config.get("bolts") or ()]),
+              (("history", "factors, one per load step"), [(name, flow(f)) for name, f in (config.get("histories") or {}).items()])]
+    told = f"Lengths in{units['length']}, forces in{units['force']}, stresses and moduli in{units['stress']}."
+    return [heading("The question"), plain(_asked(summary, config)), *(table(head, rows) for head, rows in tables if rows),
+            *[told] * bool(units["length"])]
+
+
+def _asked(summary: Mapping[str, object], config: Mapping[str, object]) -> str:
+    mesh = config.get("mesh") or {}
+    source = next((f"{key} {mesh[key] if isinstance(mesh[key], str) else ''}".strip() for key in
+                   ("file", "step", "beam", "box", "polycrystal") if mesh.get(key)), "")
+    made = f"Mesh: {source}" if source else f"{len(config.get('parts') or ())} parts"
+    code = config.get("blackbox") or {}
+    element = str(summary.get("element") or (code[0] if isinstance(code, list) else code).get("element"))[:2]
+    size = f"{summary['dofs']:,} dofs, " if summary.get("dofs") else ""
+    return (f"What displacements, stresses and forces follow from these supports and loads? {made}; {size}"
+            f"{ {'P1': 'four-node tets, ', 'P2': 'ten-node tets, '}.get(element, '')}{summary.get('load_steps') or 1} load step(s).")
+
+
+def _entries(entries: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, ...]]:
+    for entry in entries:
+        what = [key for key in entry if key not in _BESIDE]
+        yield (", ".join(entry["on"]) if isinstance(entry["on"], list) else place_text(entry["on"]), ", ".join(what),
+               "; ".join(flow(entry[key]) for key in what), flow(entry.get("history", "")))
+
+
+def settings(config: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Key and value of what is not the default of ``method``, and of ``subdomains`` and ``blackbox``."""
+    usual = dict(_flat("method", Method().model_dump(mode="json", exclude_none=True)))
+    rows = [row for row in _flat("method", config.get("method") or {}) if usual.get(row[0]) != row[1]]
+    return [*_flat("subdomains", config.get("subdomains")), *rows, *_flat("blackbox", config.get("blackbox"))]
+
+
+def _flat(name: str, value: object) -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _flat(f"{name}.{key}", item)
+    elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+        for k, item in enumerate(value):
+            yield from _flat(f"{name}[{k}]", item)
+    elif value is not None:
+        yield name, flow(value)
+
+
+def flow(value: object) -> str:
+    """A value as one would write it in the YAML, on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {flow(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        text = ", ".join(map(flow, value))
+        return text if all(isinstance(x, str) for x in value) else f"[{text}]"
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "free"}[value]
+    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)
+
+
+def answer(summary: Mapping[str, object]) -> list[str]:
+    """The three numbers, how good they are, and errors above a tenth, where they cannot be overlooked."""
+    known, told = dict(summary_rows(summary)), []
+    for key, what in (("discretisation_error", "The mesh's own error"), ("true_error", "The true error"),
+                      ("error_bound", "The bound on the iterations' error")):
+        if (value := summary.get(key)) is not None and value > LARGE:
+            told.append(f"{what} is {value:.0%} (relative, energy norm): stresses may be off by as much or more.")
+    if not summary.get("converged"):
+        told.append("The run has not converged: these numbers are of its last state.")
+    return [heading("The answer"), table(("", ""), [(label, known[label]) for label in _ANSWER if label in known]), *map(Marked.of, told)]
+
+
+def reactions(summary: Mapping[str, object]) -> list[str]:
+    """Force and moment on every entry of ``boundary``."""
+    if not (forces := summary.get("reactions")):
+        return []
+    units, moments = units_of(summary), summary.get("reaction_moments") or {}
+    names = summary.get("reaction_names") or [f"boundary[{k}]" for k in range(len(forces))]
+    about = moments.get("about")
+    per_entry = moments.get("moments") or [[()] * len(steps or ()) for steps in forces]
+    rows = [(name, str(step), *map(number, force), *map(number, moment)) for name, steps, turned in zip(names, forces, per_entry)
+            for step, (force, moment) in enumerate(zip(steps or (), turned), 1)]
+    head = ["on", "load step", *(f"F{axis}{units['force']}" for axis in "xyz")]
+    head += [f"M{axis}{units['moment']}" for axis in "xyz"] if about else []
+    told = [f"Moments about ({', '.join(f'{x:g}' for x in about)}). Of loads, what they add up to."] if about else []
+    return [heading("Reactions"), table(head, rows, numeric=True), *told]
+
+
+def probes(summary: Mapping[str, object]) -> list[str]:
+    """A table for every probe: components over load steps."""
+    parts = []
+    for probe in summary.get("probes") or ():
+        where = probe.get("at")
+        place = f" at ({', '.join(f'{x:.6g}' for x in where)})" if isinstance(where, list) else ""
+        kind = "" if probe["quantity"] == "point" else f"{probe['quantity']} of "
+        parts.append(plain(f"{probe['name']}: {kind}{probe['of']}{place}"))
+        parts.append(Marked.of(f"{probe['why']}.") if probe.get("why") else
+                     table(("load step", *probe["values"]), by_step(*probe["values"].values()), numeric=True))
+    return section("Probes", *parts)
+
+
+def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
+    """Per part the largest displacement and stresses, with their places."""
+    rows = [row for row in _read(folder / EXTREMES) if (row["quantity"], row["extreme"]) in _SHOWN]
+    units, size = units_of(summary), dict.fromkeys((row["part"] for row in rows), 0.0)
+    size |= {row["part"]: float(row["value"]) for row in rows if row["quantity"] == "von_mises"}
+    kept = _largest(size)
+    lines = [(part, row["quantity"], row["extreme"], *(number(float(row[key])) for key in ("value", "x", "y", "z")), row["load_step"])
+             for part in kept for row in rows if row["part"] == part]
+    text = "The largest displacement and von Mises stress of every part, its largest tension (s1) and compression (s3)."
+    text += f" The {MOST} parts with the largest stress of {len(size)}; {EXTREMES} has all." * (len(kept) < len(size))
+    text += f" Displacements in{units['length']}, stresses in{units['stress']}." * bool(units["length"])
+    head = ("part", "quantity", "", "value", "x", "y", "z", "load step")
+    return [heading("Extremes"), text, table(head, lines, numeric=True)] if rows else []
+
+
+def carried(folder: Path) -> list[str]:
+    """Force, moment and centre of pressure of every interface."""
+    rows, size = list(_read(folder / INTERFACES)), {}
+    for row in rows:
+        size[row["interface"]] = max([size.get(row["interface"], 0.0), *(abs(float(row[key])) for key in ("fx", "fy", "fz"))])
+    kept = _largest(size)
+    columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
+    columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows)
+    columns += ("work", "dissipation") * any(float(row["work"]) or float(row["dissipation"]) for row in rows)
+    lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row.get(key) else "–" for key in columns))
+             for row in rows if row["interface"] in kept]
+    text = ("Force of the second body on the first, its moment about the interface's centre, the centre of pressure, the "
+            "largest pressure at a node; prescribed nodes on the interface are not counted.")
+    text += f" The {MOST} interfaces with the largest forces of {len(size)}; {INTERFACES} has all." * (len(kept) < len(size))
+    return [heading("Interface resultants"), text, table(("interface", "load step", *columns), lines, numeric=True)] if rows else []
+
+
+def _largest(size: Mapping[str, float]) -> list[str]:
+    return sorted(size, key=size.__getitem__, reverse=True)[:MOST]
+
+
+def _read(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def interface_section(summary: Mapping[str, object]) -> list[str]:
+    """Laws, status, bodies that nothing holds, resultants; what is not known is left out."""
+    resultants, counts, bolts = summary.get("interface_resultants") or [], summary.get("status_counts"), summary.get("bolts") or []
+    laws = [(law, str(sum(entry["law"] == law for entry in resultants)), *((LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")))
+            for law in sorted({entry["law"] for entry in resultants})]  # some of another's may not be registered here
+    names = shown_statuses(counts)
+    tightened = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts
+                 for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
+    return [
+        *section("Warnings", *sentences(summary.get("warnings") or ())),
+        *section("Interface laws", table(("law", "interfaces", "formula", "meaning"), laws),
+                 "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on side 1; A: a node's share "
+                 "of the area; p: pressure; μ: friction; g₀: initial gap." * bool(laws)),
+        *section("Bolts", "Force along the bolt, positive where it is pulled; what tightening has taken off its length." * bool(bolts),
+                 table(("bolt", "load step", "force", "shortening", "state"), tightened, numeric=True)),
+        *section("Interface status", table(("load step", *names), [
+            (str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)], numeric=True)),
+        *section("Stabilisation", *sentences(stabilised_sentences(summary))),
+        *section("Places of loose bodies", *sentences(place_sentences(summary))),
+        *section("Bodies that are not held", *sentences(hold_sentences(summary)))]
+
+
+def last_values(summary: Mapping[str, object], history: Mapping[str, Sequence[float]]) -> str:
+    """A table of what the iterations were judged by, with formulas."""
+    measures = [(measure.name, measure.formula, measure.meaning) for law in LAWS.values() for measure in law.measures]
+    residuals = summary.get("residuals") or {}
+    known = {name: column[-1] for name, column in history.items() if len(column)} | residuals | {
+        key: value for key, value in summary.items() if value is not None}
+    told = {name: rest for name, *rest in [*_QUANTITIES, *measures] if jsonable(known.get(name)) is not None}
+    told |= {name: ("", "") for name, value in residuals.items() if name not in told and isinstance(value, (int, float))}
+    return table(("quantity", "last value", "formula", "meaning"),
+                 [(name.replace("_", " "), f"{known[name]:.2e}", *rest) for name, rest in told.items()])
