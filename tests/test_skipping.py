@@ -111,13 +111,13 @@ def test_a_right_hand_side_is_solved_once():
         shared.load([model, replace(model, nodes=model.nodes + 1.0), box(seed=4)])
         expected = pool.traces({0: f, 1: f})
         first = shared.traces({0: f[[0, 1, 0]], 1: np.vstack([f[1], 0 * f[1], f[2]]), 2: f[:1]})
-        before = savings.counts["repeated"]["back-substitutions"]
+        before = savings.counts["repeated", "back-substitutions"]
         second = shared.traces({0: f[[2, 0]], 2: np.vstack([f[:1], f[1:2]])})
     assert np.array_equal(first[0], expected[0][[0, 1, 0]])
     assert np.array_equal(first[1], np.vstack([expected[0][1], 0 * f[1], expected[0][2]]))
     assert np.array_equal(second[0], expected[0][[2, 0]]) and np.array_equal(second[2], expected[1][:2])
     assert before == 3  # one twice, one in the twin, one zero
-    assert savings.counts["repeated"]["back-substitutions"] == before + 3
+    assert savings.counts["repeated", "back-substitutions"] == before + 3
 
 
 @pytest.mark.parametrize("case", [LONG, METIS], ids=["slices", "metis"])
