@@ -32,6 +32,7 @@ def places(tree: ast.Module) -> list[tuple[int, str]]:
     found = []
     silent = {id(part) for node in ast.walk(tree) for part in (
         [node.returns, *(a.annotation for a in [*node.args.args, *node.args.kwonlyargs])] if isinstance(node, ast.FunctionDef)
+        else node.decorator_list if isinstance(node, ast.ClassDef)  # that objects are frozen changes no answer
         else [node.annotation] if isinstance(node, ast.AnnAssign) else []) if part is not None for part in ast.walk(part)}
     for number, node in enumerate(ast.walk(tree)):
         if id(node) in silent:

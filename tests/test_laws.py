@@ -9,9 +9,10 @@ from method_case import config, solved
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
+from orchestrator.laws import coulomb
 from orchestrator.laws.base import Law, Stages, Written
 from orchestrator.laws.contact import OPEN, SLIP, STICK, Contact
-from orchestrator.laws.elastic import SLACK, SPRUNG, TAUT
+from orchestrator.laws.elastic import SLACK, SPRUNG, TAUT, Elastic
 from orchestrator.laws.points import Points
 from orchestrator.laws.status import BONDED, Hold, Status, table
 from orchestrator.method.load_cases import load_cases
@@ -86,6 +87,55 @@ def test_springs_carry_their_stiffness_times_the_stretch(tension_only):
         assert (points["slack"] < points["taut"]).all()
     else:
         assert (points["slack"] == points["taut"]).all() and (answer.status == SPRUNG).all()
+
+
+def missed(law, points, answer, d, previous, normal, across):
+    """Forces that differ by something anywhere: what a law measures, and that as the predicted force would have it, per area."""
+    by = np.random.default_rng(5).normal(size=d.shape)
+    stages = Stages((answer.force + by)[None], d[None], d[None], previous, answer.status[None], {k: x[None] for k, x in answer.own.items()})
+    traction, found = law.residuals(points, stages)
+    assert traction[0] == pytest.approx(np.linalg.norm(answer.force + by, axis=0) / points.area)
+    (found,) = found.values()
+    return found[0], np.hypot(points.stiff_n / (points.stiff_n + normal) * points.along(by),
+                              points.stiff_t / (points.stiff_t + across) * np.linalg.norm(points.across(by), axis=0)) / points.area
+
+
+@pytest.mark.parametrize("tension_only", [False, True])
+def test_what_springs_miss_is_weighed_by_how_soft_they_are(tension_only):
+    law, points, answer, d, previous = answered("elastic", **SPRINGS, tension_only=tension_only)
+    normal = np.where(points.along(d) < 0, points["slack"], points["taut"])
+    found, wanted = missed(law, points, answer, d, previous, normal, points["across"])
+    assert found == pytest.approx(wanted)
+
+
+def test_springs_beside_prescribed_components():
+    """Of a normal shortened to .6 the rest lies in the interface: k = .36 k_n + .64 k_t; where nothing pulls springs are taut."""
+    law = Elastic(2.0, 0.7, True)
+    taut, slack = law.along(np.array([1.0, 0.6]))
+    assert taut == pytest.approx([2.0, 1.168]) and slack == pytest.approx([0.0, 0.448])
+    assert law.presses and not law.joins and law.rigidity == Elastic(0.7, 2.0).rigidity == 0.7
+    assert Elastic(2.0, 0.7).joins and not Elastic(2.0, 0.7).presses
+    points = Points(np.eye(3)[:, :2], *np.ones((2, 2)), np.ones(2), law.parameters(np.arange(2), np.ones(2), np.ones(2)))
+    answer = law.force(points, np.array([[0.0, 1.0], [1.0, -1.0], [0.0, 0.0]]), np.zeros((3, 2)))
+    assert answer.status.tolist() == [TAUT, SLACK] and answer.active is None is answer.derivative
+
+
+@pytest.mark.parametrize("tension_only", [False, True])
+def test_springs_written_to_files_are_checked_node_by_node(tension_only):
+    """Pulled, pressed and at rest beside a whole and a shortened normal: closed forms; what breaks them is told by its size."""
+    law, length, opening = Elastic(2.0, 0.7, tension_only), np.array([1.0, 0.6, 1.0, 0.6, 1.0]), np.array([0.5, 0.3, -0.5, -0.3, 0.0])
+    stiff = np.array([2.0, 1.168, 0.0, 0.448, 2.0] if tension_only else [2.0, 1.168, 2.0, 1.168, 2.0])
+    slip = np.random.default_rng(0).normal(size=(1, 5, 3))
+    sound = dict(opening=opening[None], slip=slip, pressure=(-stiff * opening / length**2)[None], shear=0.7 * slip,
+                 chosen=np.arange(5), length=length)
+    assert max(law.violations(Written(**sound), 3.0, 4.0).values()) < 1e-15
+    for node in range(5):
+        pressure, shear = sound["pressure"].copy(), sound["shear"].copy()
+        pressure[0, node] -= 0.1
+        shear[0, node] += [0.0, 0.3, 0.4]
+        found = law.violations(Written(**sound | {"pressure": pressure, "shear": shear}), 3.0, 4.0)
+        assert found == pytest.approx({"the normal springs' law": 0.1 * length[node] / (4.0 + 3.0 * stiff[node]),
+                                       "the tangential springs' law": 0.5 / (4.0 + 3.0 * 0.7)})
 
 
 @pytest.mark.parametrize("friction, gap, some_stick", [(0.8, -0.4, True), (0.3, 0.4, False), (0.0, 0.0, False)])
@@ -203,6 +253,51 @@ def test_contact_is_measured_at_the_worst_load_step_with_the_slip_of_each():
     deep = jumps - np.array([0.0, 0.1])[:, None, None] * points.normal
     worst = law.residuals(points, Stages(forces * [[[1.0]], [[2.0]]], deep, jumps, previous, status))
     assert worst[0] == pytest.approx(2 * pressure) and worst[1]["penetration"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("name, keys", [("elastic", SPRINGS), ("contact", {"friction": 0.3, "gap": 0.02}),
+                                        ("cohesive", {"stiffness": 3.0, "strength": 0.4, "toughness": 1.0})])
+def test_measures_have_the_units_that_they_are_divided_by(name, keys):
+    """Forces a times and lengths b times as large: each measure grows by the powers that it says."""
+    random, a, b = np.random.default_rng(3), 7.0, 0.01
+    law = LAWS[name].of(LAWS[name].Parameters(law=name, **keys), COUNT, 1.0)
+    points, (force, jump, answered, before) = points_of(law, random), random.normal(size=(4, 3, COUNT))
+    status, own = np.full((1, COUNT), int(SLIP)), {v.name: random.random((1, COUNT)) for v in law.variables}
+    powers = {"gap": b, "friction": 1.0, "first": b, "last": b}  # of all else: stiffnesses
+    scaled = Points(points.normal, points.stiff_n * a / b, points.stiff_t * a / b, points.area,
+                    {key: value * powers.get(key, a / b) for key, value in law.parameters(np.arange(COUNT), np.ones(COUNT), points.area).items()})
+    plain = Points(points.normal, points.stiff_n, points.stiff_t, points.area, law.parameters(np.arange(COUNT), np.ones(COUNT), points.area))
+    small, large = (law.residuals(p, Stages(f * force[None], u * jump[None], u * answered[None], u * before, status, own))
+                    for p, f, u in ((plain, 1.0, 1.0), (scaled, a, b)))
+    assert large[0] == pytest.approx(a * small[0])
+    for measure in law.measures:
+        assert np.max(small[1][measure.name]) > 0.1
+        assert large[1][measure.name] == pytest.approx(a**measure.pressure * b**measure.length * small[1][measure.name]), measure.name
+
+
+def test_contact_without_friction_on_a_normal_without_shear():
+    """Nothing is divided by the shear that there is none of: f = F, and ∂f/∂F = n nᵀ."""
+    law, n = Contact(0.0, np.zeros(2)), np.eye(3)[:, :2]
+    points = Points(n, *np.ones((2, 2)), np.ones(2), law.parameters(np.arange(2), np.ones(2), np.ones(2)))
+    answer = law.force(points, -n, np.zeros((3, 2)), derivative=True)
+    assert np.array_equal(answer.force, -n) and (answer.status == SLIP).all()
+    assert np.array_equal(answer.derivative, n[:, None] * n) and answer.active.tolist() == [0, 1]
+    assert law.force(points, -n, np.zeros((3, 2))).active is None
+
+
+def test_contact_answers_in_parts_what_it_answers_at_once():
+    """Cores take parts of the pairs: none writes beside its own."""
+    law = Contact(0.3, np.full(COUNT, 0.02))
+    random = np.random.default_rng(7)
+    points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
+    whole = law.force(points, F, previous, derivative=True)
+    given = (*points.search, points["gap"], points["friction"]), F, previous
+    force, status, slope = np.full(F.shape, 9.0), np.full(COUNT, 9), np.full(whole.derivative.shape, 9.0)
+    coulomb.answer(50, 120, *given, force, status)
+    coulomb.slopes(10, 20, *given, whole.active, slope)
+    own, some = (np.arange(COUNT) >= 50) & (np.arange(COUNT) < 120), np.arange(len(whole.active)) // 10 == 1
+    assert np.array_equal(force, np.where(own, whole.force, 9.0)) and np.array_equal(status, np.where(own, whole.status, 9))
+    assert np.array_equal(slope, np.where(some, whole.derivative, 9.0))
 
 
 @pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)

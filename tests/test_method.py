@@ -1,7 +1,6 @@
 """The method: macro problems, fixed point, accelerations, error bound, loads, recovery."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,17 +8,14 @@ from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered,
 from quick import late, quick
 
 from orchestrator.blackbox.models.extended import extended_model
-from orchestrator.method.acceleration.relaxation import Aitken
 from orchestrator.method.acceleration.anderson import Anderson
 from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.acceleration.relaxation import Relaxation
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
-from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.increments import Start, iterate
 from orchestrator.method.stopping.dual_energy import dual_energy
-from orchestrator.parallel.team import Team
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -239,66 +235,6 @@ def test_gmres_is_anderson_with_full_memory():
     assert gmres[-1] < 1e-6 * gmres[0]
     assert {r.summary["acceleration"] for r in runs} == {ResidualMinimisation.title}  # the same algorithm thrice
     assert algorithm("anderson", all_perfect=False) is Anderson and algorithm("none", all_perfect=True) is Relaxation
-
-
-def test_aitken_finds_where_a_single_mode_ends():
-    """With one mode, two residuals tell the fixed point; with a resumed one in between, too."""
-    rng = np.random.default_rng(3)
-    mode, end, weight = rng.normal(size=(1, 5)), rng.normal(size=(1, 5)), rng.uniform(1, 2, 5)
-    s, aitken, resumed, taken = end + mode, Aitken(0.7, weight), Aitken(0.1, weight), []
-    for _ in range(2):
-        taken.append((SimpleNamespace(s=s), end + 0.6 * (s - end)))
-        aitken.take(*taken[-1])
-        s = aitken.next()
-    for evaluation in taken[-Aitken.depth:]:
-        resumed.take(*evaluation)
-    assert s == pytest.approx(end, abs=1e-12) and resumed.next() == pytest.approx(end, abs=1e-12)
-
-
-def test_gmres_solves_a_linear_problem_in_its_dimension():
-    """Residual minimisation over n + 1 evaluations of an affine map of dimension n is exact, row by row."""
-    rng = np.random.default_rng(0)
-    matrix, shift = rng.standard_normal((6, 6)), rng.standard_normal((3, 6))
-    solution = np.linalg.solve(np.eye(6) - matrix, shift.T).T
-
-    def fields(s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        return Admissible(s, u, alpha, u, s, None)
-
-    class Counting(Team):
-        def sum(self, *parts):
-            self.reductions += 1
-            return super().sum(*parts)
-
-    team = Counting()
-    gmres = ResidualMinimisation(fields, rng.uniform(0.5, 2, 6), None, 1.0, team)
-    s = np.zeros((3, 6))
-    for _ in range(7):
-        image = s @ matrix.T + shift
-        evaluated = fields(s, image, np.zeros((3, 0)))
-        gmres.take(evaluated, image)
-        best = gmres.best(evaluated)
-        s = gmres.next()
-    assert np.abs(best.s - solution).max() < 1e-9 * np.abs(solution).max()
-    assert np.abs(best.u - solution).max() < 1e-9 * np.abs(solution).max(), "affine functions of s are combined alike"
-    assert team.reductions == 6, "one message for every direction"
-
-
-def test_directions_of_gmres_stay_orthogonal():
-    """One pass is believed where little cancels, and rounding does not add up from direction to direction: 3.5e-11 unmeasured."""
-    n, taken, rng = 120, 80, np.random.default_rng(1)
-    values = np.geomspace(1e-3, 1.0, n)
-
-    def fields(s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        return Admissible(s, u, alpha, u, s, None)
-
-    gmres, exact = ResidualMinimisation(fields, np.ones(n), None, 1.0), rng.standard_normal((1, n))
-    s = np.zeros((1, n))
-    for _ in range(taken):
-        image = s - values * (s - exact)
-        gmres.take(fields(s, image, np.zeros((1, 0))), image)
-        s = gmres.next()
-    Q = np.array([q[0] for q, _ in gmres.directions])
-    assert len(Q) == taken - 1 and np.abs(Q @ Q.T - np.eye(len(Q))).max() < 1e-11
 
 
 # --- error bound ------------------------------------------------------------------------------------------
