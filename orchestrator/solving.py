@@ -172,7 +172,7 @@ class _Solving:
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
-            d = prepare(part, soles, method, blackbox, workers, watch, savings)
+            d = prepare(part, soles, method, blackbox, watch, savings)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")

@@ -48,7 +48,7 @@ def solved(reference=True, **changes) -> Solution:
 
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
-    return prepare(Part.of_all(scene), make_soles(scene, made.method.sole), made.method, blackbox, 1, Stopwatch())
+    return prepare(Part.of_all(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
 
 
 def box_of(made: Config):

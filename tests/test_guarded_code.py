@@ -256,8 +256,8 @@ def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterate
     code = type("OwnCode", (InProcess,), {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
     with GuardedCode(Pool({0: code})) as blackbox:
         def judge():
-            rims = assemble_rims(scene, own, sides, blackbox, 1, True, Savings())
-            found = own_stiffness(scene, own, blackbox, 1, True, Savings())
+            rims = assemble_rims(scene, own, sides, blackbox, True, Savings())
+            found = own_stiffness(scene, own, blackbox, True, Savings())
             check_own_matter(scene, own, found, rims, [boundary_dofs(scene, s, sides[s.index]) for s in own])
 
         if words is None:

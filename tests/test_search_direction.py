@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
@@ -35,7 +35,7 @@ def prepared():
         config = config_from({**BAR, "interfaces": interfaces, "method": method, "blackbox": IN_PROCESS})
         scene = build_scene(config)
         pools.append(make_blackbox(config.blackbox))
-        return prepare(Part.of_all(scene), make_soles(scene, config.method.sole), config.method, pools[-1], 2, Stopwatch()), config.method
+        return prepare(Part.of_all(scene), make_soles(scene, config.method.sole), config.method, pools[-1], Stopwatch()), config.method
 
     yield make
     for pool in pools:
@@ -72,7 +72,7 @@ def test_plain_fixed_point_finds_a_stable_relaxation(prepared):
     assert sizes[0.8] > 1
 
 
-def test_stiffness_does_not_depend_on_what_a_sole_is_packed_with():
+def test_stiffness_of_a_sole_does_not_depend_on_what_else_is_asked_for():
     """Bit for bit, in the hands of the real code: other ranks have other soles."""
     config = config_from({"name": "grains", "mesh": {"polycrystal": {"grains": 6, "size": 1, "h": 0.4, "seed": 7}},
                           "subdomains": "groups", "materials": BAR["materials"], "interfaces": [{"law": "contact"}],
@@ -81,8 +81,8 @@ def test_stiffness_does_not_depend_on_what_a_sole_is_packed_with():
     models = [model for model, _ in sole_models(scene, make_soles(scene, config.method.sole))]
     some = range(1, len(models), 3)
     with make_blackbox(config.blackbox) as blackbox:
-        together = assembled(models, blackbox, 1, False, Savings())
-        apart = assembled([models[i] for i in some], blackbox, 2, False, Savings())
+        together = assembled(models, blackbox, False, Savings())
+        apart = assembled([models[i] for i in some], blackbox, False, Savings())
     assert len(models) > len(some) > 2
     for i, alone in zip(some, apart):
         assert np.array_equal(together[i].toarray(), alone.toarray())

@@ -11,8 +11,7 @@ import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
 
-from orchestrator.blackbox.shared import SharedModels
-from orchestrator.blackbox.models.assembly import representatives
+from orchestrator.blackbox.shared import SharedModels, representatives
 from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.method import Skip

@@ -67,7 +67,7 @@ def test_what_is_loaded_is_what_the_method_reckons_with():
         moved = d.space.trace(d.stage.solve(d.space.loads(direction.times(rigid))))
         assert moved[:, middle] == pytest.approx(rigid[:, middle], abs=1e-9)
         soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.made.sole_scale))
-        again = assemble_search_direction(scene, d.space, soles, blackbox, 1, True, Savings())
+        again = assemble_search_direction(scene, d.space, soles, blackbox, True, Savings())
         assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()
 
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from method_case import box_of, config, prepared
 
-from orchestrator.blackbox.protocol import Layer
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import placed
@@ -66,7 +66,7 @@ def test_macro_problem(case):
     """V and the macro matrix against one answer of the black box per macro unknown."""
     macro, space = case.stage.macro, case.space
     forces = (space.scatter @ macro.G).T.toarray()
-    V = Layer.all_traces(case.blackbox, forces, space.boundary)
+    V = BlackBox.all_traces(case.blackbox, forces, space.boundary)
     alpha = np.random.default_rng(0).standard_normal((2, macro.size))
     assert np.abs(macro.displacement(alpha) - alpha @ V).max() <= 1e-12 * np.abs(V).max()
     matrix = (macro.C.T @ macro.G).toarray() - forces @ V.T

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.blackbox.protocol import BlackBox, Layer, Model
+from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 
 # Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
@@ -29,7 +29,7 @@ PATCH, BALANCED = 1e-8, 1e-5
 DIGITS = 1e-13  # of coordinates, in decks
 
 
-class GuardedCode(Layer):
+class GuardedCode(BlackBox):
     """A code's black box whose stiffness matrices and fields are judged where they arrive.
 
     Raises BlackBoxError, naming the model, for what its matter cannot have answered.

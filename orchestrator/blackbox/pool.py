@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from orchestrator import folders, processes
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.protocol import Model, Traits
+from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.worker import Ended, Worker
 from orchestrator.blackbox.usage import Usage
@@ -36,8 +36,8 @@ def longest_first(costs: Sequence[float], workers: int) -> list[list[int]]:
     return tasks
 
 
-class Pool:
-    """The black box of ``protocol.BlackBox``.
+class Pool(BlackBox):
+    """Processes of finite element codes.
 
     codes : ``Model.code`` → what to run, with its settings: how many processes at once, by which transport
     Raises InputError or BlackBoxError where processes do not start; none is left then.
@@ -120,12 +120,6 @@ class Pool:
         for worker in self.usage.workers:
             worker.kill()
         folders.remove(self._folder)
-
-    def __enter__(self) -> Pool:
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self.close()
 
     def _start(self) -> None:
         """New workers, all at once; raises what the first one to fail raises."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -88,50 +89,26 @@ class Traits:
     nonlinear: bool = False
 
 
-class BlackBox(Protocol):
-    """A pool of finite element processes that hosts many models and keeps all cores busy. All methods raise BlackBoxError when the code
-    fails, hangs or answers nonsense. Used as a context manager: leaving the block ends every process and removes every file."""
-
-    usage: Usage  # what it has taken of the machine so far
-
-    def load(self, models: Sequence[Model]) -> None:
-        """Assemble and factorise every model; model i is known as ``i`` from then on, those before are forgotten."""
-
-    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the (rhs, t) displacements there."""
-
-    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to the (rhs, 3n) displacements. Forces on clamped dofs are
-        ignored."""
-
-    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
-        """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
-
-    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
-        """What nonlinear models truly do from the end of the last committed load step.
-
-        forces : model → (3n,) nodal forces on free dofs, prescribed displacements on those that are clamped
-        commit : this is the end of the load step, which the next one starts from
-
-        Returns model → (2, 3n): displacements u, and K u − r, K being the elastic stiffness and r the forces that u needs.
-        """
-
-    def traits(self, code: int = 0) -> Traits:
-        """What may be relied on with the code of the models whose ``Model.code`` it is."""
-
-    def close(self) -> None:
-        """End all processes and remove all files; may be called twice."""
-
-    def __enter__(self) -> BlackBox: ...
-
-    def __exit__(self, *exc: object) -> None: ...
-
-
-class Layer:
-    """A black box around an inner one, itself a layer perhaps, to which it leaves what it does not do itself."""
+class BlackBox:
+    """A pool of finite element processes that hosts many models and keeps all cores busy, or a layer around an inner one, itself a layer
+    perhaps, to which it leaves what it does not do itself. All methods raise BlackBoxError when the code fails, hangs or answers nonsense.
+    Used as a context manager: leaving the block ends every process and removes every file."""
 
     def __init__(self, inner: BlackBox):
         self.inner = inner
+
+    @cached_property
+    def usage(self) -> Usage:
+        """What it has taken of the machine so far."""
+        return self.inner.usage
+
+    def load(self, models: Sequence[Model]) -> None:
+        """Assemble and factorise every model; model i is known as ``i`` from then on, those before are forgotten."""
+        self.inner.load(models)
+
+    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the (rhs, t) displacements there."""
+        return self.inner.traces(forces)
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
         """Answers (rows, B) to trace forces (rows, B) of all subdomains at once, side by side; zero for other columns.
@@ -144,34 +121,35 @@ class Layer:
             result[:, parts[e]] = answer
         return result
 
-    @property
-    def usage(self) -> Usage:
-        return self.inner.usage
-
-    def load(self, models: Sequence[Model]) -> None:
-        self.inner.load(models)
-
-    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        return self.inner.traces(forces)
-
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to the (rhs, 3n) displacements. Forces on clamped dofs are
+        ignored."""
         return self.inner.fields(forces)
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
         return self.inner.stiffness(models)
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """What nonlinear models truly do from the end of the last committed load step.
+
+        forces : model → (3n,) nodal forces on free dofs, prescribed displacements on those that are clamped
+        commit : this is the end of the load step, which the next one starts from
+
+        Returns model → (2, 3n): displacements u, and K u − r, K being the elastic stiffness and r the forces that u needs.
+        """
         return self.inner.advance(forces, commit)
 
     def traits(self, code: int = 0) -> Traits:
+        """What may be relied on with the code of the models whose ``Model.code`` it is."""
         return self.inner.traits(code)
 
     def close(self) -> None:
+        """End all processes and remove all files; may be called twice."""
         self.inner.close()
 
-    def __enter__(self) -> Layer:
-        self.inner.__enter__()
+    def __enter__(self) -> BlackBox:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        self.inner.__exit__(*exc)
+        self.close()

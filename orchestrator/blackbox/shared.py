@@ -1,26 +1,57 @@
 """Congruent subdomains as one model, and right-hand sides that need no solve.
 
-A layer around any black box. Subdomains that differ by a translation alone are loaded and factorised once; their forces become
-further right-hand sides of the one model. A right-hand side that is zero, that occurs twice, or that was asked the last time
-already, is not solved at all.
+Soles and rims that differ by a translation alone are assembled once. A layer around any black box does as much for subdomains: those that
+are congruent are loaded and factorised once; their forces become further right-hand sides of the one model. A right-hand side that is
+zero, that occurs twice, or that was asked the last time already, is not solved at all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
+import scipy.sparse as sp
 
-from orchestrator.blackbox.models.assembly import representatives
-from orchestrator.blackbox.protocol import BlackBox, Layer, Model
+from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.config.method import Skip
 from orchestrator.errors import BlackBoxError
+from orchestrator.scene.congruence import equal, first_congruent
 from orchestrator.timing import STAGES, Savings
 
+_COMPARED = ("name", "nodes", "region", "materials", "origin")  # by value or not at all; all else must be identical
 ALIKE = 1e-8  # relative: stiffnesses of the same tets at other places, whose coordinates are rounded
 # Back-substitutions that cost as much as assembling and factorising; measured 50 to 150 for 5,000 to 60,000 dofs.
 LOADING = 120
+
+
+def representatives(models: Sequence[Model], traits: Callable[[int], Traits]) -> np.ndarray:
+    """(models,) int, the first model that each one equals but for a translation, which elasticity does not notice.
+
+    Numberings must agree: a model whose nodes or tets come in another order counts as different. So do models whose
+    code is not known to be indifferent to where they are and what they are called.
+
+    traits : of the code of a model, by ``Model.code``, as a black box tells them
+    """
+    invariant = {code: traits(code).translation_invariant for code in {m.code for m in models}}
+    keys = (_key(model) if invariant[model.code] else number for number, model in enumerate(models))
+    return first_congruent(keys, [model.nodes for model in models],
+                           lambda i, j: equal(*(m.materials[m.region] for m in (models[i], models[j]))))
+
+
+def _key(model: Model) -> Hashable:
+    """Numbering, clamped dofs, trace, and whatever else a model may come to hold."""
+    rest = (getattr(model, f.name) for f in fields(model) if f.name not in _COMPARED)
+    return (model.nodes.shape, *((v.shape, v.tobytes()) if isinstance(v, np.ndarray) else v for v in rest))
+
+
+def assembled(models: Sequence[Model], blackbox: BlackBox, share: bool, savings: Savings) -> list[sp.csr_array]:
+    """(3n, 3n) stiffness of every model; where they ``share``, congruent ones get the very same. Raises BlackBoxError from the code."""
+    first = representatives(models, blackbox.traits) if share and models else np.arange(len(models))
+    kinds = np.unique(first).tolist()
+    savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
+    found = dict(zip(kinds, blackbox.stiffness([models[k] for k in kinds])))
+    return [found[k] for k in first.tolist()]
 
 
 def copies(cases: int, members: int, workers: int) -> int:
@@ -32,7 +63,7 @@ def copies(cases: int, members: int, workers: int) -> int:
     return max(1, min(workers, members, cases * STAGES // LOADING))
 
 
-class SharedModels(Layer):
+class SharedModels(BlackBox):
     """Maps subdomains to distinct models and merges their right-hand sides.
 
     inner : the black box that holds the distinct models
@@ -87,17 +118,23 @@ class SharedModels(Layer):
         return {index: answers[model] for index, model in model_of.items()}
 
     def _merged(self, forces: Mapping[int, np.ndarray], solve: Callable, remember: bool) -> dict[int, np.ndarray]:
-        """The right-hand sides of all subdomains that a model stands for, one below the other, and back."""
-        members: dict[int, list[int]] = {}
+        """Right-hand sides that are one and the same array are looked at once for each model, and share their answer."""
+        groups: dict[int, dict[int, int]] = {}  # model → array → a subdomain that has it
+        key = {index: id(f) if self.skip.repeated else index for index, f in forces.items()}
         for index in forces:
-            members.setdefault(int(self.model_of[index]), []).append(index)
-        answers = self._answered({model: np.vstack([forces[i] for i in own]) for model, own in members.items()}, solve, remember)
-        return {index: part for model, own in members.items()
-                for index, part in zip(own, np.split(answers[model], np.cumsum([len(forces[i]) for i in own])[:-1]))}
+            groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
+        rows = {model: np.vstack([forces[i] for i in different.values()]) for model, different in groups.items()}
+        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
+        answers, result = self._answered(rows, solve, remember, again), {}
+        for model, different in groups.items():
+            ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
+            for array, a, b in zip(different, ends[:-1], ends[1:]):
+                result[model, array] = answers[model][a:b]
+        return {index: result[int(self.model_of[index]), key[index]] for index in forces}
 
-    def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool) -> dict[int, np.ndarray]:
-        """Answers per model to rows (n, size) per model. Rows that are zero, that occur twice, or that were asked the last time are
-        told by their bytes, and not solved."""
+    def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool, again: int) -> dict[int, np.ndarray]:
+        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked for. Rows that are zero, that occur
+        twice, or that were asked the last time are told by their bytes, and not solved."""
         if not self.skip.repeated:
             return solve(rows)
         keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}
@@ -112,7 +149,7 @@ class SharedModels(Layer):
                 answers[model] = np.array([found.get(key, nothing) for key in keys[model]]).reshape(r.shape)
         if remember:
             self._last |= {model: dict(zip(keys[model], answers[model])) for model in rows}
-        self.savings.add("repeated", "back-substitutions", sum(map(len, rows.values())) - sum(map(len, asked.values())))
+        self.savings.add("repeated", "back-substitutions", again + sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
         return answers
 
 

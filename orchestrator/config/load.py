@@ -15,7 +15,7 @@ from orchestrator.config.model import Config
 from orchestrator.config.paths import BadOverride, apply, parse, with_files
 from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, Problem, wrong
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ def config_from(data: Any) -> Config:
     """
     if not isinstance(data, dict):
         found = "nothing" if data is None else echo(data)
-        raise InputError(Problem((), found, "a mapping (key: value) with name, mesh, subdomains, materials and boundary",
-                                 "start from configs/traction_beam.yaml"))
+        raise wrong((), found, "a mapping (key: value) with name, mesh, subdomains, materials and boundary",
+                    "start from configs/traction_beam.yaml")
     problems: list[Problem] = []
     try:
         config = Config.model_validate(data)

@@ -42,19 +42,18 @@ from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.scene.soles import Sole
 
 
-def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int, watch: Stopwatch,
+def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both sides of their interfaces
     soles : per interface, the soles of its two sides
     method : ``method`` of the configuration
-    workers : number of packets small requests are joined in
     savings : where it is noted what need not be done
     Raises BlackBoxError: from the code
     Raises Refusal: the macro problem is singular, or the parts do not go together
     """
-    return _SetUp(part, soles, method, blackbox, watch).decomposed(workers, savings or Savings())
+    return _SetUp(part, soles, method, blackbox, watch).decomposed(savings or Savings())
 
 
 class _SetUp:
@@ -68,14 +67,14 @@ class _SetUp:
         self.models = [extended_model(self.scene, s, self.sides[s.index], soles) for s in self.own]
         self.traces = [m.trace for m in self.models]
 
-    def decomposed(self, workers: int, savings: Savings) -> Decomposition:
+    def decomposed(self, savings: Savings) -> Decomposition:
         """The decomposition, step by step."""
         scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
         remembers = any(s.remembers for s in own)
         perfect = space.transfer.perfect.all() and not remembers
         with watch("search_direction"):
-            direction = assemble_search_direction(scene, space, self.soles, blackbox, workers, method.skip.congruent, savings)
-            rims, stiffness = self._rims(perfect or space.ties is not None, workers, savings)
+            direction = assemble_search_direction(scene, space, self.soles, blackbox, method.skip.congruent, savings)
+            rims, stiffness = self._rims(perfect or space.ties is not None, savings)
         factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
@@ -110,15 +109,15 @@ class _SetUp:
         return Decomposition(scene, space, made, loading, stage, local, bound and bound.of(stage, loading, floor), coarse, nonlinear,
                              following, None if coarse is None else AtNodes(cache(partial(SelfStress.of, space, local))))
 
-    def _rims(self, whole: bool, workers: int, savings: Savings) -> tuple[list[RimStiffness], object]:
+    def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.
 
         whole : stiffness on interfaces is needed, as for the error bound and for ties; reactions always need the supports'
         """
         scene, own, share = self.scene, self.own, self.method.skip.congruent
         sides = self.sides if whole else [[] for _ in self.sides]
-        rims = assemble_rims(scene, own, sides, self.blackbox, workers, share, savings)
-        of_bodies = own_stiffness(scene, own, self.blackbox, workers, share, savings)
+        rims = assemble_rims(scene, own, sides, self.blackbox, share, savings)
+        of_bodies = own_stiffness(scene, own, self.blackbox, share, savings)
         check_own_matter(scene, own, of_bodies, rims, self.traces if whole else [trace[:0] for trace in self.traces])
         stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
         if self.space.ties is not None:

@@ -11,7 +11,7 @@ import pymetis
 import scipy.sparse as sp
 
 from orchestrator.timing import predicted_cost
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.parallel.team import Team
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.n
     """
     count = len(scene.subdomains)
     if ranks > count:
-        raise InputError(Problem(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
-                                 "at least one subdomain for every rank", f"mpiexec -n {count} at most, or cut into more subdomains"))
+        raise wrong(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
+                    "at least one subdomain for every rank", f"mpiexec -n {count} at most, or cut into more subdomains")
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
     return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks, speeds)
 

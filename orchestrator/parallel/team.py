@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator import folders
-from orchestrator.errors import BAD_INPUT, InputError, Problem
+from orchestrator.errors import BAD_INPUT, wrong
 
 
 class Team:
@@ -133,7 +133,7 @@ def join() -> Team:
         cure = "take the mpiexec of the MPI that mpi4py uses: .venv/bin/mpiexec after set-up"
     if rank:
         raise SystemExit(BAD_INPUT)  # rank 0 says why
-    raise InputError(Problem((), found, "mpi4py and mpiexec of one MPI", cure))
+    raise wrong((), found, "mpi4py and mpiexec of one MPI", cure)
 
 
 def _share_memory() -> None:

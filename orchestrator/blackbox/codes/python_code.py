@@ -25,7 +25,7 @@ from orchestrator.blackbox.codes.code import Code, MessageCode
 from orchestrator.blackbox.protocol import Model, Origin
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
@@ -228,4 +228,4 @@ def _installed(package: str) -> bool:
 
 
 def _absent(found: str, expected: str, cure: str, key: str = "code") -> InputError:
-    return InputError(Problem(("blackbox", key), found, expected, cure))
+    return wrong(("blackbox", key), found, expected, cure)

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
-from orchestrator.errors import BlackBoxError, InputError, Problem
+from orchestrator.errors import BlackBoxError, InputError, wrong
 from orchestrator.processes import end, started
 
 LOG_TAIL = 2000  # bytes
@@ -165,8 +165,8 @@ class Worker:
         except OSError as error:
             path.unlink(missing_ok=True)
             needed = sum(memoryview(part).nbytes for part in parts)
-            raise InputError(Problem((), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
-                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk")) from error
+            raise wrong((), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
+                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk") from error
         return path
 
     @contextmanager

@@ -48,13 +48,13 @@ class Trial:
         full[:, self.models[index].trace] = self.forces[index]
         return full
 
-    def expected(self, index: int) -> np.ndarray:
-        """(4, 3n) displacements that the reference stiffness gives."""
-        return self.answers(index, self.everywhere(index))
-
     def answers(self, index: int, forces: np.ndarray) -> np.ndarray:
         """(rhs, 3n) displacements that the reference stiffness gives to forces (rhs, 3n)."""
         return Solver().solve(Solver().prepare(self.models[index]), forces)
+
+    def expected(self, index: int) -> np.ndarray:
+        """(4, 3n) displacements that it gives to the trace forces."""
+        return self.answers(index, self.everywhere(index))
 
     def wrong(self, what: str, index: int, found: np.ndarray, forces: np.ndarray, dofs=slice(None)) -> str:
         """What is wrong with displacements of a model, in words; those of another model are told as such."""
@@ -186,15 +186,10 @@ def _traces(trial: Trial) -> tuple[str, str]:
     return f"{apart:.0e} from the reference solution", wrong
 
 
-@check("linearity", "answers are not linear in the forces")
-def _linear(trial: Trial) -> float:
-    f, u = trial.forces[0], trial.traces[0]
-    return difference(trial.first(2 * f[:1] - 3 * f[3:4]), 2 * u[:1] - 3 * u[3:4])
-
-
-@check("batch and single", "a load case is answered otherwise in a batch than alone")
-def _batch(trial: Trial) -> float:
-    return max(difference(trial.first(f[None]), u[None]) for f, u in zip(trial.forces[0], trial.traces[0]))
+check("linearity", "answers are not linear in the forces")(lambda t: difference(
+    t.first(2 * t.forces[0][:1] - 3 * t.forces[0][3:4]), 2 * t.traces[0][:1] - 3 * t.traces[0][3:4]))
+check("batch and single", "a load case is answered otherwise in a batch than alone")(lambda t: max(
+    difference(t.first(f[None]), u[None]) for f, u in zip(t.forces[0], t.traces[0])))
 
 
 @check("many load cases")
@@ -240,9 +235,7 @@ def _order(trial: Trial) -> float:
     return apart
 
 
-@check("repeatability", "the same question is answered otherwise the second time")
-def _repeatable(trial: Trial) -> float:
-    return difference(trial.first(trial.forces[0]), trial.traces[0])
+check("repeatability", "the same question is answered otherwise the second time")(lambda t: difference(t.first(t.forces[0]), t.traces[0]))
 
 
 @check("interface compliance")

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
@@ -74,15 +74,14 @@ class SearchDirection:
         return self.space.transfer.seen_across(self.whole)
 
 
-def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,
-                              share: bool, savings: Savings) -> SearchDirection:
+def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, share: bool, savings: Savings) -> SearchDirection:
     """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
 
     share : congruent soles are assembled once
     Raises BlackBoxError: from the code
     """
     requests = sole_models(scene, soles)
-    found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, workers, share, savings), {}, [], []
+    found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, share, savings), {}, [], []
     for stiffness, (_, (index, side)) in zip(found, requests):
         free = traced(scene.interfaces[index], side).ravel()
         key = id(stiffness), free.tobytes()  # congruent soles share their stiffness

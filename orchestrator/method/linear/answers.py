@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.protocol import BlackBox, Layer
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import Segments, times
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -27,7 +27,7 @@ DIGITLESS = np.finfo(float).tiny / np.finfo(float).eps  # below it numbers lose 
 ORDINARY = 1e100  # loads and answers whose products, and products of these, are numbers: above one over it, and below it
 
 
-class GuardedTraces(Layer):
+class GuardedTraces(BlackBox):
     """A black box every answer of whose ``traces`` is judged, at the cost of products on boundary dofs.
 
     inner : where the answers come from
@@ -82,7 +82,7 @@ class GuardedTraces(Layer):
         return self.own
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-        """As ``Layer`` says, and as ``traces`` does, all subdomains at once."""
+        """As ``BlackBox`` says, and as ``traces`` does, all subdomains at once."""
         return self.answered(forces)[0]
 
     def answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,8 +90,7 @@ class GuardedTraces(Layer):
 
         They are the caller's to change.
         """
-        inner = self.inner if isinstance(self.inner, Layer) else Layer(self.inner)
-        answers, space = inner.all_traces(forces, self.parts), self.direction.space
+        answers, space = self.inner.all_traces(forces, self.parts), self.direction.space
         w = space.trace(answers)
         kw = self.direction.times(w)
         if len(forces):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.rows import dots, placed
@@ -41,12 +41,11 @@ class RimStiffness:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
 
 
-def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, workers: int, share: bool,
-                  savings: Savings) -> list[RimStiffness]:
+def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, share: bool, savings: Savings) -> list[RimStiffness]:
     """Rim stiffness of a rank's own subdomains, assembled by the black box; congruent rims once if they ``share``."""
     rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
     filled = [r for r in rims if len(r.model.cells)]
-    found = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
+    found = iter(assembled([r.model for r in filled], blackbox, share, savings))
     return [RimStiffness(next(found) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes) for r in rims]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import body_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
@@ -33,12 +33,11 @@ ROUNDING, DIGITS = 1e-12, 10.0
 LOCAL = 1e-8  # of a row's diagonal entry: what two assemblies of the same tets may differ by
 
 
-def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, workers: int, share: bool,
-                  savings: Savings) -> dict[int, sp.csr_array]:
+def own_stiffness(scene: Scene, own: Sequence[Subdomain], blackbox: BlackBox, share: bool, savings: Savings) -> dict[int, sp.csr_array]:
     """Index in ``own`` → stiffness of the body, for this rank's subdomains whose matter is their code's own; others as for
     ``assembled``. Parts whose mesh is not ours have been judged when they were read."""
     chosen = [e for e, s in enumerate(own) if not s.foreign and blackbox.traits(s.code).own_matter]
-    return dict(zip(chosen, assembled([body_model(scene, own[e]) for e in chosen], blackbox, workers, share, savings)))
+    return dict(zip(chosen, assembled([body_model(scene, own[e]) for e in chosen], blackbox, share, savings)))
 
 
 def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int, sp.csr_array], rims: Sequence[RimStiffness],

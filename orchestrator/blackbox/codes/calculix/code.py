@@ -29,7 +29,7 @@ from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.transport.worker import Ended
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 
 
 class CalculiX(Code):
@@ -51,7 +51,7 @@ class CalculiX(Code):
         self.executable = shutil.which(wanted or "ccx")
         if self.executable is None:
             found = f"ORCHESTRATOR_CALCULIX={wanted} is no executable" if wanted else "no ccx in the path"
-            raise InputError(Problem(("blackbox", "code"), found, "the CalculiX executable", self.install))
+            raise wrong(("blackbox", "code"), found, "the CalculiX executable", self.install)
 
     def worker(self) -> type[CalculixWorker]:
         return CalculixWorker
@@ -117,8 +117,8 @@ class CalculixWorker(RunWorker):
             raise self.failure("it did not start", error, "") from error
         except BadReply as error:
             version = self.code.version() or "of unknown version"
-            raise InputError(Problem(("blackbox", "code"), f"CalculiX {version}, which lacks a feature: {error}",
-                "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20", self.code.install)) from error
+            raise wrong(("blackbox", "code"), f"CalculiX {version}, which lacks a feature: {error}",
+                "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20", self.code.install) from error
 
     def load(self, index: int, model: Model) -> None:
         """As ``Worker`` says; a load case and some unit loads are solved for the check, and for what they cost."""

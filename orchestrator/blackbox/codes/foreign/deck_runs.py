@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
 from orchestrator.config.mesh import DeckPart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.deck import Deck
 from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
@@ -84,8 +84,8 @@ class DeckRuns:
                 if name.startswith((os.pardir, "orchestrator-")):
                     continue
                 if link.exists() and link.resolve() != included.resolve():
-                    raise InputError(Problem(self.path, f"{included} and {link.resolve()}: two files of one name, one of which is "
-                                             "included", "files included from one folder, or of different names", "rename one of them"))
+                    raise wrong(self.path, f"{included} and {link.resolve()}: two files of one name, one of which is "
+                                "included", "files included from one folder, or of different names", "rename one of them")
                 if not link.exists():
                     link.parent.mkdir(parents=True, exist_ok=True)
                     link.symlink_to(included.resolve())

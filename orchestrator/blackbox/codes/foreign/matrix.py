@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
 from orchestrator.config.mesh import MatrixPart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
@@ -64,11 +64,11 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
     bad = (of_node[:, :3].max(axis=1) <= max(STILL, 10 * rounding)) & (of_node[:, 3:].max(axis=1) > 100 * max(STILL, 10 * rounding))
     if bad.any():
         worst = np.where(bad, of_node[:, 3:].max(axis=1), 0).argmax()
-        raise InputError(Problem(path, f"'{name}': at {bad.sum()} of {len(points)} nodes rotations cost force, and translations do not, "
-                                 f"most at node {ids[worst]}", "a stiffness that vanishes on rigid motions of the nodes that the table "
-                                 "gives, but beside supports", "the table of nodes is in another order than the matrix, nodes are "
-                                 "exchanged or in other units than the model was, or displacements are turned: write it in the "
-                                 "matrix's own order and axes"))
+        raise wrong(path, f"'{name}': at {bad.sum()} of {len(points)} nodes rotations cost force, and translations do not, "
+                    f"most at node {ids[worst]}", "a stiffness that vanishes on rigid motions of the nodes that the table "
+                    "gives, but beside supports", "the table of nodes is in another order than the matrix, nodes are "
+                    "exchanged or in other units than the model was, or displacements are turned: write it in the "
+                    "matrix's own order and axes")
 
 
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
@@ -78,14 +78,14 @@ def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
                      f"{file}, of {rows:,} × {columns:,} with {entries:,} entries", "condense it to the joint")
         K = scipy.io.mmread(file)
     except (OSError, ValueError, TypeError, OverflowError) as error:
-        raise InputError(Problem(path, f"{file}: {str(error) or type(error).__name__}", "a matrix in MatrixMarket's format",
-                                 "begin it with %%MatrixMarket matrix coordinate real symmetric")) from error
+        raise wrong(path, f"{file}: {str(error) or type(error).__name__}", "a matrix in MatrixMarket's format",
+                    "begin it with %%MatrixMarket matrix coordinate real symmetric") from error
     K = sp.csr_array(K)
     if K.dtype.kind not in "fiu":
-        raise InputError(Problem(path, f"{file}: entries of type {K.dtype}", "real numbers", "write the matrix of a static analysis"))
+        raise wrong(path, f"{file}: entries of type {K.dtype}", "real numbers", "write the matrix of a static analysis")
     K = K.astype(float)
     if not np.isfinite(K.data).all():
-        raise InputError(Problem(path, f"{file}: entries of '{name}' that are not finite", "numbers", "write the file again"))
+        raise wrong(path, f"{file}: entries of '{name}' that are not finite", "numbers", "write the file again")
     return K
 
 
@@ -96,13 +96,13 @@ def _loads(part: MatrixPart, ids: np.ndarray, steps: int, path: KeyPath, name: s
         at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
         found = _matrix(file, at, name).toarray() if _is_matrix(file) else forces_of(file, ids, at)
         if found.shape[0] != size:
-            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has",
-                                     "write forces on just the matrix's dofs"))
+            raise wrong(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has",
+                        "write forces on just the matrix's dofs")
         columns.append(found)
     loads = np.hstack(columns).T
     if len(loads) not in (1, steps):
-        raise InputError(Problem((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
-                                 "one column for all load steps, or one for each", "let history multiply a single column"))
+        raise wrong((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
+                    "one column for all load steps, or one for each", "let history multiply a single column")
     return loads
 
 

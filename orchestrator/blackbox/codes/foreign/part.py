@@ -19,7 +19,7 @@ from orchestrator.blackbox.start import find_codes
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.mesh import ForeignPart
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 from orchestrator.processes import end_all
 from orchestrator.scene.model import Scene, Subdomain
 
@@ -79,7 +79,7 @@ class ForeignCode(Code):
 
     def wrong(self, key: str, found: str, expected: str, cure: str) -> InputError:
         """The error to raise for a key of its entry."""
-        return InputError(Problem((*self.settings.place, key), found, expected, cure))
+        return wrong((*self.settings.place, key), found, expected, cure)
 
     def check(self) -> None:
         """As ``Code`` says: the part is brought to its joints."""

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.protocol import Model
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 
 FORM_SERVER = "form_server.edp"
 _BEFORE, _AFTER = ("elasticity.idp", "form_names.idp"), ("form.idp", "serve.idp")
@@ -108,7 +108,7 @@ def with_volumes(model: Model) -> Model:
 
 
 def _problem(found: str, expected: str, cure: str) -> InputError:
-    return InputError(Problem(("blackbox", "form"), found, expected, cure))
+    return wrong(("blackbox", "form"), found, expected, cure)
 
 
 # readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and never ends when 512 does.
