@@ -204,7 +204,7 @@ class _Solving:
         usage, load = d.blackbox.usage, predicted_cost([(~s.fixed).sum() for s in d.own]).sum()
 
         def busy() -> float:
-            return max((worker.solve + worker.messages for worker in usage.activity()), default=0.0)
+            return max((worker["solve"] + worker["messages"] for worker in usage.activity()), default=0.0)
 
         return Placing(self.ranks.team, busy, float(load), time.perf_counter() - self.begun, self.ranks.may_stop)
 

@@ -7,48 +7,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 STAGES = ("start", "assemble", "factorise", "solve")  # of a code's own clock
 
 
-@dataclass(frozen=True)
-class Activity:
-    """One worker since it was started, or between two moments (``since``).
+CLOCKS = (*STAGES, "messages", "waiting", "idle")  # of a worker; they make up the wall clock
 
-    The code's own seconds, messages, waiting and idleness make up the wall clock.
+Activity = dict[str, float]  # of a worker, see ``Usage.activity``
 
-    models, dofs : that it holds now; dofs that are not clamped
-    calls : tasks it was given; all subdomains of a linear stage are one
-    start, assemble, factorise, solve : CPU seconds on the code's own clock
-    messages : the rest of the seconds in which it had a task: bytes to and from the code and, on a busy machine,
-        the code's wait for a core
-    waiting : seconds without a task while another worker still had one: imbalance
-    idle : seconds in which nobody had a task, because the orchestrator computed
-    """
 
-    worker: int
-    models: int
-    dofs: int
-    calls: int
-    start: float
-    assemble: float
-    factorise: float
-    solve: float
-    messages: float
-    waiting: float
-    idle: float
-
-    def since(self, before: Activity) -> Activity:
-        """What was added since an earlier moment."""
-        return Activity(self.worker, self.models, self.dofs, *(getattr(self, f.name) - getattr(before, f.name) for f in fields(self)[3:]))
-
-    @property
-    def seconds(self) -> float:
-        """All seconds."""
-        return self.start + self.assemble + self.factorise + self.solve + self.messages + self.waiting + self.idle
+def since(late: Activity, early: Activity) -> Activity:
+    """What a worker has done between two moments."""
+    return {key: value - early[key] if key in ("calls", *CLOCKS) else value for key, value in late.items()}
 
 
 class Usage:
@@ -93,13 +65,22 @@ class Usage:
         return _summed(self.workers)
 
     def activity(self) -> list[Activity]:
-        """What each worker has done with its time."""
+        """What each worker has done with its time since it was started.
+
+        worker, models, dofs : which one, and what it holds now; dofs that are not clamped
+        calls : tasks it was given; all subdomains of a linear stage are one
+        start, assemble, factorise, solve : CPU seconds on the code's own clock
+        messages : the rest of the seconds in which it had a task: bytes to and from the code and, on a busy machine,
+            the code's wait for a core
+        waiting : seconds without a task while another worker still had one: imbalance
+        idle : seconds in which nobody had a task, because the orchestrator computed
+        """
         asked, found = self.asked - self._before, []
         idle = time.perf_counter() - self._since - asked
         for number, worker in enumerate(self.workers):
             dofs = [n for n, home in zip(self._dofs, self._home) if home == number]
-            found.append(Activity(number, len(dofs), sum(dofs), worker.calls, **worker.seconds, waiting=asked - worker.working,
-                                  messages=worker.working - sum(worker.seconds.values()), idle=idle))
+            found.append({"worker": number, "models": len(dofs), "dofs": sum(dofs), "calls": worker.calls, **worker.seconds,
+                          "messages": worker.working - sum(worker.seconds.values()), "waiting": asked - worker.working, "idle": idle})
         return found
 
     def codes(self) -> list[dict[str, object]]:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from orchestrator.blackbox.usage import Activity, Usage
+from orchestrator.blackbox.usage import CLOCKS, Activity, Usage, since
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.summary.summary import memory_peak_mb, versions
 from orchestrator.timing import Savings, Stopwatch
@@ -52,7 +52,7 @@ class Workload:
         self.record[period] = {"seconds": wall,
             "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
-            "workers": [_row(rank, late.since(early)) for late, early in zip(self._then[2], workers)],
+            "workers": [_row(rank, since(late, early)) for late, early in zip(self._then[2], workers)],
             "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "share": waited / wall,
                        "messages": now[3] - messages, "reductions": now[5] - reductions, "bytes": now[4] - sent,
                        "memory_peak_mb": memory_peak_mb()}]}
@@ -66,8 +66,8 @@ class Workload:
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
-    return {"rank": rank, **asdict(spent), "seconds": spent.seconds,
-            "idle_share": (spent.waiting + spent.idle) / spent.seconds if spent.seconds else 0.0}
+    seconds = sum(spent[clock] for clock in CLOCKS)
+    return {"rank": rank, **spent, "seconds": seconds, "idle_share": (spent["waiting"] + spent["idle"]) / seconds if seconds else 0.0}
 
 
 def joined(records: Sequence[Record]) -> Record:
