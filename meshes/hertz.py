@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 LENGTH, RADIUS = 1.0, 2.0
 GROWTH = 1.2  # of element sizes away from the contact

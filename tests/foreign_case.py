@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.structured import box
+from orchestrator.scene.mesh.sources import box
 
 SIZE = (2.0, 1.0, 1.0)
 EDGES = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]  # of a tet, in the order of C3D10

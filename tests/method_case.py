@@ -17,7 +17,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.timing import Stopwatch
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}

@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 SIDES = {"xmin": "inner", "xmax": "outer", "ymin": "start", "ymax": "end", "zmin": "low", "zmax": "high"}
 

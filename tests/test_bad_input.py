@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from orchestrator.blackbox.codes.freefem.code import INSTALL
 from orchestrator.cli import app
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 GOOD = {
     "name": "name: bar",

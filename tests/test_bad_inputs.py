@@ -14,8 +14,8 @@ from test_bad_input import GOOD
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
-from orchestrator.scene.mesh import size
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh import checks
+from orchestrator.scene.mesh.sources import bricks
 
 PATIENCE = 120  # seconds after which one counts as hanging, on a slow machine too
 
@@ -205,14 +205,14 @@ def test_paths_of_no_configuration(in_time, path):
                                         ("mesh: {beam: {size: [4, 1, 1], h: 0.02}}", "take h: ")])
 def test_meshes_must_fit_in_what_is_free(folder, in_time, monkeypatch, mesh, word):
     """Asked before they are made: with 10 MB left, forty thousand nodes are too many."""
-    monkeypatch.setattr(size, "memory_left", lambda: 1e7)
+    monkeypatch.setattr(checks, "memory_left", lambda: 1e7)
     (folder / "bar.yaml").write_text("\n".join({**GOOD, "mesh": mesh}.values()))
     assert word in refused(folder / "bar.yaml", "--output", str(folder / "out"))
 
 
 def test_ten_nodes_must_fit_too(folder, in_time, monkeypatch):
     """A mesh of 81 corners that fits with four nodes a tet does not with ten."""
-    monkeypatch.setattr(size, "memory_left", lambda: 4e5)
+    monkeypatch.setattr(checks, "memory_left", lambda: 4e5)
     (folder / "ten.yaml").write_text("\n".join({**GOOD, "extra": "blackbox: {element: P2}"}.values()))
     assert "element: P2" in refused(folder / "ten.yaml", "--output", str(folder / "out"))
     (folder / "four.yaml").write_text("\n".join(GOOD.values()))
@@ -232,13 +232,13 @@ def test_more_batches_than_iterations(folder, in_time):
 
 def test_memory_left_heeds_the_process_own_limit():
     """As ``ulimit -v`` sets it: no more is left than is allowed."""
-    program = ("import resource; from orchestrator.scene.mesh.size import memory_left; free = memory_left()\n"
+    program = ("import resource; from orchestrator.scene.mesh.checks import memory_left; free = memory_left()\n"
                "resource.setrlimit(resource.RLIMIT_AS, (1 << 32, 1 << 32)); assert 0 < memory_left() < min(1 << 32, free)")
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
 def test_many_load_steps_must_fit_too(folder, in_time, monkeypatch):
-    monkeypatch.setattr(size, "memory_left", lambda: 1e6)
+    monkeypatch.setattr(checks, "memory_left", lambda: 1e6)
     steps = {"loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]", "extra": f"histories: {{ramp: {[1] * 200}}}"}
     (folder / "bar.yaml").write_text("\n".join({**GOOD, **steps}.values()))
     assert "200 load steps on 81 nodes" in refused(folder / "bar.yaml", "--output", str(folder / "out"))

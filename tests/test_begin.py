@@ -11,7 +11,7 @@ from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.scene.inspection import units_remark
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 
 def call(*words):

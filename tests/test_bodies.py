@@ -6,7 +6,7 @@ from contact_case import contact, converged, monolithic, start_from, written
 
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
 CELLS = (4, 2, 2)

@@ -14,7 +14,7 @@ from orchestrator.results.report.sections import interface_section
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.bolts import fitted
 from benchmarks.kit.calculix_whole import displacements
 

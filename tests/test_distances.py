@@ -9,7 +9,7 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
 AUTO = {"between": "auto", "law": "contact"}

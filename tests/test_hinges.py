@@ -7,7 +7,7 @@ from method_case import config, method, saved, solved
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
 BASE = [(i, j, 0) for i in range(2) for j in range(2)]

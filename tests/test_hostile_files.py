@@ -401,7 +401,7 @@ def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mod
 
 def test_fields_that_unpack_to_more_than_the_memory_are_refused(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / "fields.npz", nodes=np.zeros(10**6))
-    monkeypatch.setattr("orchestrator.scene.mesh.size.memory_left", lambda: 1e6)
+    monkeypatch.setattr("orchestrator.scene.mesh.checks.memory_left", lambda: 1e6)
     with pytest.raises(InputError, match="takes about 0.008 GB of memory"):
         read_npz(tmp_path)
 

@@ -7,9 +7,9 @@ import pytest
 from orchestrator import build_scene, config_from
 from orchestrator.results.figures.view import Look
 from orchestrator.scene.interfaces.entries import Laws
-from orchestrator.scene.mesh.cad import leave_out
+from orchestrator.scene.mesh.gmsh_session import leave_out
 from orchestrator.scene.mesh.solids import _sizes
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.names import look_alike, matching
 
 # pairs of which the first, read as a wildcard, means the second too, or the second instead

@@ -18,7 +18,7 @@ from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.registry import FOREIGN
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 OPTIONS = IN_PROCESS_PLASTIC["options"]
 AS_PROCESS = {"code": str(EXAMPLE), "options": OPTIONS, "nonlinear": True, "workers": 1}

@@ -22,8 +22,7 @@ from orchestrator.scene.interfaces.skins import Skin
 from orchestrator.scene.mesh.solids import _arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.sources import joined, make_mesh, moved
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved
 from orchestrator.scene.mesh.mesh import Mesh
 
 AS1 = "gmsh:as1-tu-203.stp"

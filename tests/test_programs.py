@@ -27,7 +27,7 @@ from orchestrator.config.mesh import DeckPart, ProgramPart
 from orchestrator.errors import InputError
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "programs"
 

@@ -25,7 +25,7 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 P2 = {"blackbox": {**FREEFEM, "element": "P2"}}  # quicker here than in process
 STEEL = [{"young": 200e3, "poisson": 0.3}]

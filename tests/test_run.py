@@ -27,7 +27,7 @@ from orchestrator.results.figures.charts import convergence
 from orchestrator.results.figures.plotting import BLUE, png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 ROOT = Path(__file__).parents[1]
 BENT = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, -2.0]}]}

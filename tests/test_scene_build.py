@@ -19,10 +19,9 @@ from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh, StandIn, split_numbering
-from orchestrator.scene.metis import _gather_strays
-from orchestrator.scene.partition import Partition, make_partition
+from orchestrator.scene.partition import Partition, _gather_strays, make_partition
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
 

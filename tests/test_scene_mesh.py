@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 from orchestrator.errors import InputError
-from orchestrator.scene.mesh.cad import locate
+from orchestrator.scene.mesh.gmsh_session import locate, session
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.mesh import Mesh, checked
-from orchestrator.scene.mesh.sources import make_mesh
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks, make_mesh
 
 
 def from_file(path, **more):

@@ -12,7 +12,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.overlap import Solid, contained
 from orchestrator.scene.interfaces.opposite import REACH, Body, close_bodies
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.scene.soles.make import make_soles

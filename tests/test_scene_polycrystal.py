@@ -18,8 +18,7 @@ from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import TET, session
 from orchestrator.scene.mesh.mending import Stars, mend
-from orchestrator.scene.mesh.sources import make_mesh
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks, make_mesh
 from benchmarks.problems.soundness import is_ball, split_interfaces, unsound
 
 pytestmark = pytest.mark.xdist_group("polycrystals")  # meshes are made once for many tests

@@ -8,7 +8,7 @@ from method_case import box_of, config, method, prepared, saved, solved
 
 from orchestrator.method.linear.soft_modes import SOFT, soft_modes
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.scene.soles.make import make_soles
 

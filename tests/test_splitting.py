@@ -12,7 +12,7 @@ from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.faces import faces_of, pieces
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 from benchmarks.problems.cases import grains
 
 CONTACT = {"law": "contact", "friction": 0.2}

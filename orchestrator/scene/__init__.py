@@ -3,6 +3,6 @@
 Rooms: ``mesh`` (sources, files, faces, ten-node tets, polycrystals), ``loads`` (loads and supports, a file each), ``conditions``
 (where they act, whether they agree and hold), ``foreign`` (parts of other programs), ``interfaces`` (where parts meet, under which
 law) and ``soles`` (matter glued to interfaces). ``model`` says what a scene is made of; ``partition`` cuts a mesh in subdomains,
-``metis`` in parts of equal size, ``bolts`` across shanks; ``names`` finds things by name; ``congruence`` tells what is the same but
-for a translation; ``inspection`` lists what a mesh has.
+``bolts`` across shanks; ``names`` finds things by name; ``congruence`` tells what is the same but for a translation; ``inspection``
+lists what a mesh has.
 """

@@ -27,7 +27,7 @@ from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
 from orchestrator.scene.mesh.quadratic import quadratic
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike

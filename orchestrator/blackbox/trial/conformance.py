@@ -18,7 +18,7 @@ from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
-from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.mesh.sources import bricks
 
 
 @dataclass

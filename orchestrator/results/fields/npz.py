@@ -26,7 +26,7 @@ from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.checks import check_memory
 
 NAME = "fields.npz"
 _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import size_of
@@ -30,6 +31,8 @@ ODD = 0.2
 INSIDE = (np.ones((3, 3)) + 2 * np.eye(3)) / 5  # points of a triangle where it is asked whether a face covers it
 NEAREST = 16  # faces asked whether a point is in them
 HOLE = 8  # edges up to which a hole looks like a missing face
+SMOOTH = 0.5  # cosine between normals of faces, up to which edges are none: those of a bore of six facets count as smooth
+NAMED = 6  # nodes
 
 
 def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> tuple[list[np.ndarray], list[str]]:
@@ -165,3 +168,47 @@ def _holes(triangles: np.ndarray) -> list[np.ndarray]:
     loops = [np.flatnonzero(loop == own) for own in np.unique(loop[border[:, 0]])]
     longest = {own: max((len(other) for other in loops if piece[other[0]] == own), default=0) for own in np.unique(piece[border[:, 0]]).tolist()}
     return [own for own in loops if len(own) < longest[int(piece[own[0]])]]
+
+
+def forgotten(faces: list[np.ndarray], own: np.ndarray, ids: np.ndarray, points: np.ndarray, name: str) -> list[str]:
+    """A sentence on nodes that a joint's set seems to have forgotten, or none.
+
+    faces : tables (f, 3, 4, 6 or 8), numbers of nodes of all outer faces, corners first
+    own : numbers of the set's nodes; name : of the joint
+    ids : (n,) ascending, points : (n, 3), all nodes
+    """
+    blocks = []
+    for table in faces:  # four places for corners, four for the nodes in the middle of edges; -1: none
+        count = 4 if table.shape[1] in (4, 8) else 3
+        blocks.append(np.full((len(table), 8), -1))
+        blocks[-1][:, :count], blocks[-1][:, 4 : 4 + table.shape[1] - count] = table[:, :count], table[:, count:]
+    nodes = np.concatenate(blocks)
+    lost, corners = (nodes >= 0) & ~np.isin(nodes, own), nodes[:, :4]
+    x = points[np.searchsorted(ids, np.where(corners < 0, corners[:, [2]], corners))]
+    normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    whole, out = ~lost.any(axis=1), lost[:, :4].sum(axis=1)
+    lacks = np.unique(_smooth(corners, normal, np.flatnonzero(~whole & (out <= 1)), np.flatnonzero(whole), 2)[0])
+    single = lacks[out[lacks] == 1]
+    missing = np.searchsorted(ids, corners[single][lost[single, :4]])
+    around, others = _smooth(np.where(lost[:, :4], corners, -1), normal, single, np.flatnonzero(out > 0), 1)
+    # where nodes in the middle of edges are missing too, that may be a corner left out on purpose, unless faces are all round it
+    every, found = (np.bincount(at, minlength=len(ids))[missing] for at in (np.searchsorted(ids, corners[corners >= 0]), missing))
+    beyond = np.isin(single, around[out[others] > 1])  # a face beyond the joint's end
+    told = np.setdiff1d(lacks, single[beyond | (lost[single].sum(axis=1) > 1) & (every > found)])
+    if not len(told):
+        return []
+    gone = np.unique(nodes[told][lost[told]]).tolist()
+    named = ", ".join(map(str, gone[:NAMED])) + (" …" if len(gone) > NAMED else "")
+    return [f"{name}: faces beside its own, {len(told)} of them, have all other nodes in its set, but not {named}: are these forgotten?"]
+
+
+def _smooth(corners: np.ndarray, normal: np.ndarray, first: np.ndarray, second: np.ndarray, least: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of faces, of the first and the second, that share so many corners (-1: none) at least and no edge is between."""
+    row, column = np.nonzero(corners >= 0)
+    nodes, place = np.unique(corners[row, column], return_inverse=True)
+    table = sp.csr_array((np.ones(len(row)), (row, place)), shape=(len(corners), len(nodes)))
+    shared = (table[first] @ table[second].T).tocoo()
+    a, b = first[shared.row], second[shared.col]
+    good = (shared.data >= least) & (np.einsum("ij,ij->i", normal[a], normal[b]) > SMOOTH)
+    return a[good], b[good]

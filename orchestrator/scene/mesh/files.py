@@ -18,7 +18,7 @@ import numpy as np
 from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.size import HEAD, bad_file, check_content, check_memory, memory_left
+from orchestrator.scene.mesh.checks import HEAD, bad_file, check_content, check_memory, memory_left
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 

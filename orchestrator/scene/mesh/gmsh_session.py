@@ -1,14 +1,21 @@
-"""gmsh switched on for one model, and its answers as arrays."""
+"""gmsh switched on for one model, and its answers as arrays; STEP and BREP models as it reads them, and what no mesher could follow."""
 
 from __future__ import annotations
 
+import re
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
 
 import gmsh
 import numpy as np
+
+from orchestrator.errors import InputError, Problem, Problems
+from orchestrator.scene.mesh.checks import DENSITY, check_content, check_size, coarser
+from orchestrator.scene.names import matching, suggestion, unique_names
 
 HXT = 10
 TRIANGLE, TET = 2, 4
@@ -50,3 +57,88 @@ def last_complaint(error: Exception) -> str:
     """The last line of gmsh's error message."""
     lines = str(error).strip().splitlines() or gmsh.logger.getLastError().strip().splitlines()
     return lines[-1] if lines else type(error).__name__
+
+
+# Labels that programs write where nobody has named a solid.
+NOISE = re.compile(r"STEP translator|^=>\[[\d:]+\]$")
+
+
+def locate(name: str) -> Path:
+    """The file of a name; ``gmsh:part.stp`` is one of the examples that come with gmsh. Raises InputError where there is none."""
+    if name.startswith("gmsh:"):
+        examples = [f for f in metadata.files("gmsh") or [] if "examples" in f.parts and f.suffix in (".stp", ".step")]
+        for found in examples:
+            if found.name == name.removeprefix("gmsh:") and (path := Path(found.locate())).is_file():
+                return path.resolve()
+        raise InputError(Problem(("mesh", "step"), f"{name}: no such example of gmsh", "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples}))))
+    if not Path(name).is_file():
+        raise InputError(Problem(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file", "check the path"))
+    return Path(name)
+
+
+def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple[int, int]], list[str], list[list[int]]]:
+    """Solids of a model, by dimension and tag, with their names, and shells of faces that close none, each the tags of its faces.
+
+    gmsh must be switched on, and holds the model afterwards, its loose faces where ``shells`` are asked for. Solids are called
+    as the model's products, bolt_1, bolt_2, … where a name recurs.
+    Raises InputError: unreadable, no solids
+    """
+    check_content(path, ("mesh", "step"), source)
+    try:
+        found = gmsh.model.occ.importShapes(str(path), highestDimOnly=not shells)
+    except Exception as error:
+        raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
+                                 "a STEP or BREP file", "export the model again")) from None
+    gmsh.model.occ.synchronize()
+    solids = [s for s in found if s[0] == 3]
+    if not solids:
+        raise InputError(Problem(("mesh", "step"), f"{source}: no solids", "a model with at least one solid", "export closed solids, not surfaces"))
+    loose = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getAdjacencies(2, tag)[0])]
+    grown: list[tuple[set[int], list[int]]] = []
+    for tag in loose:
+        edges, faces = {int(e) for e in gmsh.model.getAdjacencies(2, tag)[1]}, [tag]
+        for shell in [shell for shell in grown if shell[0] & edges]:
+            grown.remove(shell)
+            edges, faces = edges | shell[0], [*shell[1], *faces]
+        grown.append((edges, faces))
+    return solids, unique_names([_product(*s) or "solid" for s in solids]), [faces for _, faces in grown]
+
+
+def _product(dimension: int, tag: int) -> str:
+    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``; none where a program has only named itself.
+
+    Such are "Open CASCADE STEP translator 7.1 1:37" and "=>[0:1:1:2]": they tell nothing and change with every export.
+    """
+    label = gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
+    return "" if NOISE.search(label) else label
+
+
+def leave_out(source: str, names: list[str], exclude: Sequence[str], known: list[str]) -> list[int]:
+    """Indices of the solids ``names`` that stay when patterns among ``known`` names are left out.
+
+    Raises InputError: patterns that match nothing, or all solids
+    """
+    problems = Problems()
+    for pattern in exclude:
+        if not matching(pattern, known):
+            problems.add(("mesh", "exclude"), f"no solid is called {pattern!r}", "names of solids, shell wildcards allowed",
+                         suggestion(pattern, known, "solid"))
+    left = {name for pattern in exclude for name in matching(pattern, known)}
+    kept = [i for i, name in enumerate(names) if name not in left]
+    if not kept:
+        problems.add(("mesh", "exclude"), f"{source}: no solid is left", "at least one solid", "leave fewer out")
+    problems.raise_if_any()
+    return kept
+
+
+def check_h(solids: list[tuple[int, int]], h: float) -> None:
+    """Raises InputError for an h that no mesher could follow: larger than the model, or far too small for memory."""
+    extent = float(np.ptp(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0).max())
+    if h > extent:
+        raise InputError(Problem(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}", "elements smaller than the model",
+                                 f"take h: {extent / 10:.2g} or less; h is in the model's own units, before scale"))
+    inside = DENSITY * sum(gmsh.model.occ.getMass(*solid) for solid in solids) / h**3
+    # A plane of equilateral triangles has 1.15 nodes per h².
+    faces = gmsh.model.getBoundary(solids, combined=False, oriented=False)
+    on_faces = 1.15 * sum(gmsh.model.occ.getMass(*face) for face in set(faces)) / h**2
+    check_size(max(inside, on_faces), ("mesh", "h"), f"h = {h:g}", coarser(h))

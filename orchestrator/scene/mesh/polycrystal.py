@@ -14,7 +14,7 @@ from orchestrator.scene.mesh.polyhedra import SIDES, area_vector, scattered
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_angles, dihedral_range, roundness
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.mending import mend
-from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
+from orchestrator.scene.mesh.checks import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.mesh import Mesh
 
 PATH = ("mesh", "polycrystal")

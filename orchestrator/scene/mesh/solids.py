@@ -11,8 +11,7 @@ import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems, some
-from orchestrator.scene.mesh.cad import check_h, leave_out, locate, read_model
-from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion
 

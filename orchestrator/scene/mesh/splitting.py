@@ -17,7 +17,7 @@ import numpy as np
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import format_point, position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.mesh.size import bad_file
+from orchestrator.scene.mesh.checks import bad_file
 
 # Cells with nodes amid their edges: the linear ones that they are read as, and their corners.
 CORNERS = {"tetra10": ("tetra", 4), "triangle6": ("triangle", 3), "quad8": ("quad", 4), "quad9": ("quad", 4),

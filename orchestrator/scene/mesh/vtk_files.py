@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.mesh.child import apart
-from orchestrator.scene.mesh.size import bad_file, check_content, memory_left
+from orchestrator.scene.mesh.checks import bad_file, check_content, memory_left
 
 # VTK's numbers of cell types → meshio's words; of those that are missing the number is told
 TYPES = {1: "vertex", 3: "line", 4: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid",

@@ -16,7 +16,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.checks import check_memory
 
 ENTRY = 24  # bytes: two places and a value
 SAMPLE = 2000  # entries whose digits are counted
