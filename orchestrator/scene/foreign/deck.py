@@ -194,10 +194,7 @@ class Deck(Model):
     def __init__(self, file: Path, path: KeyPath, nonlinear: bool = False):
         self.path, self.file = path, file
         check_cards(file, path, nonlinear)
-        try:
-            self.cards = cards_of_a_model(file)
-        except InputError as error:
-            raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
+        self.cards = cards_of_a_model(file)
         super().__init__(self.cards, _solid, ["NSET"])
         if not len(self.nodes):
             raise InputError(Problem(path, f"{file}: no nodes", "*NODE with number, x, y, z",

@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, Problems, some
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.names import matching, suggestion
 
 DELAUNAY = 1
@@ -235,13 +236,12 @@ def _open(solid: Solid) -> str:
     bare = [solid.face(tag) for k, tag in enumerate(solid.faces) if not (face == k).any()]
     if bare:
         return f"no triangles on its faces {some(bare, SHOWN)}"
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    _, first, count = np.unique(edges, axis=0, return_index=True, return_counts=True)
-    alone = count % 2 == 1
+    ends, edge = edges_of(triangles, TRIANGLE_EDGES)
+    alone = np.bincount(edge.ravel()) % 2 == 1
     if not alone.any():
         return ""
-    tags, lengths = np.unique(np.tile(face, 3)[first[alone]], return_counts=True)
-    where = points(np.unique(edges[first[alone]])).mean(axis=0)
+    tags, lengths = np.unique(np.repeat(face, 3)[alone[edge].ravel()], return_counts=True)
+    where = points(np.unique(ends[alone])).mean(axis=0)
     names = [solid.face(solid.faces[k]) for k in tags[np.argsort(-lengths, kind="stable")]]
     return (f"its faces do not close: {alone.sum()} edges of {some(names, SHOWN)} have one triangle beside them, "
             f"about ({', '.join(f'{x:.4g}' for x in where)})")

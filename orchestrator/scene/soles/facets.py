@@ -16,7 +16,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.congruence import equal
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
 
@@ -55,10 +54,6 @@ class Facets:
     def area_vectors(self) -> np.ndarray:
         """(k, 3) float, area × unit normal."""
         return area_vectors(self.points, self.triangles)
-
-    def same_matter(self, other: Facets) -> bool:
-        """Whether the matter is that of other facets, whose triangles are the same."""
-        return all(equal(getattr(self, name), getattr(other, name)) for name in ("young", "poisson", "thickness"))
 
 
 def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int = 0) -> Facets:

@@ -1,4 +1,4 @@
-"""The soles of all interfaces: which kind each gets, layers of prisms on facets, and what is made once for all that are alike."""
+"""The soles of all interfaces: which kind each gets, and layers of prisms on facets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.model import Difficulty, Interface, Scene
@@ -22,15 +21,13 @@ HALVINGS = 3
 FLATNESS = 0.1
 
 
-def make_soles(scene: Scene, settings, share: bool = True, wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
+def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
 
-    share : layers on interfaces that differ by a translation alone are made once, then moved
     wanted : per interface; the others get none
     """
     hard = difficulty(scene) if settings.kind == "auto" else None
     soles: list[tuple[Sole, Sole] | None] = [None] * len(scene.interfaces)
-    layered, kinds, facets = [], [], []  # facets of both sides, or of one for both where they lie upon each other
     for index, interface in enumerate(scene.interfaces):
         if wanted is not None and not wanted[index]:
             continue
@@ -41,12 +38,11 @@ def make_soles(scene: Scene, settings, share: bool = True, wanted: Sequence[bool
         if kind == "overlap" and together:
             soles[index] = (overlap(scene, interface, settings.modulus_ratio),) * 2
             continue
-        layered.append(index)
-        kinds.append("symmetric" if kind == "overlap" else kind)
+        kind = "symmetric" if kind == "overlap" else kind
+        # of one side for both where they lie upon each other
         upon = together or paired and np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
-        facets.append([facets_of(scene, interface, settings, kinds[-1], side) for side in ((0,) if upon else (0, 1))])
-    for index, layer in zip(layered, _layers(kinds, facets, share)):
-        soles[index] = layer
+        one, *two = (facets_of(scene, interface, settings, kind, side) for side in ((0,) if upon else (0, 1)))
+        soles[index] = soles_of(one, kind, *two)
     return soles
 
 
@@ -69,23 +65,6 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
         one, two = (prisms(f, direction) for direction in (+1, -1))
         both.append(merge(replace(one, young=one.young / 2), replace(two, young=two.young / 2), len(f.points)))
     return both[0], both[-1]
-
-
-def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[tuple[Sole, Sole]]:
-    """The soles of facets, those that differ by a translation alone from others as their copies."""
-    keys = [(kind, *(f.triangles.tobytes() for f in own)) if share else number for number, (kind, own) in enumerate(zip(kinds, facets))]
-    first = first_congruent(keys, [np.vstack([f.points for f in own]) for own in facets],
-                            lambda i, j: all(a.same_matter(b) for a, b in zip(facets[i], facets[j])))
-    soles: list[tuple[Sole, Sole]] = []
-    for number, (kind, own) in enumerate(zip(kinds, facets)):
-        if first[number] == number:
-            soles.append(soles_of(own[0], kind, own[1] if len(own) > 1 else None))
-            continue
-        shift = own[0].points[0] - facets[first[number]][0].points[0]
-        one, two = soles[first[number]]
-        moved = replace(one, points=one.points + shift)
-        soles.append((moved, moved if two is one else replace(two, points=two.points + shift)))
-    return soles
 
 
 def prisms(facets: Facets, direction: int) -> Sole:
