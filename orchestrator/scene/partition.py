@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering
@@ -60,8 +60,8 @@ def metis(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     count = _counted(int(entry), len(mesh.cells))
     number, body = pieces(faces, mesh.volume)
     if count < number:
-        raise InputError(Problem((*PATH, "metis"), f"{count} parts for {number} separate bodies",
-                                 f"at least {number}, because no part may straddle two bodies", f"ask for {number} parts or more"))
+        raise wrong((*PATH, "metis"), f"{count} parts for {number} separate bodies",
+                    f"at least {number}, because no part may straddle two bodies", f"ask for {number} parts or more")
     first = np.unique(body, return_index=True)[1]
     # Bodies in the order of the volumes, so that part numbers follow the volumes.
     order = np.argsort(mesh.volume[first], kind="stable")
@@ -100,9 +100,8 @@ def _layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
 
 def _counted(count: int, cells: int) -> int:
     if not 1 <= count <= cells:
-        raise InputError(Problem(PATH, f"{count} subdomains for a mesh of {cells} tets",
-                                 f"a count between 1 and the number of tets, {cells}",
-                                 "ask for fewer subdomains, or refine the mesh" if count > cells else "ask for at least one subdomain"))
+        raise wrong(PATH, f"{count} subdomains for a mesh of {cells} tets", f"a count between 1 and the number of tets, {cells}",
+                    "ask for fewer subdomains, or refine the mesh" if count > cells else "ask for at least one subdomain")
     return count
 
 
@@ -110,8 +109,8 @@ def _check_empty(partition: Partition) -> None:
     empty = np.flatnonzero(np.bincount(partition.subdomain, minlength=len(partition.names)) == 0)
     if len(empty):
         shown = ", ".join(partition.names[i] for i in empty[:5]) + (", …" if len(empty) > 5 else "")
-        raise InputError(Problem(PATH, f"{len(empty)} of {len(partition.names)} subdomains without any tet: {shown}",
-                                 "at least one tet per subdomain", "ask for fewer subdomains, or refine the mesh"))
+        raise wrong(PATH, f"{len(empty)} of {len(partition.names)} subdomains without any tet: {shown}",
+                    "at least one tet per subdomain", "ask for fewer subdomains, or refine the mesh")
 
 
 def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) -> None:
@@ -132,7 +131,7 @@ def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) 
     more = f"; and {len(broken) - 5} more" if len(broken) > 5 else ""
     cure = ("give each piece a group of its own, or make the pieces share faces" if kind == "groups" else
             f"use metis: {max(len(partition.names), pieces(faces, mesh.volume)[0])}, whose parts are always connected, or another count")
-    raise InputError(Problem(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}", "subdomains held together by shared faces", cure))
+    raise wrong(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}", "subdomains held together by shared faces", cure)
 
 
 def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:

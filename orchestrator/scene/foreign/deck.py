@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.mesh import DeckPart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.flat import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
@@ -61,28 +61,28 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
     """Raises InputError for cards that the deck of a part, or the file of its loads, cannot have."""
     for card, options, where in headings(file, path):
         if card in OF_STEPS and not (loads and "NLGEOM" in options):
-            wrong = (f"*{card}", "what stands between *STATIC and *END STEP", "leave this line out: steps are made here") if loads else (
+            said = (f"*{card}", "what stands between *STATIC and *END STEP", "leave this line out: steps are made here") if loads else (
                 f"*{card}", "the deck up to its first *STEP", "put what stands between *STATIC and *END STEP in a file of its own, loads:, and "
                 "leave the rest out")
         elif card.replace(" ", "").startswith(OF_FILES):
-            wrong = f"*{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads", "leave the card out"
+            said = f"*{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads", "leave the card out"
         elif "NLGEOM" in options:
-            wrong = f"NLGEOM on *{card}: large displacements, to which joint forces are not proportional", "a linear part", "leave NLGEOM out"
+            said = f"NLGEOM on *{card}: large displacements, to which joint forces are not proportional", "a linear part", "leave NLGEOM out"
         elif card in NONLINEAR - (FLOWING if nonlinear else set()):
-            wrong = (f"*{card}, which makes the part nonlinear", "a linear part: its answers are superposed",
+            said = (f"*{card}, which makes the part nonlinear", "a linear part: its answers are superposed",
                      "write nonlinear: true in its entry, so that load steps are replayed" if card in FLOWING else
                      "leave the card out, or put the nonlinear part in the orchestrator's own contact laws")
         elif loads and card == "BOUNDARY" and _new(options):
-            wrong = ("*BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another", "supports that stay",
+            said = ("*BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another", "supports that stay",
                      "leave OP=NEW out, and move what is to be back by 0")
         elif loads and card == "MODEL CHANGE":
-            wrong = "*MODEL CHANGE makes the deck's stiffness another", "loads alone", "leave the elements out of the deck, or in it"
+            said = "*MODEL CHANGE makes the deck's stiffness another", "loads alone", "leave the elements out of the deck, or in it"
         else:
             continue
-        raise InputError(Problem(path, f"{where}: {wrong[0]}", *wrong[1:]))
+        raise wrong(path, f"{where}: {said[0]}", *said[1:])
     if loads and nonlinear and not _first(file)[1].startswith("*"):
-        raise InputError(Problem(path, f"{file}: numbers before the first card", "cards: a load step of matter that flows is one increment",
-                                 "leave that line out, and write more load steps for smaller increments"))
+        raise wrong(path, f"{file}: numbers before the first card", "cards: a load step of matter that flows is one increment",
+                    "leave that line out, and write more load steps for smaller increments")
 
 
 def runs_on(file: Path, path: KeyPath) -> bool:
@@ -105,8 +105,8 @@ def period(file: Path, path: KeyPath) -> float:
     except ValueError:
         lasts = -1.0
     if not 0 <= lasts < float("inf"):
-        raise InputError(Problem(path, f"{where}: no length of time", "an increment and the length of the step, the line after "
-                                 "*STATIC, or a card", "mend that line, or leave it out"))
+        raise wrong(path, f"{where}: no length of time", "an increment and the length of the step, the line after "
+                    "*STATIC, or a card", "mend that line, or leave it out")
     return lasts or 1.0
 
 
@@ -119,10 +119,10 @@ def check_kept(files: list[Path], path: KeyPath) -> None:
         said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row for card, _, rows in cards(file) if card in KEPT for row in rows}
         for key, row in before.items():
             if key not in said and key[0] not in new:
-                raise InputError(Problem((*path, i), f"{file} says nothing of {', '.join(key[1:])} under *{key[0]}, which CalculiX would keep "
-                                         f"from the load step before ({row.file}:{row.line})", "in each file all that acts in its load step",
-                                         "write that line again with what it is now, which may be 0"
-                                         + ("" if key[0] == "BOUNDARY" else f"; or *{key[0]}, OP=NEW if it ends")))
+                raise wrong((*path, i), f"{file} says nothing of {', '.join(key[1:])} under *{key[0]}, which CalculiX would keep "
+                            f"from the load step before ({row.file}:{row.line})", "in each file all that acts in its load step",
+                            "write that line again with what it is now, which may be 0"
+                            + ("" if key[0] == "BOUNDARY" else f"; or *{key[0]}, OP=NEW if it ends"))
         before = said
 
 
@@ -156,9 +156,9 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     for i, own in enumerate(members):
         tables = deck.faces_between(own)
         if not any(len(table) for table in tables):
-            raise InputError(Problem((*path, "joints", i), f"the node set {part.joints[i]} of '{name}' holds no face of an element",
-                                     "all nodes of the faces that the part meets others on, those in the middle of edges too",
-                                     "put every node of those faces in the set"))
+            raise wrong((*path, "joints", i), f"the node set {part.joints[i]} of '{name}' holds no face of an element",
+                        "all nodes of the faces that the part meets others on, those in the middle of edges too",
+                        "put every node of those faces in the set")
         faces.append([np.searchsorted(ids, table) for table in tables])
         joint.append([np.full(len(table), i) for table in tables])
         remarks += forgotten(deck.outer_faces, own, deck.ids, deck.points, f"joint {part.joints[i]} of '{name}'")
@@ -197,8 +197,7 @@ class Deck(Model):
         self.cards = cards_of_a_model(file)
         super().__init__(self.cards, _solid, ["NSET"])
         if not len(self.nodes):
-            raise InputError(Problem(path, f"{file}: no nodes", "*NODE with number, x, y, z",
-                                     "name the file that has the nodes, or that includes it"))
+            raise wrong(path, f"{file}: no nodes", "*NODE with number, x, y, z", "name the file that has the nodes, or that includes it")
         ids = self.nodes[::-1, 0].astype(int)
         self.ids, last = np.unique(ids, return_index=True)  # CalculiX takes the last
         self.points = self.nodes[::-1][last, 1:]
@@ -206,16 +205,16 @@ class Deck(Model):
     def nodes_of(self, name: str, path: KeyPath) -> np.ndarray:
         """Numbers of a node set's nodes, ascending."""
         if (members := self.named("NSET", name)) is None:
-            raise InputError(Problem(path, f"{self.file}: no node set {name}", "a set of *NSET: " + (", ".join(self.sets["NSET"]) or "there is none"),
-                                     f"add *NSET, NSET={name} with the nodes of the joint"))
+            raise wrong(path, f"{self.file}: no node set {name}", "a set of *NSET: " + (", ".join(self.sets["NSET"]) or "there is none"),
+                        f"add *NSET, NSET={name} with the nodes of the joint")
         return members
 
     def places(self, ids: np.ndarray) -> np.ndarray:
         """(n, 3) where nodes are."""
         at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
         if (self.ids[at] != ids).any():
-            raise InputError(Problem(self.path, f"{self.file}: node {ids[self.ids[at] != ids][0]} of a joint is not there", "nodes that "
-                                     "*NODE gives", "mend the node set"))
+            raise wrong(self.path, f"{self.file}: node {ids[self.ids[at] != ids][0]} of a joint is not there", "nodes that "
+                        "*NODE gives", "mend the node set")
         return self.points[at]
 
     def faces_between(self, ids: np.ndarray) -> list[np.ndarray]:

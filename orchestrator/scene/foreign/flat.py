@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, format_point
@@ -43,19 +43,18 @@ def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) 
     normal = outward / (np.linalg.norm(outward) or 1.0)
     off = np.abs((points - points.mean(axis=0)) @ normal).max()
     if not np.linalg.norm(outward) or off > PLANE * size_of(points):
-        raise InputError(Problem(path, f"nodes of '{name}' that are up to {off:.3g} off a plane across {outward.tolist()}",
-                                 "three nodes or more on one plane", "give the normal of the joint's plane, or facets: a file with "
-                                 "the joint's faces"))
+        raise wrong(path, f"nodes of '{name}' that are up to {off:.3g} off a plane across {outward.tolist()}",
+                    "three nodes or more on one plane", "give the normal of the joint's plane, or facets: a file with the joint's faces")
     triangles, area, beside = between_nodes(points, normal)
     if not len(triangles):
-        raise InputError(Problem(path, f"{len(points)} nodes of '{name}', all on one line", "three nodes or more on a plane, not on a line",
-                                 "add the joint's other nodes"))
+        raise wrong(path, f"{len(points)} nodes of '{name}', all on one line", "three nodes or more on a plane, not on a line",
+                    "add the joint's other nodes")
     where = points[triangles[beside.argmax()]].mean(axis=0)
     made = f"{area.sum():.4g} of area between the {len(points)} nodes of '{name}'"
     if beside.max() > VOID:
-        raise InputError(Problem(path, f"{made}, with a face {beside.max():.2g} times as large as those beside it, at {format_point(where)}: "
-                                 "there may be a void", "nodes spread evenly over a joint that fills its convex hull",
-                                 "give facets: a file with the joint's faces"))
+        raise wrong(path, f"{made}, with a face {beside.max():.2g} times as large as those beside it, at {format_point(where)}: "
+                    "there may be a void", "nodes spread evenly over a joint that fills its convex hull",
+                    "give facets: a file with the joint's faces")
     large = area[beside > UNEVEN].sum()
     return [triangles], [f"{made} are its joint, up to their convex hull" + (
         f", {large:.4g} of it in faces more than {UNEVEN:g} times as large as those beside them, the largest at {format_point(where)}"
@@ -103,8 +102,8 @@ def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, pa
 
 
 def _wrong(path: KeyPath, name: str, edge: np.ndarray, found: str, cure: str) -> InputError:
-    return InputError(Problem(path, f"'{name}': two faces at the edge between nodes {edge[0]} and {edge[1]} {found}",
-                              "faces beside each other, all anticlockwise seen from outside", cure))
+    return wrong(path, f"'{name}': two faces at the edge between nodes {edge[0]} and {edge[1]} {found}",
+                 "faces beside each other, all anticlockwise seen from outside", cure)
 
 
 def missing_faces(points: np.ndarray, triangles: np.ndarray, others: np.ndarray, name: str) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.config.mesh import ForeignPart, OnePart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -94,9 +94,9 @@ def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyP
     longest = np.max([np.sum((corners[:, i] - corners[:, i - 1]) ** 2, axis=1) for i in range(3)], axis=0)
     bad = np.flatnonzero(np.linalg.norm(area_vectors(points, triangles), axis=1) <= FLAT * longest)
     if len(bad):
-        raise InputError(Problem(path, f"{name}: a face of its joints without area, at {corners[bad[0]].mean(axis=0)}",
-                                 "faces of distinct nodes, the corners in order round the face, then the nodes in the middle of "
-                                 "edges", "look at the nodes of that face: two of them may be the same"))
+        raise wrong(path, f"{name}: a face of its joints without area, at {corners[bad[0]].mean(axis=0)}",
+                    "faces of distinct nodes, the corners in order round the face, then the nodes in the middle of "
+                    "edges", "look at the nodes of that face: two of them may be the same")
     return triangles, owner, np.concatenate(other)
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.mesh import ProgramPart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.folders import temporary
 from orchestrator.processes import waited_for
 from orchestrator.scene.foreign.joints import Joints
@@ -137,7 +137,7 @@ class ProgramRuns:
 
     def wrong(self, found: str, expected: str, cure: str = "") -> InputError:
         """The error to raise."""
-        return InputError(Problem((*self.path, "run"), f"'{self.name}': {found}", expected, cure))
+        return wrong((*self.path, "run"), f"'{self.name}': {found}", expected, cure)
 
 
 def _interpreter(file: str) -> str:

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.errors import InputError, KeyPath, Problem, Problems
+from orchestrator.errors import KeyPath, Problems, wrong
 from orchestrator.scene.foreign.joints import Joints, components_held
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
@@ -113,9 +113,9 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
     used[joints.triangles] = True
     if not used.all():
         lost = joints.ids[~used]
-        raise InputError(Problem(path, f"{len(lost)} joint nodes of '{name}' are on no face of its joints, the first is {lost[0]}",
-                                 "nodes between which faces of elements lie: of each face all nodes, those in the middle of "
-                                 "edges too", "leave these nodes out of the joint, or put the rest of their face in it"))
+        raise wrong(path, f"{len(lost)} joint nodes of '{name}' are on no face of its joints, the first is {lost[0]}",
+                    "nodes between which faces of elements lie: of each face all nodes, those in the middle of "
+                    "edges too", "leave these nodes out of the joint, or put the rest of their face in it")
     count = len(joints.triangles)
     thinner = 1 - 0.5 * ((joints.points - joints.centre) @ SLANTED / joints.size) ** 2
     facets = Facets(joints.points, joints.triangles, np.ones(count), np.zeros(count),
@@ -124,10 +124,10 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
     nodes = np.vstack([joints.points, layer.points])
     components = components_held(joints, layer.points)
     if components is None:
-        raise InputError(Problem(path, f"supports inside '{name}' that leave some of its rigid motions, along no axis of the mesh",
-                                 "supports that hold all of the part, some of its components x, y, z, or nothing",
-                                 "write held: true if they hold all of it (nodes of *RIGID BODY count as points here); else turn the "
-                                 "model so that what is free is along an axis, or hold the part outside, under boundary"))
+        raise wrong(path, f"supports inside '{name}' that leave some of its rigid motions, along no axis of the mesh",
+                    "supports that hold all of the part, some of its components x, y, z, or nothing",
+                    "write held: true if they hold all of it (nodes of *RIGID BODY count as points here); else turn the "
+                    "model so that what is free is along an axis, or hold the part outside, under boundary")
     held = np.zeros(nodes.shape, dtype=bool)
     held[: len(joints.points)] = joints.held
     held[len(joints.points):] = components

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.foreign.flat import check_surface, missing_faces, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
 
@@ -31,9 +31,9 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     elif part.outward is not None and len(names) == 1:
         faces, remarks = of_plane(points, np.array(part.outward), (*path, "outward"), name)
     else:
-        raise InputError(Problem(path, "neither facets nor outward" if len(names) == 1 else f"{len(names)} joints without facets",
-                                 "the faces that it meets others on", "add facets: a file with the ids of each face's nodes; or, of one flat "
-                                 "joint, outward: [0, 0, 1], its normal out of the part"))
+        raise wrong(path, "neither facets nor outward" if len(names) == 1 else f"{len(names)} joints without facets",
+                    "the faces that it meets others on", "add facets: a file with the ids of each face's nodes; or, of one flat "
+                    "joint, outward: [0, 0, 1], its normal out of the part")
     kept = np.unique(np.concatenate([table.ravel() for table in faces])) if isinstance(part, MatrixPart) else np.arange(len(ids))
     place = np.zeros(len(ids), dtype=int)
     place[kept] = np.arange(len(kept))
@@ -45,8 +45,8 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
                   for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)
     if mixed is not None:
-        raise InputError(Problem((*path, "facets"), f"a face at node {mixed} of '{name}' between nodes of two joints",
-                                 "faces whose nodes are of one joint", "name the joints of the nodes accordingly"))
+        raise wrong((*path, "facets"), f"a face at node {mixed} of '{name}' between nodes of two joints",
+                    "faces whose nodes are of one joint", "name the joints of the nodes accordingly")
     joint = np.concatenate([labels[:, 0] for labels in of_face])[owner]
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
     return Joints(ids[kept], points[kept], triangles, joint, names, np.zeros((len(kept), 3), dtype=bool), left,
@@ -123,7 +123,7 @@ def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
     try:
         lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as error:
-        raise InputError(Problem(path, f"{file}: {error.strerror}", "a file that is there")) from error
+        raise wrong(path, f"{file}: {error.strerror}", "a file that is there") from error
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
         if not words:
@@ -138,9 +138,9 @@ def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
             raise _bad(path, file, number, "a number that is not finite", "finite numbers")
         found.append((number, row))
     if not found:
-        raise InputError(Problem(path, f"{file}: no numbers", f"lines of {what}"))
+        raise wrong(path, f"{file}: no numbers", f"lines of {what}")
     return found
 
 
 def _bad(path: KeyPath, file: str, line: int, found: str, expected: str, cure: str = "mend the line") -> InputError:
-    return InputError(Problem(path, f"{file}:{line}: {found}", expected, cure))
+    return wrong(path, f"{file}:{line}: {found}", expected, cure)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.mesh.faces import MAX_NODES
 
 HEAD = 1 << 16  # bytes that tell
@@ -52,14 +52,13 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
     with path.open("rb") as file:
         known = re.match(start[0], file.read(HEAD), re.DOTALL)
     if not known:
-        raise InputError(Problem(key, f"{source or path}: its content is not what {path.suffix} stands for",
-                                 f"a file that begins with {start[1]}",
-                                 "check that the ending fits the content, and save it again from the program that made it"))
+        raise wrong(key, f"{source or path}: its content is not what {path.suffix} stands for", f"a file that begins with {start[1]}",
+                    "check that the ending fits the content, and save it again from the program that made it")
 
 
 def bad_file(path: Path | str, found: str, expected: str, cure: str) -> InputError:
     """What to raise of a mesh file."""
-    return InputError(Problem(("mesh", "file"), f"{path}: {found}", expected, cure))
+    return wrong(("mesh", "file"), f"{path}: {found}", expected, cure)
 
 
 DENSITY = 0.82  # nodes per h³, measured
@@ -76,7 +75,7 @@ def check_size(nodes: float, path: KeyPath, found: str, cure: Callable[[float], 
     if not nodes <= (most := min(fit, MAX_NODES)):
         expected = f"at most {MAX_NODES} nodes" if fit >= MAX_NODES else \
             f"at most {fit:.2g} nodes, in the {BYTES * fit / 1e9:.2g} GB of memory that are free"
-        raise InputError(Problem(path, f"{found} makes about {nodes:.2g} nodes", expected, cure(1.05 * (nodes / most) ** (1 / 3))))
+        raise wrong(path, f"{found} makes about {nodes:.2g} nodes", expected, cure(1.05 * (nodes / most) ** (1 / 3)))
 
 
 def coarser(h: float) -> Callable[[float], str]:
@@ -87,8 +86,7 @@ def coarser(h: float) -> Callable[[float], str]:
 def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
     """Raises InputError for what takes more bytes than are free, with both numbers."""
     if not needed <= (left := memory_left()):
-        raise InputError(Problem(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory",
-                                 f"at most the {left / 1e9:.2g} GB that are free", cure))
+        raise wrong(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory", f"at most the {left / 1e9:.2g} GB that are free", cure)
 
 
 def memory_left() -> float:

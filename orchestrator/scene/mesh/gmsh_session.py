@@ -13,7 +13,7 @@ from pathlib import Path
 import gmsh
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, Problems
+from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.scene.mesh.checks import DENSITY, check_content, check_size, coarser
 from orchestrator.scene.names import matching, suggestion, unique_names
 
@@ -70,9 +70,9 @@ def locate(name: str) -> Path:
         for found in examples:
             if found.name == name.removeprefix("gmsh:") and (path := Path(found.locate())).is_file():
                 return path.resolve()
-        raise InputError(Problem(("mesh", "step"), f"{name}: no such example of gmsh", "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples}))))
+        raise wrong(("mesh", "step"), f"{name}: no such example of gmsh", "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples})))
     if not Path(name).is_file():
-        raise InputError(Problem(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file", "check the path"))
+        raise wrong(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file", "check the path")
     return Path(name)
 
 
@@ -87,12 +87,12 @@ def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=not shells)
     except Exception as error:
-        raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
-                                 "a STEP or BREP file", "export the model again")) from None
+        raise wrong(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
+                    "a STEP or BREP file", "export the model again") from None
     gmsh.model.occ.synchronize()
     solids = [s for s in found if s[0] == 3]
     if not solids:
-        raise InputError(Problem(("mesh", "step"), f"{source}: no solids", "a model with at least one solid", "export closed solids, not surfaces"))
+        raise wrong(("mesh", "step"), f"{source}: no solids", "a model with at least one solid", "export closed solids, not surfaces")
     loose = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getAdjacencies(2, tag)[0])]
     grown: list[tuple[set[int], list[int]]] = []
     for tag in loose:
@@ -135,8 +135,8 @@ def check_h(solids: list[tuple[int, int]], h: float) -> None:
     """Raises InputError for an h that no mesher could follow: larger than the model, or far too small for memory."""
     extent = float(np.ptp(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0).max())
     if h > extent:
-        raise InputError(Problem(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}", "elements smaller than the model",
-                                 f"take h: {extent / 10:.2g} or less; h is in the model's own units, before scale"))
+        raise wrong(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}", "elements smaller than the model",
+                    f"take h: {extent / 10:.2g} or less; h is in the model's own units, before scale")
     inside = DENSITY * sum(gmsh.model.occ.getMass(*solid) for solid in solids) / h**3
     # A plane of equilateral triangles has 1.15 nodes per h².
     faces = gmsh.model.getBoundary(solids, combined=False, oriented=False)

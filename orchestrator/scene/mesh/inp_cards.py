@@ -15,7 +15,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, wrong
 
 _DEPTH, _MOST = 20, 1000  # files within each other, and files in all
 
@@ -210,4 +210,4 @@ def cards_of_a_model(path: Path) -> list[Card]:
 
 def problem(where: str, found: str, expected: str) -> InputError:
     """Of a file; ``where`` in it."""
-    return InputError(Problem(("mesh", "file"), where + found, expected, "mend the file, or save it again as gmsh's .msh"))
+    return wrong(("mesh", "file"), where + found, expected, "mend the file, or save it again as gmsh's .msh")

@@ -8,7 +8,7 @@ import gmsh
 import numpy as np
 from scipy.spatial import QhullError
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import wrong
 from orchestrator.scene.mesh.grains import Grains, tidied
 from orchestrator.scene.mesh.polyhedra import SIDES, area_vector, scattered
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_angles, dihedral_range, roundness
@@ -54,16 +54,16 @@ def polycrystal(mesh: Any) -> Mesh:
                 *(f"passed over {complaint}" for complaint in complaints), *made.remarks)]
             return made
         complaints.append(f"seed {current}: {made}")
-    raise InputError(Problem(PATH, f"no good mesh with seeds {seed} to {current}; {complaints[-1]}",
-                             f"tets rounder than {ROUND} with dihedral angles above {ANGLE:g} degrees",
-                             "take a smaller h, lloyd: 10 for rounder grains, or another seed"))
+    raise wrong(PATH, f"no good mesh with seeds {seed} to {current}; {complaints[-1]}",
+                f"tets rounder than {ROUND} with dihedral angles above {ANGLE:g} degrees",
+                "take a smaller h, lloyd: 10 for rounder grains, or another seed")
 
 
 def _check_size(count: int, size: np.ndarray, h: float) -> None:
     typical = min(float(np.cbrt(np.prod(size) / count)), float(size.min()))
     if h > typical:
-        raise InputError(Problem((*PATH, "h"), f"h = {h:g}, where grains measure about {typical:.3g}",
-                                 "elements smaller than the grains", f"take h: {typical / 3:.2g} or less"))
+        raise wrong((*PATH, "h"), f"h = {h:g}, where grains measure about {typical:.3g}",
+                    "elements smaller than the grains", f"take h: {typical / 3:.2g} or less")
     check_size(DENSITY * np.prod(size / h), (*PATH, "h"), f"h = {h:g}", coarser(h))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import gmsh
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, Problems, some
+from orchestrator.errors import InputError, Problem, Problems, some, wrong
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
@@ -58,8 +58,8 @@ def _conforming(path: Path, source: str, h: float | None, exclude: list[str]) ->
             if not empty:
                 return _arrays(source, names, owner)
             complaint = "no tetrahedra in " + ", ".join(sorted(empty))
-    raise InputError(Problem(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaint}",
-                             "solids that can be meshed", "try a smaller h, or repair the model"))
+    raise wrong(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaint}",
+                "solids that can be meshed", "try a smaller h, or repair the model")
 
 
 def _joined(path: Path, source: str, h: float | None, exclude: list[str]) -> tuple[list[str], dict[int, int]]:

@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from orchestrator.config.base import Rotate, unit
-from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible
+from orchestrator.errors import InputError, KeyPath, Problems, visible, wrong
 from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.faces import Faces, MAX_NODES, faces_of
 from orchestrator.scene.mesh.geometry import cross
@@ -45,8 +45,8 @@ def _named(mesh: Mesh) -> Mesh:
     names = {name: visible(name) for name in [*mesh.volumes, *mesh.surfaces]}
     volumes, surfaces = [names[name] for name in mesh.volumes], {names[name]: t for name, t in mesh.surfaces.items()}
     if len(set(volumes)) < len(set(mesh.volumes)) or len(surfaces) < len(mesh.surfaces):
-        raise InputError(Problem(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
-                                 "rename the groups"))
+        raise wrong(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
+                    "rename the groups")
     return replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth], remarks=[*map(visible, mesh.remarks)])
 
 
@@ -79,7 +79,7 @@ def _together(parts: list[OnePart]) -> Mesh:
             problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
     problems.raise_if_any()
     if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
-        raise InputError(Problem(("parts",), f"{count} nodes in all", f"at most {MAX_NODES} nodes", "use coarser meshes"))
+        raise wrong(("parts",), f"{count} nodes in all", f"at most {MAX_NODES} nodes", "use coarser meshes")
     return joined(made)
 
 
