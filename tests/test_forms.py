@@ -10,7 +10,7 @@ from method_case import CLAMP, PULL
 from orchestrator.blackbox.codes.freefem.code import FreeFem
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
-from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.fingerprint import problem_of
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -253,5 +253,5 @@ def test_what_is_in_a_form_belongs_to_the_problem(tmp_path):
     """A run is not resumed with another one."""
     configs = []
     for content in (PLAIN, PLAIN.replace("200e3", "210e3"), PLAIN):
-        configs.append(fingerprint(config_from(problem(written(tmp_path, content))).complete()))
+        configs.append(problem_of(config_from(problem(written(tmp_path, content))).complete()))
     assert configs[0] == configs[2] != configs[1]

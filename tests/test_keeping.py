@@ -24,7 +24,7 @@ from orchestrator.errors import InputError, InternalError, lacks_memory
 from orchestrator.guarded import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint, read_file
-from orchestrator.results.fingerprint import differences, fingerprint, problem_of
+from orchestrator.results.fingerprint import differences, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.run import run, solve
@@ -217,8 +217,8 @@ def test_killed_while_the_first_record_was_written(tmp_path, interrupted):
 def test_fingerprint_allows_for_what_changes_no_state():
     made = config().complete()
     for key, value in {"timeout": 5.0, "workers": 3, "transport": "file"}.items():
-        assert fingerprint({**made, "blackbox": {**made["blackbox"], key: value}}) == fingerprint(made)
-    assert fingerprint({**made, "materials": []}) != fingerprint(made)
+        assert problem_of({**made, "blackbox": {**made["blackbox"], key: value}}) == problem_of(made)
+    assert problem_of({**made, "materials": []}) != problem_of(made)
 
 
 # What a configuration names, files that are read with it, and which of them changes; names of files as they stand below a folder.

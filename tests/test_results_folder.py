@@ -11,7 +11,7 @@ import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import HISTORY_COLUMNS, Finished
-from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.fingerprint import problem_of
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
@@ -307,9 +307,9 @@ def test_fingerprint_sees_the_problem_and_not_when_to_stop():
     config = {"name": "a", "mesh": {"beam": {"h": 1.25}}, "method": {"relaxation": 0.8, "max_iterations": 5}}
     nodes = np.zeros((3, 3))
     same = config | {"name": "b", "method": {"relaxation": 0.8, "max_iterations": 500}, "output": {"fields": False}}
-    assert fingerprint(config, nodes) == fingerprint(same, nodes)
-    assert fingerprint(config, nodes) != fingerprint(config | {"mesh": {"beam": {"h": 1.0}}}, nodes)
-    assert fingerprint(config, nodes) != fingerprint(config, nodes + 1)
+    assert problem_of(config, nodes) == problem_of(same, nodes)
+    assert problem_of(config, nodes) != problem_of(config | {"mesh": {"beam": {"h": 1.0}}}, nodes)
+    assert problem_of(config, nodes) != problem_of(config, nodes + 1)
 
 
 def test_a_history_of_another_version_says_which_columns_it_lacks_and_what_can_be_done(tmp_path):

@@ -12,17 +12,17 @@ from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.resultants import Resultants
-from orchestrator.results.extremes import Extremes, extremes, write_extremes
+from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES, Extremes, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.probes import read_probes, write_probes
+from orchestrator.results.probes import NAME as PROBES, read_probes
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import place_text
 from orchestrator.scene.model import Scene
 
 INTERFACES = "interfaces.csv"
-COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
-           "pressure_x", "pressure_y", "pressure_z", "pressure_max", "area", "work", "dissipation")
+OF_INTERFACES = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
+                 "pressure_x", "pressure_y", "pressure_z", "pressure_max", "area", "work", "dissipation")
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,13 @@ class Answers:
 
     def write(self, folder: ResultsFolder) -> None:
         """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv."""
-        write_extremes(folder, self.extremes)
+        folder.write_table(EXTREMES, [COLUMNS, *([*row[:3], *(f"{x:.9g}" for x in row[3:7]), row[7]] for row in self.extremes.rows)])
         if self.interfaces.names:
             self.interfaces.write(folder)
         if self.probes:
-            write_probes(folder, self.probes, self.steps)
+            names, columns = zip(*((f"{probe['name']}.{name}", column) for probe in self.probes for name, column in probe["values"].items()))
+            rows = [[step + 1, *("" if column is None else repr(column[step]) for column in columns)] for step in range(self.steps)]
+            folder.write_table(PROBES, [["load_step", *names], *rows])
 
 
 def reaction_names(config: Config) -> list[str]:
@@ -113,7 +115,7 @@ class InterfaceTable:
         r, steps = self.resultants, len(self.work)
         numbers = np.concatenate([r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
             np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]], axis=2)
-        return folder.write_table(INTERFACES, [COLUMNS, *([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
+        return folder.write_table(INTERFACES, [OF_INTERFACES, *([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
             for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)) for step, row in enumerate(numbers[:, k].tolist()))])
 
 

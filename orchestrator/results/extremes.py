@@ -7,12 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.stress import principal, von_mises
 
 NAME = "extremes.csv"
@@ -112,9 +110,3 @@ def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray,
                 which[k, p] = rows[place]
                 result[k, p] = own[place, np.arange(own.shape[1])]
     return result, which
-
-
-def write_extremes(folder: ResultsFolder, found: Extremes) -> Path:
-    """Writes extremes.csv."""
-    return folder.write_table(NAME, [COLUMNS, *([part, quantity, extreme, *(f"{x:.9g}" for x in (value, *at)), step]
-                                                for part, quantity, extreme, value, *at, step in found.rows)])

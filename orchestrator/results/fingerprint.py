@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterator, Mapping
 from importlib.machinery import PathFinder
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
@@ -47,26 +46,21 @@ def digest_of(problem: Mapping[str, str]) -> str:
     return hashlib.sha256(json.dumps(problem, sort_keys=True).encode()).hexdigest()
 
 
-def fingerprint(config: Mapping[str, object], *arrays: np.ndarray) -> str:
-    """Hash of what the state depends on, see ``problem_of``."""
-    return digest_of(problem_of(config, *arrays))
-
-
 def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """What differs between two problems, in words; of the mesh only where nothing else explains it."""
     keys = [key for key in (*now, *(key for key in before if key not in now)) if before.get(key) != now.get(key)]
     keys = [key for key in keys if not key.endswith(" of the mesh")] or keys
-    return [f"{key}: {_shown(before.get(key))}, now {_shown(now.get(key))}" if "content" not in f"{before.get(key)}{now.get(key)}"
-            else f"{_which(key, now.get(key) or before.get(key))} is another one" for key in keys]
+    told = []
+    for key in keys:
+        old, new = before.get(key), now.get(key)
+        what = (new or old).rpartition(":")[0]
+        told.append(f"{key}: {_shown(old)}, now {_shown(new)}" if "content" not in f"{old}{new}" else
+                    f"{key} ({what}) is another one" if what != "content" else f"{key} is another one")
+    return told
 
 
 def _shown(value: str | None) -> str:
     return "nothing" if value is None else value if len(value) <= _SHORT else f"{value[:_SHORT]}…"
-
-
-def _which(key: str, value: str) -> str:
-    what = value.rpartition(":")[0]
-    return f"{key} ({what})" if what != "content" else key
 
 
 def _leaves(value: object, path: str, plain: str) -> Iterator[tuple[str, object]]:
@@ -130,19 +124,13 @@ def _read_with(path: str, root: str) -> Iterator[str]:
     suffix = os.path.splitext(path)[1].lower()
     try:
         with open(path, "rb") as file:
-            text = b"" if suffix in _ALONE or b"\0" in file.read(_BINARY) else _whole(file)
+            text = b"" if suffix in _ALONE or b"\0" in file.peek(_BINARY) else file.read()
     except OSError:
         return
     for pattern, others in _INCLUDES.get(suffix, _BY_WORDS):
         for match in pattern.finditer(text):
             for word in others(*(group.decode(errors="replace").strip() if group else "" for group in match.groups())):
                 yield from (os.path.normpath(os.path.join(folder, word)) for folder in (os.path.dirname(path), root))
-
-
-def _whole(file: BinaryIO) -> bytes:
-    """All of it."""
-    file.seek(0)
-    return file.read()
 
 
 def _modules(package: str, names: str) -> list[str]:

@@ -105,10 +105,11 @@ class ResultsFolder:
 
     def remove(self, *patterns: str) -> None:
         """Removes those of this program's files that match the shell patterns; those that are missing are no error."""
-        for name in self._mine():
-            if any(fnmatchcase(name, pattern) for pattern in patterns):
-                with self.guarded(name):
-                    (self.path / name).unlink(missing_ok=True)
+        with self.guarded("the list of its files"):
+            mine = [name for name in self.manifest.owned() if any(fnmatchcase(name, pattern) for pattern in patterns)]
+        for name in mine:
+            with self.guarded(name):
+                (self.path / name).unlink(missing_ok=True)
 
     def check_free(self, pattern: str = RESULTS) -> None:
         """Whether names that match the regular expression can be written under.
@@ -151,10 +152,6 @@ class ResultsFolder:
                 yield path
             finally:
                 self.manifest.settle(pattern)
-
-    def _mine(self) -> list[str]:
-        with self.guarded("the list of its files"):
-            return list(self.manifest.owned())
 
 
 def of_parts(names: Sequence[str]) -> str:

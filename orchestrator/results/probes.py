@@ -12,8 +12,7 @@ the reactions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from orchestrator.blackbox.models.matter import Matter
 from orchestrator.results.extremes import (DISPLACEMENT, STRESS, components_of_displacement, components_of_stress)
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_SHARES
@@ -142,17 +140,3 @@ def _elsewhere(probe: Surface, scene: Scene, mine: np.ndarray, ends: np.ndarray)
             faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]
             (on if np.isin(pack(faces, len(scene.mesh.nodes)), mine).any() else beside)[ends[e] + i.nodes[side]] = True
     return beside & ~on
-
-
-def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[float] | None]]:
-    """Name of each component of each probe, ``probe.component``, and its values per load step."""
-    for probe in probes:
-        for component, values in probe["values"].items():
-            yield f"{probe['name']}.{component}", values
-
-
-def write_probes(folder: ResultsFolder, probes: Sequence[Mapping[str, object]], steps: int) -> Path:
-    """Writes probes.csv: a line per load step, a column per component; empty where there is no number."""
-    found = list(columns(probes))
-    rows = [[step + 1, *("" if values is None else repr(values[step]) for _, values in found)] for step in range(steps)]
-    return folder.write_table(NAME, [["load_step", *(name for name, _ in found)], *rows])

@@ -21,7 +21,6 @@ from orchestrator.results.summary.summary import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:
-    from matplotlib.colors import ListedColormap
     from orchestrator.method.delivery.interface_fields import InterfaceFields
 
 _MOST = 6  # pictures of load steps; of more steps, evenly many are shown
@@ -147,6 +146,8 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
 
     imposed : whether those are meant; then there must be others too
     """
+    from matplotlib.colors import ListedColormap
+
     i = _chosen(fields.interfaces, imposed)
     if i is None:
         return None
@@ -156,7 +157,9 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     shared = {"lines": points[surface.edges(points, i.triangles, sharp=180.0)], "shaded": False,
               "outline": surface.box_edges(fields.nodes) if len(i.names) == 1 else NO_LINES}
     triangles, camera = np.arange(len(corners)).reshape(-1, 3), Camera.framing(corners, look.direction)
-    status, palette = _status(i, steps), _kinds(i)
+    # of three the middle one: what most of the triangle does
+    status = np.sort(np.searchsorted(i.kinds, i.status)[steps][:, i.triangles], axis=2)[:, :, 1].astype(float)
+    palette = ListedColormap(i.kind_colours.tolist())
     pressure, limits, beyond = _pressure(fields, i, steps)
     views = [View(corners, triangles, np.repeat(values, 3), camera, (-0.5, palette.N - 0.5), palette=palette, **shared)
              for values in status]
@@ -177,17 +180,6 @@ def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:
     if given.any() and not given.all():
         return type(i).joined([i], np.flatnonzero(given == imposed))
     return None if imposed else i
-
-
-def _kinds(i: InterfaceFields) -> ListedColormap:
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(i.kind_colours.tolist())
-
-
-def _status(i: InterfaceFields, steps: list[int]) -> np.ndarray:
-    """(steps, triangles) the middle one of three: what most of the triangle does."""
-    return np.sort(np.searchsorted(i.kinds, i.status)[steps][:, i.triangles], axis=2)[:, :, 1].astype(float)
 
 
 def _pressure(fields: Fields, i: InterfaceFields, steps: list[int]) -> tuple[np.ndarray, tuple[float, float], tuple[bool, bool]]:
