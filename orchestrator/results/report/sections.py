@@ -204,8 +204,7 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
     names = shown_statuses(counts)
     tightened = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts
                  for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
-    return [
-        *section("Warnings", *sentences(summary.get("warnings") or ())),
+    return [*section("Warnings", *sentences(summary.get("warnings") or ())),
         *section("Interface laws", table(("law", "interfaces", "formula", "meaning"), laws),
                  "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on side 1; A: a node's share "
                  "of the area; p: pressure; μ: friction; g₀: initial gap." * bool(laws)),
