@@ -9,7 +9,7 @@ import pytest
 import results_case as case
 
 from orchestrator.errors import InputError
-from orchestrator.scene import stress as recovery
+from orchestrator.scene import elasticity as recovery
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz

@@ -16,7 +16,7 @@ from pictures import pixels, share
 from processes import gone
 
 from orchestrator.errors import InputError
-from orchestrator.scene.stress import von_mises
+from orchestrator.scene.elasticity import von_mises
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn

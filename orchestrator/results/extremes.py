@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.scene.stress import principal, von_mises
+from orchestrator.scene.elasticity import principal, von_mises
 
 NAME = "extremes.csv"
 DISPLACEMENT = ("ux", "uy", "uz", "|u|")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.scene.shapes import Shape, shape_of
 from orchestrator.scene.interfaces.distances import paired_distance
@@ -17,6 +18,7 @@ from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
 SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
@@ -147,21 +149,14 @@ def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
 def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
     """Per surface those that it shares an edge with."""
     names = list(mesh.surfaces)
-    edges = [np.unique(np.sort(t[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0) for t in mesh.surfaces.values()]
-    owner = np.repeat(np.arange(len(names)), [len(e) for e in edges])
-    every = np.concatenate(edges) if edges else np.empty((0, 2), int)
-    key = every[:, 0] * len(mesh.nodes) + every[:, 1]
-    order = np.lexsort((owner, key))
-    key, owner = key[order], owner[order]
-    met: dict[str, set[int]] = {name: set() for name in names}
-    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.empty(0, int)
-    ends = np.r_[starts[1:], len(key)]
-    shared = np.flatnonzero(ends - starts > 1)
-    groups = {tuple(owner[starts[k]:ends[k]].tolist()) for k in shared}
-    for group in groups:
-        for one in group:
-            met[names[one]].update(other for other in group if other != one)
-    return {name: [names[k] for k in sorted(found)] for name, found in met.items()}
+    edges = [edges_of(t[:, :3], TRIANGLE_EDGES)[0] for t in mesh.surfaces.values()]
+    if not edges:
+        return {}
+    owner, (low, high) = np.repeat(np.arange(len(names)), [len(e) for e in edges]), np.concatenate(edges).T
+    edge = np.unique(low * len(mesh.nodes) + high, return_inverse=True)[1]
+    on = sp.csr_array((np.ones(len(edge)), (owner, edge)))
+    met = sp.coo_array(on @ on.T)
+    return {name: [names[k] for k in np.sort(met.col[(met.row == one) & (met.col != one)])] for one, name in enumerate(names)}
 
 
 def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:

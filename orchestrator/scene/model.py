@@ -131,8 +131,11 @@ class Interface(FacePatch):
 
     def distances(self, steps: int) -> np.ndarray:
         """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""
-        laws = self.law_at_steps or [self.law] * steps
-        return np.stack([np.broadcast_to(law.distance, len(self.free)) for law in laws])
+        return np.stack([np.broadcast_to(law.distance, len(self.free)) for law in self.laws(steps)])
+
+    def laws(self, steps: int) -> list[Law]:
+        """The law at every load step."""
+        return self.law_at_steps or [self.law] * steps
 
     def triangles_on(self, side: int) -> np.ndarray:
         """(k, 3 or 6) int, the facets of side 0 (the first) or 1, indices into its nodes, looking from E1 to E2."""

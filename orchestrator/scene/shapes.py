@@ -15,7 +15,6 @@ PLANE = 1e-6
 ROUND = 1e-4
 # Surfaces that bend less than this over their extent are not told from others by their radius.
 FLATTEST = 50.0
-ROUNDS = 30  # of Gauss and Newton, that find a cylinder from a direction a tenth of a radian off in five
 
 
 @dataclass(frozen=True)
@@ -44,12 +43,8 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
         return Shape("sphere", None, radius)
     # facets of a cylinder look across its axis, but for what their size makes of it
     axis = np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0]
-    found = _cylinder(points, axis)
-    if found is not None:
-        axis, radius, off = found
-        if _fits(off, radius, size):
-            return Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius)
-    return Shape("curved")
+    axis, radius, off = _cylinder(points, axis)
+    return Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius) if _fits(off, radius, size) else Shape("curved")
 
 
 def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
@@ -64,29 +59,22 @@ def _sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     return shift + found[:3], float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.0)))
 
 
-def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, np.ndarray] | None:
-    """Axis, radius and distances from the axis (n,) of the cylinder that fits best, near a direction; None: there is none."""
+def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Axis, radius and distances from the axis (n,) of the cylinder that fits best, near a direction."""
+    from scipy.optimize import least_squares  # for what is inspected alone
+
     x = points - points.mean(axis=0)
     across = np.linalg.svd(axis[None])[2][1:]  # (2, 3) orthonormal, across the axis
     flat = x @ across.T
     found = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(x))]), (flat**2).sum(axis=1), rcond=None)[0]
-    centre, radius = found[:2] @ across, float(np.sqrt(max(found[2] + found[:2] @ found[:2], 0.0)))
-    for _ in range(ROUNDS):
-        arm = x - centre
-        along = arm @ axis
-        out = arm - along[:, None] * axis
-        distance = np.linalg.norm(out, axis=1)
-        if not np.isfinite(distance).all() or distance.min() == 0:
-            return None
-        across = np.linalg.svd(axis[None])[2][1:]
-        unit = (out / distance[:, None]) @ across.T
-        # derivatives of the distance by the axis' tilt and the centre's shift across it, and by the radius
-        slopes = np.column_stack([-along[:, None] * unit, -unit, -np.ones(len(x))])
-        change = np.linalg.lstsq(slopes, radius - distance, rcond=None)[0]
-        axis = axis + change[:2] @ across
-        axis /= np.linalg.norm(axis)
-        centre, radius = centre + change[2:4] @ across, radius + float(change[4])
-        if np.abs(change[:2]).max() < 1e-12 and np.abs(change[2:]).max() < 1e-12 * max(radius, 1e-300):
-            break
-    arm = x - centre
-    return axis, radius, np.linalg.norm(arm - (arm @ axis)[:, None] * axis, axis=1)
+    radius = float(np.sqrt(max(found[2] + found[:2] @ found[:2], 0.0)))
+
+    def turned(tilt: np.ndarray) -> np.ndarray:
+        return (axis + tilt @ across) / np.sqrt(1 + tilt @ tilt)
+
+    def distance(of: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(np.cross(x - of[2:4] @ across, turned(of[:2])), axis=1)
+
+    best = least_squares(lambda of: distance(of) - of[4], np.r_[0.0, 0.0, found[:2], radius],
+                         x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
+    return turned(best[:2]), float(best[4]), distance(best)

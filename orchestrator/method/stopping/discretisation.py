@@ -33,7 +33,7 @@ from math import factorial, prod
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
-from orchestrator.scene.stress import CENTRE, strain, stress
+from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.parallel.team import ALONE, Meeting
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.faces import components

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.parallel.team import Meeting
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.scene import stress as recovery
+from orchestrator.scene import elasticity as recovery
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES

@@ -20,7 +20,7 @@ from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import write_npz
 from orchestrator.results.ranks import Piece
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.stress import principal, von_mises
+from orchestrator.scene.elasticity import principal, von_mises
 
 PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
 

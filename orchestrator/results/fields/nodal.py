@@ -14,7 +14,7 @@ import numpy as np
 
 from orchestrator.parallel.team import Borders, Meeting
 from orchestrator.scene.mesh.mesh import split_numbering
-from orchestrator.scene.stress import von_mises
+from orchestrator.scene.elasticity import von_mises
 
 NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
 

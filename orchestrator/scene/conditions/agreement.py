@@ -110,7 +110,7 @@ def _components(held: Held, component: int) -> Told:
 
 def _directions(held: Held, entry: int, ground: Interface) -> Told:
     """What a ground holds, whatever the forces."""
-    laws = ground.law_at_steps or [ground.law] * len(held.values)
+    laws = ground.laws(len(held.values))
     direction, holds = laws[0].holds
     which, at = np.nonzero(holds)
     value = np.stack([law.held_at for law in laws])[:, which, at]
@@ -126,7 +126,7 @@ def _across(held: Held, jumps: list[Interface], problems: Problems) -> Circuits:
         return Circuits(jumps, np.arange(count), shift)
     one, two = (label[np.concatenate(side)] for side in zip(*map(held.numbering.sides, jumps)))
     whose = np.repeat(np.arange(len(jumps)), [len(i.global_nodes) for i in jumps])
-    apart = np.stack([[law.given_jump for law in i.law_at_steps or [i.law] * steps] for i in jumps])[whose].swapaxes(0, 1)  # (T, edges, 3)
+    apart = np.stack([[law.given_jump for law in i.laws(steps)] for i in jumps])[whose].swapaxes(0, 1)  # (T, edges, 3)
     group = components(one, two, count)[1]
     known = np.zeros(count, dtype=bool)
     known[np.unique(group, return_index=True)[1]] = True
@@ -208,8 +208,7 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
         flat = area_vectors(points, triangles)
         flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
         curved = (flat @ flat[0]).min() < 1 - TOLERANCE
-        laws = i.law_at_steps or [i.law] * len(jump)
-        wrong = np.stack([law.forbids(d, known & ~same, normals[place], place) for law, d in zip(laws, jump)])
+        wrong = np.stack([law.forbids(d, known & ~same, normals[place], place) for law, d in zip(i.laws(len(jump)), jump)])
         share = np.where(turned, TURNED, 0.0) * size
         if curved and i.law.given_jump is None:
             share = share + CURVED * np.linalg.norm(jump, axis=2)

@@ -108,7 +108,7 @@ def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems)
     """
     for i in interfaces:
         moved = np.where(i.free, 0.0, held.values[:, held.numbering.sides(i)[0]])
-        laws = [law.within(i.free, there) for law, there in zip(i.law_at_steps or [i.law] * len(moved), moved)]
+        laws = [law.within(i.free, there) for law, there in zip(i.laws(len(moved)), moved)]
         if laws[0] is not None:
             _govern(i, laws)
             continue

@@ -12,7 +12,7 @@ from orchestrator.config.model import PointProbe
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
-from orchestrator.scene.mesh.geometry import area_vectors, format_point
+from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
@@ -102,7 +102,7 @@ class Finder:
         size = np.ptp(corners, axis=1).max(axis=1)
         near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
         cells, corners, size = cells[near], corners[near], size[near]
-        weights = _barycentric(corners, at)
+        weights = barycentric(corners, at)
         inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
         if inside.any():
             cells, weights = cells[inside], weights[inside]
@@ -164,12 +164,3 @@ class Finder:
         about = centre if asked.about is None else np.array(asked.about, dtype=float)
         within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
         return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)
-
-
-def _barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(k, 4) barycentric coordinates of a point in tets of corners (k, 4, 3)."""
-    if not len(corners):
-        return np.empty((0, 4))
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    rest = np.linalg.solve(edges, (at - corners[:, 0])[:, :, None])[:, :, 0]
-    return np.column_stack([1 - rest.sum(axis=1), rest])

@@ -13,7 +13,6 @@ the area (contact: 36 and 121); displacements that differ from those of bodies i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,10 +39,14 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     waiting = [i for i in interfaces if i.surfaces is not None]
     if not waiting:
         return
-    held = _Held.of(waiting, [tuple(bodies[e] for e in i.subdomains) for i in waiting], numbering.total)
-    corners = [held.corner(i) for i in range(len(waiting))]
+    group = [tuple(bodies[e] for e in i.subdomains) for i in waiting]
+    leader, vectors, crossing = _met(waiting, group, numbering.total)
+    # slave nodes that are covered best in another piece; none where sides slide on, in one piece
+    elsewhere = [(leader[pair][i.surfaces.nodes[0]] != number) & (not i.law.follows)
+                 for number, (i, pair) in enumerate(zip(waiting, group))]
+    corners = [bool(other[i.surfaces.triangles[0][:, :3]].all()) for i, other in zip(waiting, elsewhere)]
     if any(corners):
-        _tell(waiting, held.group, corners, problems)
+        _tell(waiting, group, corners, problems)
         interfaces[:] = [i for i in interfaces if not any(i is w and c for w, c in zip(waiting, corners))]
     known, constrained = {}, np.zeros(numbering.total, dtype=bool)
     for i in interfaces:
@@ -53,7 +56,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
         if not corners[number]:
             nodes = i.surfaces.nodes[0]
             joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-            crossed = held.crossed(number) | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
+            crossed = crossing[nodes] | elsewhere[number] | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
             free = tuple(~fixed[own] for own in numbering.sides(i))
             known[number] = bool((crossed | ~free[0].all(axis=1)).all()), crossed, free
     taken = np.zeros(numbering.total, dtype=bool)
@@ -65,61 +68,32 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            i.mortar = make_mortar(i.surfaces, not i.law.presses, free, crossed, held.vectors[held.group[number]][nodes])
+            i.mortar = make_mortar(i.surfaces, not i.law.presses, free, crossed, vectors[group[number]][nodes])
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:
         i.surfaces = None
 
 
-@dataclass
-class _Held:
-    """What the nodes of interfaces hold, interface after interface.
+def _met(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], total: int) -> tuple[dict, dict, np.ndarray]:
+    """What the nodes of interfaces hold, each between a pair of bodies, the slave's first.
 
-    waiting : the interfaces
-    group : the bodies that each is between, the slave's first
-    leader : per pair of bodies (N,) the interface in which most is covered around each slave node
-    vectors : per pair of bodies (N, 3) area along the normals of all pieces
-    crossing : (N,) bool, nodes that several pairs of bodies have
+    Returns, per pair of bodies, (N,) the interface in which most is covered around each slave node, and (N, 3) the area along
+    the normals of all pieces; (N,) bool, nodes that several pairs of bodies have
     """
-
-    waiting: Sequence[Interface]
-    group: Sequence[tuple[str, str]]
-    leader: dict[tuple[str, str], np.ndarray]
-    vectors: dict[tuple[str, str], np.ndarray]
-    crossing: np.ndarray
-
-    @classmethod
-    def of(cls, waiting: Sequence[Interface], group: Sequence[tuple[str, str]], total: int) -> _Held:
-        alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
-        met = np.zeros((len(alike), total), dtype=bool)
-        covered = {pair: np.zeros(total) for pair in group}
-        leader = {pair: np.full(total, -1) for pair in group}
-        vectors = {pair: np.zeros((total, 3)) for pair in group}
-        for number, (i, pair) in enumerate(zip(waiting, group)):
-            for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
-                met[alike[frozenset(pair)], nodes] = True
-            nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
-            better = area > (1 + ALIKE) * covered[pair][nodes]
-            covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
-            vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
-        return cls(waiting, group, leader, vectors, met.sum(axis=0) > 1)
-
-    def elsewhere(self, number: int) -> np.ndarray:
-        """(n₁,) bool, slave nodes of an interface that are covered best in another piece; none where sides slide on, in one piece."""
-        nodes = self.waiting[number].surfaces.nodes[0]
-        if self.waiting[number].law.follows:
-            return np.zeros(len(nodes), dtype=bool)
-        return self.leader[self.group[number]][nodes] != number
-
-    def crossed(self, number: int) -> np.ndarray:
-        """(n₁,) bool, slave nodes of an interface that carry no point there."""
-        return self.crossing[self.waiting[number].surfaces.nodes[0]] | self.elsewhere(number)
-
-    def corner(self, number: int) -> bool:
-        """Whether other pieces cover all of an interface's nodes better."""
-        corners = self.waiting[number].surfaces.triangles[0][:, :3]
-        return bool(self.elsewhere(number)[corners].all())
+    alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
+    met = np.zeros((len(alike), total), dtype=bool)
+    covered = {pair: np.zeros(total) for pair in group}
+    leader = {pair: np.full(total, -1) for pair in group}
+    vectors = {pair: np.zeros((total, 3)) for pair in group}
+    for number, (i, pair) in enumerate(zip(waiting, group)):
+        for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
+            met[alike[frozenset(pair)], nodes] = True
+        nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
+        better = area > (1 + ALIKE) * covered[pair][nodes]
+        covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
+        vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
+    return leader, vectors, met.sum(axis=0) > 1
 
 
 def _tell(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], corners: Sequence[bool], problems: Problems) -> None:

@@ -121,9 +121,9 @@ def tell_distances(search: Search, found: Sequence[Interface]) -> None:
     that count as touching because nothing is said of their gap."""
     worst: dict[tuple[bool, tuple[str, ...]], tuple[float, np.ndarray]] = {}
     for interface in found:
-        read = bool(search.laws.apart(interface.entry))
-        if not (read or search.laws.unread(interface.entry)):
-            continue
+        read = bool(search.laws[interface.entry].apart)
+        if not read and getattr(search.laws[interface.entry], "gap", 0.0) is not None:
+            continue  # its law does not open, or a word is said on its gap
         points = search.mesh.nodes[interface.global_nodes]
         gap = np.minimum(interface.law.distance, 0.0) if read else _apart(search, interface, points)
         h = local_size(points, interface.triangles)

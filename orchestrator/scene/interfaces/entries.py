@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.config.boundary import Entry
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching
+
+BONDED = Entry()
 
 
 def govern(interface: Interface, entry: Any, factors: Sequence[float], direction: float = 1.0, distance: np.ndarray | None = None) -> None:
@@ -67,49 +70,26 @@ class Laws:
         direction = 1.0 if self.means(entry.pair[0], first) else -1.0
         govern(interface, entry, self.factors[index] if self.factors else [], direction, distance)
 
+    def __getitem__(self, index: int) -> Any:
+        """The entry of an index; of −1 one that bonds what touches."""
+        return self.entries[index] if index >= 0 else BONDED
+
     def slave(self, index: int, first: Iterable[str], second: Iterable[str]) -> int | None:
         """Which side, 0 or 1, an entry has for the slave; None: neither, or both by the same word."""
-        name = self.entries[index].slave if index >= 0 else None
-        chosen = [name is not None and self.means(name, side) for side in (first, second)]
+        chosen = [self[index].slave is not None and self.means(self[index].slave, side) for side in (first, second)]
         return None if chosen[0] == chosen[1] else chosen.index(True)
-
-    def found(self, index: int) -> bool:
-        """Whether an entry has pairs found rather than named."""
-        return index >= 0 and self.entries[index].found
 
     def tolerance(self, index: int) -> float:
         """How far apart faces may be that an entry pairs, in units of the element size."""
-        if index < 0:
-            return COINCIDE
-        entry = self.entries[index]
+        entry = self[index]
         if entry.tolerance != "auto":
             return entry.tolerance
         return TOUCHING if entry.found else REACH if entry.apart else COINCIDE
 
     def opposite(self, index: int) -> float:
         """What the cosine between the normals of faces has to be below that an entry pairs."""
-        angle = self.entries[index].angle if index >= 0 else None
+        angle = self[index].angle
         return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(angle)))
-
-    def apart(self, index: int) -> str:
-        """The key of an entry that has distances read from the geometry; empty where sides must touch."""
-        return self.entries[index].apart if index >= 0 else ""
-
-    def unread(self, index: int) -> bool:
-        """Whether an entry's law opens and has sides count as touching without a word on their gap."""
-        return index >= 0 and hasattr(self.entries[index], "gap") and self.entries[index].gap is None and not self.apart(index)
-
-    def as_one(self, index: int) -> bool:
-        """Whether the sides deform as one under an entry's law."""
-        return index < 0 or LAWS[self.entries[index].law].as_one
-
-    def follows(self, index: int) -> bool:
-        """Whether an entry has sides paired anew as they slide."""
-        return index >= 0 and self.entries[index].follows
-
-    def reach(self, index: int) -> float | None:
-        """How far apart an entry has sides sought, if it says so."""
-        return self.entries[index].reach if index >= 0 else None
 
     def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.distances import surface_gap
 from orchestrator.scene.interfaces.matching import Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
@@ -97,20 +98,20 @@ def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], i
     index : of the governing entry
     """
     mesh, laws, problems, skins = search.mesh, search.laws, search.problems, search.skins
-    follows, names = laws.follows(index), [search.known(b) for b in pair]
+    follows, names = laws[index].follows, [search.known(b) for b in pair]
     alone = [np.ones(len(b.area), dtype=bool) for b in pair]
     if not follows:
         for patch in patches:
             for own, facets in zip(alone, patch.facets.T):
                 own[facets] = False
-    room = (1 + REACH) * max(b.size.max() for b in pair) + (laws.reach(index) or 0.0)
+    room = (1 + REACH) * max(b.size.max() for b in pair) + (laws[index].reach or 0.0)
     near = [np.intersect1d(np.flatnonzero(own), b.within(other.box, room)) for b, other, own in zip(pair, pair[::-1], alone)]
     if not may_face(*(b.normal[own] for b, own in zip(pair, near)), laws.opposite(index)):
         return
     found = _facing(search, pair, index)
     if not any(alone[0][f.segments.slave].any() for f in found):
         return
-    asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, laws.opposite(index)))
+    asked = Asked(LAWS[laws[index].law].as_one, laws.slave(index, *names), max(FACING, laws.opposite(index)))
     if asked.slave is None and mesh.foreign and (quadratic := _quadratic(mesh, pair)) is not None:
         asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
     chosen = _for_all_pieces(search, pair, index, asked)
@@ -131,7 +132,7 @@ def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], i
 def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]:
     """Where two bodies lie on each other as an entry has it."""
     laws = search.laws
-    return facing(*map(search.skins, pair), laws.tolerance(index), laws.reach(index), laws.opposite(index), bool(laws.apart(index)))
+    return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart))
 
 
 def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
@@ -182,7 +183,7 @@ def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: lis
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
                                  surfaces=surfaces)
     distance = None
-    if apart := search.laws.apart(index):
+    if apart := search.laws[index].apart:
         bulge = tuple(skin.bulge_of(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles))
         distance = surface_gap(search, interface.name, surfaces, bulge, (index, apart))
     search.laws.apply(index, interface, names[0], distance)

@@ -48,7 +48,7 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
         if partition.body(pair[0]) != partition.body(pair[1]):
             known = around.known(pair, (a, b))
             entry = laws.foreseen(*known)
-            if entry >= 0 and not LAWS[laws.entries[entry].law].perfect:
+            if not LAWS[laws[entry].law].perfect:
                 continue
         loose = label[a] != label[b]
         a, b = a[loose], b[loose]

@@ -12,8 +12,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -22,16 +20,12 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING, Body, close_bodies, nearest, outer_bodies
+from orchestrator.scene.interfaces.opposite import OPPOSITE, REACH, TOUCHING, Body, close_bodies, nearest, outer_bodies
 from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.search import Search, paired_faces
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
-from orchestrator.scene.names import suggestion
-
-# Pairs of parts beyond which it is not said how far apart the nearest ones are.
-MOST = 50
 
 
 @dataclass(frozen=True)
@@ -65,11 +59,11 @@ def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int,
     told = set(inside)
     for pair, seen in beside.items():
         apart = not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
-        if laws.found(governing[pair]):  # what faces beside a pair of theirs do later is looked at in the end
+        if laws[governing[pair]].found:  # what faces beside a pair of theirs do later is looked at in the end
             if pair not in inside and apart:
                 told.add(pair)
                 _beyond_reach(search, pair, seen, governing[pair])
-        elif pair not in inside and (apart or (seen.touching and not laws.apart(governing[pair]))):
+        elif pair not in inside and (apart or (seen.touching and not laws[governing[pair]].apart)):
             _report(search, pair, seen, pair in joined, governing[pair])
     _report_alone(search, cells, told)
     return list(beside)
@@ -89,7 +83,7 @@ def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int
         if laws.excluded(*known):
             continue  # it is not meant
         seen = _near(one, two, loose[id(one)], loose[id(two)])
-        if seen is None or (laws.apart(index) and not laws.found(index) and not seen.touching):
+        if seen is None or (laws[index].apart and not laws[index].found and not seen.touching):
             continue  # what is apart the search for gaps has looked at
         beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
     return beside, governing
@@ -140,7 +134,7 @@ def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, ind
         return
     how = (f"touch, at {where}: their nodes miss each other by up to {seen.miss:.3g}" if seen.touching
            else f"are {seen.distance:.3g} apart, at {where}")
-    wanted = search.asked and index >= 0 and (seen.touching or not LAWS[search.laws.entries[index].law].perfect)
+    wanted = search.asked and index >= 0 and (seen.touching or not LAWS[search.laws[index].law].perfect)
     if wanted:
         problems.add(path, f"{names} {how}, and have no interface there", "an interface between parts that the entry joins",
                      "mesh both sides alike; for a gap let the law read it (contact: gap: geometry); or name in between: "
@@ -152,7 +146,7 @@ def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, ind
 def _beyond_reach(search: Search, pair: tuple[int, int], seen: Near, index: int) -> None:
     """Faces that look at each other, of parts that nothing connects, and that are too far apart to have been paired."""
     one, two = (search.mesh.volumes[v] for v in pair)
-    reach = search.laws.reach(index)
+    reach = search.laws[index].reach
     within = f"{reach:g}" if reach is not None else f"{search.laws.tolerance(index):g} of the element size, from surface to surface"
     search.problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
                         f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
@@ -166,7 +160,7 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
     result = set()
     for pair, index in governing.items():
         found = search.inside(*pair) if not len(np.intersect1d(*(own[v] for v in pair))) else None
-        if found is None or (index >= 0 and search.laws.entries[index].fit >= found.depth):
+        if found is None or search.laws[index].fit >= found.depth:
             continue
         result.add(pair)
         search.problems.add(_path(search, index), f"{' and '.join(repr(mesh.volumes[v]) for v in pair)} are inside each other by about "
@@ -224,49 +218,3 @@ def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
             search.problems.warnings.append(
                 f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, with "
                 "nodes of their own: nothing joins them there; merge the nodes that coincide, or give each piece a volume of its own")
-
-
-def report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:
-    """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
-
-    pairs : names of the two sides of existing interfaces, for the cure
-    """
-    laws, problems = search.laws, search.problems
-    for i, (entry, used) in enumerate(zip(laws.entries, laws.used)):
-        for key, pattern in [*((("exclude", k), p) for k, two in enumerate(entry.exclude or []) for p in two), (("slave",), entry.slave)]:
-            if pattern is not None and not laws.meant(pattern):
-                problems.add(("interfaces", i, *key), f"{pattern!r} matches no subdomain and no volume",
-                             "names of parts, shell wildcards allowed", suggestion(pattern, laws.names, "part"))
-        everything = entry.pair == ("*", "*")
-        if used or entry.found or (everything and search.pieces[0] < 2):
-            continue  # of pairs that are found, ``report_neighbours`` says which are missing
-        where = entry.apart or "between"
-        if unknown := [p for p in entry.pair if not laws.meant(p)]:
-            where, found = "between", f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
-            cure = "; ".join(suggestion(p, laws.names, "part") for p in unknown)
-        elif everything:
-            found = f"no interface in all the scene: its {search.pieces[0]} separate pieces share no face" + _how_far(search, entry)
-            cure = ("mesh what touches alike on both sides; for gaps, let the law read them (contact: "
-                    "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
-        else:
-            found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" + _how_far(search, entry)
-            beside = [pair for pair in pairs if any(laws.means(p, pair) for p in entry.pair if p != "*")] or pairs
-            cure = "interfaces exist between " + some([" | ".join(b) for b in beside], 6) if pairs else "there are no interfaces at all"
-        problems.add(("interfaces", i, where), found,
-                     "names of two parts that share faces, or have opposite faces with matching nodes; shell wildcards allowed", cure)
-
-
-def _how_far(search: Search, entry: Any) -> str:
-    """How far apart the nearest nodes are of the parts that an entry names."""
-    sides = [[b for b in search.bodies if search.laws.means(pattern, search.known(b))] for pattern in entry.pair]
-    pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
-    if not pairs or len(pairs) > MOST:
-        return ""
-    for a, b in pairs:
-        if (inside := search.inside(a.volume, b.volume)) is not None:
-            return f"; {search.mesh.volumes[a.volume]} and {search.mesh.volumes[b.volume]} are inside each other by about " \
-                   f"{inside.depth:.3g}, at {format_point(inside.where)}"
-    distance, where, size = min((nearest(a, b) for a, b in pairs), key=lambda f: f[0])
-    allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
-               if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
-    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"

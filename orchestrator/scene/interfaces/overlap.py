@@ -10,6 +10,7 @@ import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.geometry import barycentric
 
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
 AROUND, DEEP = 8, 0.1
@@ -111,8 +112,5 @@ def contained(points: np.ndarray, solid: Solid) -> np.ndarray:
     point = boxed[np.array([p for a in around for p in a], dtype=int)]
     inside = ((points[point] >= low[tet]) & (points[point] <= high[tet])).all(axis=1)
     tet, point = tet[inside], point[inside]
-    corners = solid.nodes[solid.cells[tet, :4]]
-    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
-    share = np.linalg.solve(edges, (points[point] - corners[:, 0])[:, :, None])[:, :, 0]
-    result[point[(share.min(axis=1) >= -ROUNDING) & (share.sum(axis=1) <= 1 + ROUNDING)]] = True
+    result[point[barycentric(solid.nodes[solid.cells[tet, :4]], points[point]).min(axis=1) >= -ROUNDING]] = True
     return result

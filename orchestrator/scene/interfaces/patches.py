@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
+from typing import Any
 
 import numpy as np
 
+from orchestrator.errors import some
 from orchestrator.scene.interfaces.distances import paired_gap, tell_distances
 from orchestrator.scene.interfaces.hinges import hinges
 from orchestrator.scene.interfaces.matching import match
-from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours, report_unused
+from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours
 from orchestrator.scene.interfaces.facing import nonmatching
-from orchestrator.scene.interfaces.opposite import close_bodies
+from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, close_bodies, nearest
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import Faces, components, edge_patches
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
+from orchestrator.scene.names import suggestion
+
+# Pairs of parts beyond which it is not said how far apart the nearest ones are.
+MOST = 50
 
 
 def make_interfaces(search: Search) -> tuple[list[Interface], list[tuple[int, int]]]:
@@ -36,7 +44,7 @@ def make_interfaces(search: Search) -> tuple[list[Interface], list[tuple[int, in
         interface.index = number
     laws.refuse_within(cuts, problems)
     if search.asked:
-        report_unused(search, list(dict.fromkeys(pairs)))
+        _report_unused(search, list(dict.fromkeys(pairs)))
     if search.bodies and not problems.found:
         tell_distances(search, found)
         near = report_neighbours(search, found)
@@ -56,7 +64,7 @@ def _shared(search: Search) -> list[Interface]:
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
         found.append(search.interface((one, two), (nodes, nodes), local.reshape(-1, triangles.shape[1]), cells[first:last]))
         laws.apply(entry, found[-1], known[0])
-        if laws.follows(entry):
+        if laws[entry].follows:
             search.problems.add(("interfaces", entry, "pairing"), f"follow between {' and '.join(search.names((one, two)))}, which share "
                                 "faces of one mesh", "bodies with meshes of their own: shared nodes are no faces to slide on",
                                 "mesh each by itself (parts:, or a STEP file with conforming: false), or write pairing: fixed")
@@ -116,8 +124,8 @@ def _opposite(search: Search) -> Iterator[Interface]:
         if laws.excluded(*known):
             continue
         index = laws.foreseen(*known)
-        apart = laws.apart(index)
-        patches = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index))
+        apart = laws[index].apart
+        patches = match(*pair, bool(apart), laws[index].reach, laws.tolerance(index))
         unmatched = list(nonmatching(search, pair, patches, index)) if search.asked and search.matter is not None and index >= 0 else []
         if unmatched or patches:
             laws.between(*known)
@@ -129,3 +137,49 @@ def _opposite(search: Search) -> Iterator[Interface]:
                                          patch.cells)
             laws.apply(index, interface, known[0], paired_gap(search, interface, (index, apart)) if apart else None)
             yield interface
+
+
+def _report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:
+    """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
+
+    pairs : names of the two sides of existing interfaces, for the cure
+    """
+    laws, problems = search.laws, search.problems
+    for i, (entry, used) in enumerate(zip(laws.entries, laws.used)):
+        for key, pattern in [*((("exclude", k), p) for k, two in enumerate(entry.exclude or []) for p in two), (("slave",), entry.slave)]:
+            if pattern is not None and not laws.meant(pattern):
+                problems.add(("interfaces", i, *key), f"{pattern!r} matches no subdomain and no volume",
+                             "names of parts, shell wildcards allowed", suggestion(pattern, laws.names, "part"))
+        everything = entry.pair == ("*", "*")
+        if used or entry.found or (everything and search.pieces[0] < 2):
+            continue  # of pairs that are found, ``report_neighbours`` says which are missing
+        where = entry.apart or "between"
+        if unknown := [p for p in entry.pair if not laws.meant(p)]:
+            where, found = "between", f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
+            cure = "; ".join(suggestion(p, laws.names, "part") for p in unknown)
+        elif everything:
+            found = f"no interface in all the scene: its {search.pieces[0]} separate pieces share no face" + _how_far(search, entry)
+            cure = ("mesh what touches alike on both sides; for gaps, let the law read them (contact: "
+                    "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
+        else:
+            found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" + _how_far(search, entry)
+            beside = [pair for pair in pairs if any(laws.means(p, pair) for p in entry.pair if p != "*")] or pairs
+            cure = "interfaces exist between " + some([" | ".join(b) for b in beside], 6) if pairs else "there are no interfaces at all"
+        problems.add(("interfaces", i, where), found,
+                     "names of two parts that share faces, or have opposite faces with matching nodes; shell wildcards allowed", cure)
+
+
+def _how_far(search: Search, entry: Any) -> str:
+    """How far apart the nearest nodes are of the parts that an entry names."""
+    sides = [[b for b in search.bodies if search.laws.means(pattern, search.known(b))] for pattern in entry.pair]
+    pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
+    if not pairs or len(pairs) > MOST:
+        return ""
+    for a, b in pairs:
+        if (inside := search.inside(a.volume, b.volume)) is not None:
+            return f"; {search.mesh.volumes[a.volume]} and {search.mesh.volumes[b.volume]} are inside each other by about " \
+                   f"{inside.depth:.3g}, at {format_point(inside.where)}"
+    distance, where, size = min((nearest(a, b) for a, b in pairs), key=lambda f: f[0])
+    allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
+               if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
+    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"

@@ -48,19 +48,10 @@ class Skin:
 
     def bulge_of(self, triangles: np.ndarray) -> np.ndarray:
         """(m, 3) bulges of some of its facets (m, 3 or 6), given by their nodes."""
-        return self.bulge[self._order[np.searchsorted(self._keys, pack(triangles[:, :3], self._size), sorter=self._order)]]
-
-    @property
-    def _size(self) -> int:
-        return int(self.body.triangles[:, :3].max()) + 1
-
-    @cached_property
-    def _keys(self) -> np.ndarray:
-        return pack(self.body.triangles[:, :3], self._size)
-
-    @cached_property
-    def _order(self) -> np.ndarray:
-        return np.argsort(self._keys)
+        size = int(self.body.triangles[:, :3].max()) + 1
+        keys, wanted = (pack(t[:, :3], size) for t in (self.body.triangles, triangles))
+        order = np.argsort(keys)
+        return self.bulge[order[np.searchsorted(keys, wanted, sorter=order)]]
 
 
 class Skins:

@@ -12,7 +12,7 @@ from pydantic import Field
 from orchestrator.config.base import Axis, Part, Positive, unit
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
 from orchestrator.scene.loads.pressure import against_normal
-from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, TRIANGLE_MOMENTS
+from orchestrator.scene.mesh.quadratic import DEGREE_4, TRIANGLE_MOMENTS, six_functions
 
 
 class Hydrostatic(Part):
@@ -51,23 +51,11 @@ def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
     order = (alone[:, None] + np.arange(3)) % 3  # of the corners, from the one that is alone on its side of the level
     d = np.take_along_axis(depth[cut], order, axis=1)
     reach = d[:, :1] / (d[:, :1] - d[:, 1:])  # share of the two edges from it, up to the level
-    within, weights = _rule()
+    weights, within = DEGREE_4
     along = within[None, :, 1:] * reach[:, None]
     at = np.zeros((len(cut), len(within), 3))
     there = np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2)
     np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), there, axis=2)
-    piece = np.einsum("q,kqa,q,k->ka", weights, _shapes(at, nodes), within[:, 0], d[:, 0] * reach.prod(axis=1))
+    piece = np.einsum("q,kqa,q,k->ka", weights, at if nodes == 3 else six_functions(at), within[:, 0], d[:, 0] * reach.prod(axis=1))
     result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
     return result
-
-
-def _rule() -> tuple[np.ndarray, np.ndarray]:
-    """Points (9, 3) of a triangle, in barycentric coordinates, and weights of sum 1, exact for cubics: Gauss's, collapsed in a corner."""
-    x, w = np.polynomial.legendre.leggauss(3)
-    a, b = (one.ravel() for one in np.meshgrid((1 + x) / 2, (1 + x) / 2, indexing="ij"))
-    return np.stack([1 - a, a * (1 - b), a * b], axis=1), np.outer(w, w).ravel() / 2 * a
-
-
-def _shapes(at: np.ndarray, nodes: int) -> np.ndarray:
-    """(…, 3 or 6) shape functions of a triangle at barycentric coordinates (…, 3)."""
-    return at if nodes == 3 else np.concatenate([at * (2 * at - 1), 4 * at[..., TRIANGLE_EDGES].prod(axis=-1)], axis=-1)

@@ -30,6 +30,13 @@ def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
 
 
+def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(k, 4) barycentric coordinates of points (k, 3), or of one (3,), in tets of corners (k, 4, 3)."""
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    rest = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
+    return np.column_stack([1 - rest.sum(axis=1), rest])
+
+
 def skew(vectors: np.ndarray) -> np.ndarray:
     """(…, 3, 3) matrices of v ×."""
     x, y, z = np.moveaxis(vectors, -1, 0)

@@ -30,6 +30,10 @@ _IS_END = (TET_EDGES[:, :, None] == np.arange(4)).any(axis=1)
 TET_MOMENTS = {4: (1 + np.eye(4)) / 20, 10: np.vstack([(np.eye(4) - 1) / 60, (1 + _IS_END) / 30])}
 _IS_END = (TRIANGLE_EDGES[:, :, None] == np.arange(3)).any(axis=1)
 TRIANGLE_MOMENTS = {3: (1 + np.eye(3)) / 12, 6: np.vstack([(3 * np.eye(3) - 1) / 60, (1 + _IS_END) / 15])}
+# Integrates polynomials of degree 4 over a triangle (Strang & Fix 1973): weights, barycentric coordinates.
+_A, _B = 0.445948490915965, 0.091576213509771
+DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
+            np.concatenate([np.full((3, 3), x) + (1 - 3 * x) * np.eye(3) for x in (_A, _B)]))
 TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
 
 
@@ -82,6 +86,12 @@ def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells
     middle[on] = middle_of[find(known, ends[on])]
     middle[~on] = n + len(points) + np.arange(np.count_nonzero(~on))
     return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]), np.hstack([cells, middle[edge]]))
+
+
+def six_functions(at: np.ndarray) -> np.ndarray:
+    """(…, 6) quadratic functions of a triangle at barycentric coordinates (…, 3)."""
+    a, b, c = np.moveaxis(at, -1, 0)
+    return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c, 4 * c * a], axis=-1)
 
 
 def quadratic_slopes(at: np.ndarray) -> np.ndarray:

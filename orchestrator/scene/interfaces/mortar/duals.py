@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.interfaces.mortar.segments import Segments
+from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions
 
 # S scaled to a unit diagonal may be this ill-conditioned; what is covered of such a facet is a line of width 1e-6.
 CONDITION = 1e12
@@ -25,10 +26,6 @@ CONDITION = 1e12
 NOTHING = 1e-14
 # Overlaps integrated at once: what is in work fits the processor's cache.
 CHUNK = 5_000
-# Integrates polynomials of degree 4 over a triangle (Strang & Fix 1973): weights, barycentric coordinates.
-_A, _B = 0.445948490915965, 0.091576213509771
-DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
-            np.concatenate([np.full((3, 3), x) + (1 - 3 * x) * np.eye(3) for x in (_A, _B)]))
 
 
 @dataclass(frozen=True)
@@ -89,8 +86,8 @@ def _integrated(segments: Segments, slave_area: np.ndarray, dual: bool, quadrati
     np.add.at(mass, at, first)
     sound, shape = _dual(gram, mass) if dual else (mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape))
     there, shape = sound[at], shape[at]
-    own = _integrals(size, one, one, linear if not quadratic[0] else None)
-    other = _integrals(size, one, two, moments(size, one, two) if not quadratic[1] else None)
+    own = _quadratic(size, one, one) if quadratic[0] else linear
+    other = (_quadratic if quadratic[1] else moments)(size, one, two)
     found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None], size.sum(axis=1))
     return found if there.all() else tuple(f[there] for f in found)
 
@@ -102,23 +99,11 @@ def moments(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return weighted.transpose(0, 2, 1) @ both[1] / 12
 
 
-def _integrals(size: np.ndarray, one: np.ndarray, two: np.ndarray, linear: np.ndarray | None) -> np.ndarray:
-    """(m, 3, 3 or 6) ∫ N fᵀ over triangles, of the slave's linear functions and the linear or quadratic f of a facet.
-
-    size, one, two : as for ``moments``
-    linear : what it is if f is linear
-    """
-    if linear is not None:
-        return linear
+def _quadratic(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """(m, 3, 6) ∫ N fᵀ over triangles, of the slave's linear functions and the quadratic f of a facet; parameters as above."""
     weights, points = DEGREE_4
     at_one, at_two = (np.einsum("qv,mtvk->mtqk", points, corners) for corners in (one, two))
     return np.einsum("mt,q,mtqk,mtql->mkl", size, weights, at_one, six_functions(at_two), optimize=True)
-
-
-def six_functions(at: np.ndarray) -> np.ndarray:
-    """(…, 6) quadratic functions of a triangle at barycentric coordinates (…, 3)."""
-    a, b, c = np.moveaxis(at, -1, 0)
-    return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c, 4 * c * a], axis=-1)
 
 
 def cleaned(matrix: sp.csr_array, scale: np.ndarray) -> sp.csr_array:

@@ -60,11 +60,6 @@ class Surfaces:
         """The same facets where their nodes (n, 3) are now; the overlaps stay what they were."""
         return replace(self, points=tuple(points[n] for n in self.nodes))
 
-    def turned(self) -> Surfaces:
-        """What the sides are once slave and master have changed places, without overlaps."""
-        none = self.segments.some(np.empty(0, int))
-        return Surfaces(*(pair[::-1] for pair in (self.points, self.nodes, self.triangles, self.cells)), none)
-
     @cached_property
     def facets(self) -> tuple[Facets, Facets]:
         """Either side as it is in space."""
@@ -146,11 +141,11 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     if (slave_of([found], matter, asked) if slave is None else slave) == 0:
         return 0, found
     # the same facets, seen from the other side, as far apart as they are
-    turned = found.turned()
-    slave, master = turned.facets
-    back = find_segments(slave, master, MORE * np.abs(segments.distance).max() + SLANTED * slave.size, asked.facing).nearest(slave.area)
-    everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
-    return 1, Surfaces.of(points, everywhere, turned.cells, back, None if more is None else tuple(map(np.arange, map(len, everywhere))))
+    facets = [np.union1d(own, wanted) for own, wanted in zip((segments.slave, segments.master), more or 2 * (np.empty(0, int),))][::-1]
+    turned = [body.some(own) for body, own in zip(bodies[::-1], facets)]
+    far = MORE * np.abs(segments.distance).max() + SLANTED * turned[0].size
+    back = find_segments(*turned, far, asked.facing).nearest(turned[0].area).numbered(*facets)
+    return 1, surfaces_of(points, bodies[::-1], back, None if more is None else more[::-1])
 
 
 def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments,
