@@ -9,6 +9,7 @@ import errno
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -145,6 +146,21 @@ class BlackBoxError(OrchestratorError):
 
     def __reduce__(self):
         return BlackBoxError, self._given
+
+
+class Refusal(Exception):
+    """What the method does not solve as it is asked. It knows no keys of the YAML: ``refused`` says where they are and what to do.
+
+    cause : one of ``refused.CAUSES``
+    facts : what its sentences name
+    """
+
+    def __init__(self, cause: str, **facts: object):
+        super().__init__(f"{cause}: {', '.join(f'{name} {value}' for name, value in facts.items())}")
+        self.cause, self.facts = cause, facts
+
+    def __reduce__(self):
+        return partial(Refusal, self.cause, **self.facts), ()
 
 
 SHOWN = 4  # names in a sentence

@@ -141,7 +141,7 @@ def _pairs(scene: Scene, config: Config) -> list[str]:
 def _check_iterations(scene: Scene, method: Method) -> None:
     """Whether there are enough of them; where there is no doubt, the method is not even imported."""
     if scene.steps > method.max_iterations:
-        from orchestrator.method.load_cases import load_cases
+        from orchestrator.method.iterated import load_cases
         from orchestrator.method.increments import check_iterations
         from orchestrator.refused import by_keys
 

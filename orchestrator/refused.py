@@ -48,7 +48,7 @@ def by_keys() -> Iterator[None]:
 
     Raises InputError: it was refused
     """
-    from orchestrator.method.refusal import Refusal  # ``check`` asks before the method is imported
+    from orchestrator.errors import Refusal  # ``check`` asks before the method is imported
 
     try:
         yield

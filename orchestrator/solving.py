@@ -12,21 +12,18 @@ import numpy as np
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.start import make_blackbox, with_own_loads
 from orchestrator.config.model import Config
-from orchestrator.timing import Savings, Stopwatch, predicted_cost
-from orchestrator.processes import trim
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
-from orchestrator.method.iterated import Iterated
-from orchestrator.method.load_cases import LoadCases, common_load_cases
+from orchestrator.method.iterated import Iterated, LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
-from orchestrator.method.part import Part
-from orchestrator.method.setup import prepare
+from orchestrator.method.setup import Part, prepare
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.ranks import Piece, whole_states
@@ -37,6 +34,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.soles.make import make_soles
+from orchestrator.timing import Savings, Stopwatch, predicted_cost
 
 
 @dataclass(frozen=True)
@@ -213,7 +211,7 @@ class _Solving:
         team, wanted, pieces = self.ranks.team, self._follows_mesh or self.config.output.fields, None
         # what stands for a part that is not ours has no moduli in fields
         if team.rank == 0 and wanted and (team.size == 1 or self.whole.mesh.foreign):
-            delivered = replace(delivered, discretisation=estimate.of_delivered(delivered.continuous))
+            delivered = replace(delivered, discretisation=estimate.estimator(delivered.continuous))
         if team.size == 1:
             return delivered, None
         trim()  # of this rank's part nothing is left

@@ -9,15 +9,14 @@ from in_process import IN_PROCESS
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.part import Part
-from orchestrator.method.setup import prepare
+from orchestrator.method.setup import Part, prepare
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.scene.mesh.sources import bricks
 from orchestrator.timing import Stopwatch
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}

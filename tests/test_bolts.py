@@ -8,14 +8,14 @@ from in_process import IN_PROCESS
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.interface.pairs import History
 from orchestrator.results.report.sections import interface_section
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
+from orchestrator.scene.bolts import fitted
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
-from orchestrator.scene.bolts import fitted
 from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0

@@ -11,9 +11,9 @@ from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config.model import Config
-from orchestrator.method.history import History
 from orchestrator.method.coarse.correction import MANY, kind_of
 from orchestrator.method.events import Subscriber
+from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
 from orchestrator.run import solve
@@ -51,7 +51,7 @@ def coarse(request, tmp_path_factory):
 def steps(coarse):
     """Per load step what the coarse contact problem is asked at the first iteration."""
     stage = coarse.stage
-    fields = stage(np.zeros((len(stage.loaded), stage.space.size)))
+    fields = stage(np.zeros((len(stage.loading.boundary), stage.space.size)))
     F0 = coarse.pairs.traces(*fields.extended).predicted()
     return list(zip(F0, coarse._of_all(coarse._resultants(fields.f)).swapaxes(0, 1)))
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from orchestrator.method.refusal import Refusal
+from orchestrator.errors import Refusal
 from orchestrator.method.interface import factor
-from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection
+from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection, semidefinite_solver
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.stopping.semidefinite import semidefinite_solver
 from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern
 

@@ -7,8 +7,8 @@ import pytest
 from contact_case import BOTTOM, TOP, contact
 
 from orchestrator import Subscriber
-from orchestrator.method.evaluation import Verdict
-from orchestrator.method.monitors.far_bodies import PATIENCE, FarBodies
+from orchestrator.method.monitors import Verdict
+from orchestrator.method.monitors.far_bodies import FarBodies, PATIENCE
 from orchestrator.results.progress import Progress
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

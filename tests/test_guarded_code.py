@@ -9,7 +9,7 @@ from blackbox_case import assemble, box, difference, settings
 from in_process import IN_PROCESS, InProcess, InProcessWorker
 from quadratic_case import assemble_ten
 
-from orchestrator.blackbox.guarded import PATCH, GuardedCode, imbalance, patch_errors, wrong_stiffness
+from orchestrator.blackbox.guarded import GuardedCode, PATCH, imbalance, patch_errors, wrong_stiffness
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.pool import Pool
@@ -17,15 +17,15 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface import factor
+from orchestrator.method.interface.factor import is_semidefinite
+from orchestrator.method.linear.answers import check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import assemble_rims
-from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
-from orchestrator.method.stopping.semidefinite import is_semidefinite
 from orchestrator.registry import CODES
 from orchestrator.run import solve
-from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
+from orchestrator.timing import Savings
 
 BAR = {"name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
        "subdomains": {"slices": {"axis": "x", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.3}],

@@ -20,9 +20,9 @@ from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.guards import failed_guards, with_noise, works
 from orchestrator.method.delivery.interface_fields import interface_fields
 from orchestrator.method.delivery.recovery import recover
-from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.increments import iterate
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from benchmarks.problems.hard_scenes import slices

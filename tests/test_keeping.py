@@ -404,7 +404,7 @@ def test_interrupted_while_an_iteration_is_noted(tmp_path, monkeypatch, kind, af
 @pytest.mark.parametrize("kind", [MemoryError, SystemError, ZeroDivisionError])
 def test_any_error_leaves_what_has_been_computed(tmp_path, monkeypatch, kind):
     """One message, the traceback in a file, history, summary and checkpoint; then it goes on."""
-    from orchestrator.method.local.stage import LawStage
+    from orchestrator.method.local_stage import LawStage
 
     case, out, stage, calls = loaded(tmp_path), tmp_path / "out", LawStage.__call__, []
 

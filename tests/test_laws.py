@@ -11,11 +11,11 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws import coulomb
 from orchestrator.laws.base import Law, Stages, Written
-from orchestrator.laws.contact import OPEN, SLIP, STICK, Contact
-from orchestrator.laws.elastic import SLACK, SPRUNG, TAUT, Elastic
+from orchestrator.laws.contact import Contact, OPEN, SLIP, STICK
+from orchestrator.laws.elastic import Elastic, SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import Points
 from orchestrator.laws.status import BONDED, Hold, Status, table
-from orchestrator.method.load_cases import load_cases
+from orchestrator.method.iterated import load_cases
 from orchestrator.registry import DEFAULT_LAW, LAWS
 from orchestrator.scene.build import build_scene
 

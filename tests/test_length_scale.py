@@ -6,9 +6,9 @@ from in_process import IN_PROCESS
 from method_case import box_of, prepared
 
 from orchestrator.config.load import config_from
-from orchestrator.method.events import Subscriber
 from orchestrator.method.checkpoint import Start
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.events import Subscriber
+from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions

@@ -7,7 +7,7 @@ import pytest
 from ranks_case import CASES
 
 from orchestrator.config.load import config_from
-from orchestrator.method.part import Part
+from orchestrator.method.setup import Part
 from orchestrator.parallel.placement import ranks_of
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.part import overview, part_of

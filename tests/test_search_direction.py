@@ -7,17 +7,16 @@ import pytest
 import scipy.linalg as la
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import sole_models
+from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.method.acceleration.relaxation import stable_relaxation
-from orchestrator.method.part import Part
-from orchestrator.method.setup import prepare
 from orchestrator.method.increments import iterate
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.method.setup import Part, prepare
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
+from orchestrator.timing import Savings, Stopwatch
 
 BAR = {
     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 4}},

@@ -34,7 +34,7 @@ def test_no_body_feels_it(eight):
     d, rng = eight, np.random.default_rng(5)
     s = 1e2 * rng.normal(size=(d.steps, d.space.size))
     before = d.stage(s)
-    after = d.self_stress.make()(before, d.local)
+    after = d.self_stress()(before, d.local)
     change = after.s - s
     assert np.abs(change).max() > 1e-2 * np.abs(s).max()
     answered = d.stage(after.s)
@@ -49,8 +49,8 @@ def test_it_brings_forces_nearer_to_the_laws(eight):
     """Of what the laws answer there, each group is no farther off than before, and most are nearer."""
     d, rng = eight, np.random.default_rng(6)
     before = d.stage(1e2 * rng.normal(size=(d.steps, d.space.size)))
-    after = d.self_stress.make()(before, d.local)
-    pairs, own = d.local.pairs, d.self_stress.make()
+    after = d.self_stress()(before, d.local)
+    pairs, own = d.local.pairs, d.self_stress()
 
     def left(fields):
         at = pairs.traces(*fields.extended)

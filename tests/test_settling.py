@@ -8,8 +8,7 @@ import pytest
 from orchestrator.laws.contact import Contact
 from orchestrator.laws.points import Points
 from orchestrator.method.coarse.settling import Body
-from orchestrator.method.history import History
-from orchestrator.method.interface.pairs import Pairs, Run
+from orchestrator.method.interface.pairs import History, Pairs, Run
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
 

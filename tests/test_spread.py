@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from scipy.linalg.lapack import dtrttf
 from threads import among
 
-from orchestrator.method.linear.spread import SpreadFactor, rectangular
+from orchestrator.method.interface.factor import SpreadFactor
 
 
 def chain(ranks: int, each: int, definite: bool = True) -> list[tuple[sp.csr_array, np.ndarray, np.ndarray]]:
@@ -39,11 +38,3 @@ def test_a_singular_matrix_is_refused_by_all():
     parts = chain(2, 7, definite=False)
     found = among(2, lambda team: SpreadFactor(*parts[team.rank], team))
     assert RuntimeError in map(type, found) and all(isinstance(error, RuntimeError) for error in found)  # a barrier that is left
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 8])
-def test_rectangular_format_is_that_of_lapack(n):
-    lower, (row, column) = np.tril(np.random.default_rng(n).standard_normal((n, n))), np.tril_indices(n)
-    packed = np.zeros(n * (n + 1) // 2)
-    packed[rectangular(n, row, column)] = lower[row, column]
-    assert (packed == dtrttf(lower, uplo="L")[0].ravel()).all()

@@ -11,12 +11,12 @@ from quick import late, quick
 from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
-from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import Line, LoadStep
+from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
-from orchestrator.method.stopping.law_residuals import LawResiduals
-from orchestrator.method.monitors.places import SEEN, Places
+from orchestrator.method.monitors.places import Places, SEEN
 from orchestrator.method.monitors.weakening import PATIENCE, STAGES, WEAKER, Weakening
+from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation
 from orchestrator.method.events import Iteration
 from orchestrator.method.iterated import Iterated, delivered
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.refusal import Refusal
+from orchestrator.method.monitors import Evaluation
 
 COMMON = "common"
 _EVALUATED = ("trace/s", "boundary/u", "macro/alpha")

@@ -6,22 +6,20 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
-from orchestrator.method.following import Following
-from orchestrator.method.history import History
+from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Loading, RimStiffness
-from orchestrator.method.linear.nonlinear import Nonlinear
-from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.local.exchange import Exchange
-from orchestrator.method.local.stage import LawStage
+from orchestrator.method.linear.stage import Admissible, LinearStage, Nonlinear
+from orchestrator.method.local_stage import Exchange, LawStage
+from orchestrator.method.stopping.admissible import Continuity
 from orchestrator.method.stopping.bound import Bound, ErrorBound
-from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -45,15 +43,6 @@ class Made:
     sole_scale: float = 1.0
 
 
-@dataclass(frozen=True)
-class AtNodes:
-    """Self-stress at nodes where interfaces that open meet: made once, when it is first asked for by all ranks, as most runs end
-    before; ``make`` gives None where there are no such nodes; ``on``: it is corrected beside the coarse contact problem."""
-
-    make: Callable[[], SelfStress | None]
-    on: bool = False
-
-
 @dataclass
 class Decomposition:
     """A scene, decomposed and factorised.
@@ -62,23 +51,30 @@ class Decomposition:
     bound : error bound, where all interfaces are perfect
     coarse : coarse contact problem, where some are not
     nonlinear : the subdomains that are; None where none is
-    following : the interfaces that are paired anew as they slide, where there are some
-    self_stress : beside the coarse contact problem
+    following : the interfaces that are paired anew as they slide, where there are some, see ``monitors.following``
+    self_stress : at nodes where interfaces that open meet, None where there are none: made once, when it is first asked for by
+        all ranks, as most runs end before
+    at_nodes : it is corrected beside the coarse contact problem
     springs : ε of springs of stabilisation over that at the beginning
     """
 
     scene: Scene
     space: TraceSpace
     made: Made
-    loading: Loading
     stage: LinearStage
     local: Exchange | LawStage
     bound: ErrorBound | None
     coarse: CoarseCorrection | None
     nonlinear: Nonlinear | None = None
-    following: Following | None = None
-    self_stress: AtNodes | None = None
+    following: Any = None
+    self_stress: Callable[[], SelfStress | None] | None = None
+    at_nodes: bool = False
     springs: float = 1.0
+
+    @property
+    def loading(self) -> Loading:
+        """What the loads give on their own."""
+        return self.stage.loading
 
     @property
     def blackbox(self) -> BlackBox:
@@ -105,8 +101,8 @@ class Decomposition:
         if self.coarse is None:
             return fields
         fields = self.coarse(fields)
-        at_nodes = self.self_stress.make() if self.self_stress.on else None
-        return fields if at_nodes is None else at_nodes(fields, self.local)
+        correction = self.self_stress() if self.at_nodes else None
+        return fields if correction is None else correction(fields, self.local)
 
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
         """Energy, continuity and error bound of fields; where laws are not perfect no bound.
@@ -118,7 +114,7 @@ class Decomposition:
         if self.all_perfect:
             return self.bound(fields)
         space = self.space
-        delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.stage.known)
+        delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.loading.known)
         energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
         return Bound(np.nan, np.nan, energy, np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes))), delta)
 
@@ -131,7 +127,7 @@ class Decomposition:
         """The same decomposition for some of the load steps; ``before``: what the step before has left, None at the start."""
         loading = self.loading.batch(steps)
         one = None if self.nonlinear is None else partial(self.nonlinear.put, range(self.steps)[steps][0])
-        stage = self.stage.under(loading.boundary, loading.known, one)
+        stage = self.stage.under(loading, one)
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
             local.pairs = local.pairs.batch(steps)
@@ -139,8 +135,8 @@ class Decomposition:
             local.before = before
         if coarse is not None:
             coarse.start_from(local)
-        bound = self.bound and self.bound.batch(steps, stage, loading)
-        return replace(self, loading=loading, stage=stage, local=local, coarse=coarse, bound=bound)
+        bound = self.bound and self.bound.of(stage, steps)
+        return replace(self, stage=stage, local=local, coarse=coarse, bound=bound)
 
     def foreseen(self, step: int) -> Decomposition:
         """With pseudo-loads of the load step before at this one: as if nothing more would flow."""
@@ -151,8 +147,7 @@ class Decomposition:
         """With the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
         if self.nonlinear is None:
             return self
-        loading = self.nonlinear.reload()
-        return replace(self, loading=loading, stage=self.stage.under(loading.boundary, loading.known))
+        return replace(self, stage=self.stage.under(self.nonlinear.reload()))
 
     def paired(self, place: np.ndarray) -> Decomposition:
         """The same with sides paired where traces (1, D) have brought them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -142,27 +142,19 @@ class Subscriber:
         """The run has been interrupted or has failed, at whatever stage; ``error`` ends it after this."""
 
 
+def _to_all(name: str) -> Callable[[Subscribers, object], None]:
+    """The method of ``Subscribers`` that tells each of them in turn."""
+    def tell(self: Subscribers, word: object) -> None:
+        for subscriber in self.all:
+            getattr(subscriber, name)(word)
+
+    return tell
+
+
 class Subscribers(Subscriber):
     """Several as one: each is told in turn."""
 
     def __init__(self, subscribers: Iterable[Subscriber] = ()):
         self.all = list(subscribers)
 
-    def _tell(self, what: str, word: object) -> None:
-        for subscriber in self.all:
-            getattr(subscriber, what)(word)
-
-    def stage(self, name: str) -> None:
-        self._tell("stage", name)
-
-    def iteration(self, event: Iteration) -> None:
-        self._tell("iteration", event)
-
-    def warned(self, sentence: str) -> None:
-        self._tell("warned", sentence)
-
-    def finished(self, event: Finished) -> None:
-        self._tell("finished", event)
-
-    def failed(self, error: BaseException) -> None:
-        self._tell("failed", error)
+    stage, iteration, warned, finished, failed = map(_to_all, ("stage", "iteration", "warned", "finished", "failed"))

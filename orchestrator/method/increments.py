@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.errors import Refusal
 from orchestrator.method.checkpoint import Checkpoint, Start, ended, go_on
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
-from orchestrator.method.monitors.monitor import Case, monitors_of
-from orchestrator.method.refusal import Refusal
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.monitors import Case, monitors_of
+from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.timing import Stopwatch
 
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
@@ -40,7 +40,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     Raises Unbalanced: see ``monitors.placing``
     """
     run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
-    told, batches = Subscribers(subscribers), batches_of(d, method)
+    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, method, bool(d.nonlinear or d.following))
     # a load step may unload: what its residuals are relative to is what the scene was told in all of them
     run.told = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
     for number in range(len(batches)):
@@ -135,7 +135,7 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
     Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked under forces that nothing bears,
     as where a body is to slide and has not been let go yet.
     """
-    elastic = replace(view, stage=view.stage.under(view.loading.boundary, view.loading.known), following=None)
+    elastic = replace(view, stage=view.stage.under(view.loading), following=None)
     rough = method.model_copy(update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
     latin = Latin(elastic, rough, monitors_of(Case(elastic, rough, numbers)), watch)
     latin.s, latin.last = s.copy(), MOST_FORESEEN
@@ -145,14 +145,11 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
             return now.best.s
 
 
-def batches_of(d: Decomposition, method) -> list[slice]:
-    """The load steps that are solved together."""
-    return _batches(d.steps, d.all_perfect, 1 if d.nonlinear or d.following else method.increment)
-
-
-def _batches(steps: int, perfect: bool, size: int | str) -> list[slice]:
-    if perfect:
+def batches_of(steps: int, perfect: bool, method, one_by_one: bool = False) -> list[slice]:
+    """The load steps that are solved together; parameters as for ``check_iterations``."""
+    if perfect and not one_by_one:
         return [slice(0, steps)]
+    size = 1 if one_by_one else method.increment
     if size == "auto":
         size = steps if steps <= TOGETHER else INCREMENT
     return [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
@@ -164,6 +161,6 @@ def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False
     one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
     Raises Refusal: that is more than ``method.max_iterations``
     """
-    count = len(_batches(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
+    count = len(batches_of(steps, perfect, method, one_by_one))
     if count > method.max_iterations:
         raise Refusal("too few iterations", allowed=method.max_iterations, count=count)

@@ -1,4 +1,8 @@
-"""What the iterations end with: the input of all that is delivered."""
+"""What the iterations end with: the input of all that is delivered; and load steps that need none, because they follow from others.
+
+Where all interfaces are perfect the problem is linear. The load vectors of all steps (prescribed displacements and nodal forces)
+are combinations of a few of them, and so are the solutions.
+"""
 
 from __future__ import annotations
 
@@ -7,31 +11,18 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg as la
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation
 from orchestrator.method.events import Iteration
-from orchestrator.method.history import History
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.local.state import LocalState
+from orchestrator.method.local_stage import LocalState
+from orchestrator.method.monitors import Evaluation
 from orchestrator.method.stopping.bound import Bound
-from orchestrator.scene.interfaces.mortar.operators import Mortar
-
-
-@dataclass(frozen=True)
-class Paired:
-    """How sides that slide on each other were paired in a load step.
-
-    pairs : that are not perfect
-    mortars : operators by the interface's place in the scene
-    before : what the load step before has left
-    """
-
-    pairs: Pairs
-    mortars: dict[int, Mortar]
-    before: History
+from orchestrator.parallel.team import Team
+from orchestrator.scene.model import Scene
 
 
 @dataclass(frozen=True)
@@ -110,3 +101,95 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
     event = replace(event, checkpoint=None)
     return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event, history or [event.without_state()],
                     {monitor.name: monitor.found(problem) for monitor in latin.monitors})
+
+
+SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it
+
+
+@dataclass(frozen=True)
+class LoadCases:
+    """The load steps that are solved, and how all follow from them.
+
+    chosen : (r,) int, ascending
+    weights : (r, T) step t = Σᵢ weights[i, t] × step chosen[i]
+    switch : of ``method.skip``, that allows to leave steps out
+    """
+
+    chosen: np.ndarray
+    weights: np.ndarray
+    switch: str = ""
+
+    @property
+    def left_out(self) -> int:
+        """Number of steps that are not solved."""
+        return self.weights.shape[1] - len(self.chosen)
+
+    def all_steps(self, values: np.ndarray) -> np.ndarray:
+        """(T, …) of what is linear in the load, given (r, …)."""
+        return np.tensordot(self.weights.T, values, axes=1) if self.left_out else values
+
+    def part_of(self, d: Decomposition) -> Decomposition:
+        """The decomposition for the chosen steps, with a bound that holds for all of them."""
+        if not self.left_out:
+            return d
+        part = d.batch(self.chosen)
+        return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
+
+
+def load_cases(scene: Scene, skip) -> LoadCases:
+    """The steps to solve.
+
+    skip : ``method.skip`` of the configuration
+    """
+    if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not any(
+            s.remembers for s in scene.subdomains):
+        return _independent(_load_vectors(scene))
+    return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
+
+
+def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
+    """The same for all ranks: rank 0 decides, which has the scene.
+
+    method : ``method`` of the configuration
+    """
+    return team.share(None if team.rank else load_cases(scene, method.skip))
+
+
+def _load_vectors(scene: Scene) -> np.ndarray:
+    """(n, T) prescribed displacements and forces, each relative to the largest; without entries that are always zero."""
+    parts = []
+    for name in ("prescribed", "loads"):
+        values = np.hstack([getattr(s, name).reshape(scene.steps, -1) for s in scene.subdomains]).T
+        values = values[values.any(axis=1)]
+        parts.append(values / np.abs(values).max(initial=np.finfo(float).tiny))
+    return np.vstack(parts)
+
+
+def _independent(loads: np.ndarray) -> LoadCases:
+    """Linear: a rank-revealing QR picks the steps, the largest first."""
+    if not loads.any():
+        return LoadCases(np.array([0]), np.ones((1, loads.shape[1])), "superposition")
+    _, triangle, order = la.qr(loads, mode="economic", pivoting=True)
+    # what a column has below row r is what r steps leave unexplained of it; largest columns come first
+    left = np.sqrt(np.cumsum(triangle[::-1] ** 2, axis=0)[::-1])
+    size = left[0]
+    rank = next((r for r in range(1, len(left)) if (left[r] <= SAME * size).all()), len(left))
+    weights = np.zeros((rank, loads.shape[1]))
+    weights[:, order] = la.solve_triangular(triangle[:rank, :rank], triangle[:rank])
+    ascending = np.argsort(order[:rank])
+    return LoadCases(order[:rank][ascending], weights[ascending], "superposition")
+
+
+def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:
+    """What the iterations ended with for all load steps, from that for the solved ones.
+
+    d : the decomposition with all load steps
+
+    The bound that ended the iterations already held for all steps, see ``ErrorBound.for_cases``; energies and
+    the correction to u_D are evaluated again.
+    """
+    if not cases.left_out:
+        return iterated
+    fields = iterated.fields.combined(cases.weights)
+    bound = replace(d.bound.first(fields)[0], relative=iterated.bound.relative)
+    return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s), bound=bound)

@@ -16,11 +16,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.method.acceleration.base import make_acceleration
+from orchestrator.method.acceleration import make_acceleration
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.monitors.monitor import Monitor
+from orchestrator.method.monitors import Evaluation, Monitor
 from orchestrator.method.stopping.indicator import measure
 from orchestrator.timing import Stopwatch
 

@@ -6,40 +6,80 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
+from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import Refusal
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
-from orchestrator.method.decomposition import AtNodes, Decomposition, Made
-from orchestrator.method.following import Following
+from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.interface.stabilisation import stabilisation
-from orchestrator.method.linear.answers import GuardedTraces
-from orchestrator.method.linear.loading import RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.interface.ties import make_ties
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
+from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_basis import interface_bases
-from orchestrator.method.linear.nonlinear import Nonlinear
-from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
-from orchestrator.method.linear.stage import LinearStage
-from orchestrator.method.local.exchange import Exchange
-from orchestrator.method.local.stage import LawStage
-from orchestrator.method.part import Part
-from orchestrator.method.refusal import Refusal
-from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
-from orchestrator.timing import Savings, Stopwatch
+from orchestrator.method.linear.stage import LinearStage, Nonlinear
+from orchestrator.method.local_stage import Exchange, LawStage
+from orchestrator.method.monitors.following import Following
+from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
+from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.overlap import difficulty
+from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.overlap import difficulty
+from orchestrator.timing import Savings, Stopwatch
+
+
+@dataclass
+class Part:
+    """A rank's part of a scene; all of it where there is one.
+
+    scene : own subdomains, their interfaces, and of their neighbours what meets these
+    space : numbering of its traces
+    carried : rigid motions that go with what is prescribed, of the whole scene
+    """
+
+    scene: Scene
+    space: TraceSpace
+    carried: Carried
+
+    @classmethod
+    def of_all(cls, scene: Scene) -> Part:
+        """The scene in one part."""
+        sides = sides_by_subdomain(scene)
+        space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, sides[s.index]) for s in scene.subdomains])
+        return cls(scene, space, Carried.of(scene))
+
+    @classmethod
+    def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> Part:
+        """The rank's own part.
+
+        scene : the whole one, on rank 0
+        rank_of : (subdomains,) int, the rank of each
+        """
+        if team.size == 1:
+            return cls.of_all(scene)
+        whole, known = (None, None) if team.rank else (cls.of_all(scene), overview(scene))
+
+        def made(rank: int) -> Part:
+            piece = part_of(scene, np.flatnonzero(rank_of == rank), known)
+            return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
+
+        part = team.hand_out(made)
+        part.space.link.team, part.space.ties = team, make_ties(part.scene, part.space.transfer)
+        return part
 
 
 def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,
@@ -94,20 +134,20 @@ class _SetUp:
             direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
             guarded = GuardedTraces(blackbox, direction, guarded.names)
             macro = self._macro(direction, guarded, bases)
-        floor = self._floor()
+        self._check_floor(bound)
         with watch("linear_stage"):
             load = partial(apply_loads, scene, direction, self.models, self.traces, rims, blackbox, self.carried)
             loading = load()
             nonlinear = Nonlinear(blackbox, space, own, self.traces, [m.fixed.size for m in self.models], load) if remembers else None
         with watch("macro"):
             spent += macro.solve(guarded) if macro is not None else 0
-            stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
+            stage = LinearStage(space, direction, macro, loading, guarded)
             coarse = self._coarse(stage, pairs)
         spent += coarse.sweeps if coarse is not None else 0
         made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
-        return Decomposition(scene, space, made, loading, stage, local, bound and bound.of(stage, loading, floor), coarse, nonlinear,
-                             following, None if coarse is None else AtNodes(cache(partial(SelfStress.of, space, local))))
+        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, nonlinear, following,
+                             None if coarse is None else cache(partial(SelfStress.of, space, local)))
 
     def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.
@@ -162,8 +202,8 @@ class _SetUp:
             return None
         return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
 
-    def _floor(self) -> float:
-        """Relative energy error that the codes' own matrices leave.
+    def _check_floor(self, bound: ErrorBound | None) -> None:
+        """Tell the bound what relative energy error the codes' own matrices leave.
 
         Raises Refusal: a tolerance below it; heat in matter of a code's own
         """
@@ -175,7 +215,8 @@ class _SetUp:
         for s in self.own:
             if s.heated and traits[s.code].own_matter:
                 raise Refusal("heat in own matter", name=s.name)
-        return float(floor)
+        if bound is not None:
+            bound.floor = float(floor)
 
 
 def _own_copy(scene: Scene) -> Scene:

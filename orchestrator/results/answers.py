@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.model import Config
+from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.method.delivery.resultants import Resultants
-from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES, Extremes, extremes
+from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.probes import NAME as PROBES, read_probes

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.acceleration.base import Acceleration, squared_weights
+from orchestrator.method.acceleration import Acceleration
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
@@ -56,7 +56,7 @@ class Anderson(Acceleration):
     @classmethod
     def of(cls, d: Decomposition, method) -> Anderson:
         """``relaxation: auto`` is 0.8."""
-        return cls(squared_weights(d), MEMORY if method.memory == "auto" else method.memory,
+        return cls(1 / d.stage.direction.diagonal, MEMORY if method.memory == "auto" else method.memory,
                    RELAXATION if method.relaxation == "auto" else method.relaxation, d.space.team,
                    FORGET if d.nonlinear is None else FORGET_FLOWING)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.acceleration.base import Acceleration, squared_weights
+from orchestrator.method.acceleration import Acceleration
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
@@ -56,7 +56,7 @@ class Aitken(Relaxation):
     @classmethod
     def of(cls, d: Decomposition, method) -> Aitken:
         """``relaxation: auto`` as in the base class."""
-        return cls(usual_relaxation(d, method), squared_weights(d), d.space.team)
+        return cls(usual_relaxation(d, method), 1 / d.stage.direction.diagonal, d.space.team)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         before = None if self.s is None else (self.s, self.residual)

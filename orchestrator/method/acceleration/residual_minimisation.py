@@ -27,7 +27,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from orchestrator.method.acceleration.base import Acceleration, squared_weights
+from orchestrator.method.acceleration import Acceleration
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import add, dots
 from orchestrator.method.linear.stage import Admissible
@@ -63,7 +63,8 @@ class ResidualMinimisation(Acceleration):
     def of(cls, d: Decomposition, method) -> ResidualMinimisation:
         """``relaxation: auto`` is 1."""
         memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
-        return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation, d.space.team)
+        relaxation = 1.0 if method.relaxation == "auto" else method.relaxation
+        return cls(d.stage.complete, 1 / d.stage.direction.diagonal, memory, relaxation, d.space.team)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; residual at the combination of least residual. u and α are affine in s: combined like it."""

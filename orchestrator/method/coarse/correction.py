@@ -24,14 +24,13 @@ import numpy as np
 
 from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.kernels import carried_along
+from orchestrator.method.coarse.pair_fields import AFFINE, DenseFields, MONOMIALS, PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
-from orchestrator.method.local.stage import LawStage
-from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.history import History
-from orchestrator.method.coarse.pair_fields import AFFINE, MONOMIALS, DenseFields, PairFields
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.local_stage import LawStage
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 

@@ -21,7 +21,7 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.kernels import along
 from orchestrator.method.coarse.pair_fields import PairFields
-from orchestrator.method.history import History
+from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
 
 WORTH = 1 << 14  # pairs, over which F + θ dF takes longer than to hand them out to a thread

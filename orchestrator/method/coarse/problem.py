@@ -17,13 +17,12 @@ from copy import copy
 
 import numpy as np
 
-from orchestrator.method.coarse.searched import SearchedNewton
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.coarse.searched import SearchedNewton
 from orchestrator.method.coarse.settling import Body
-from orchestrator.method.history import History
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves

@@ -21,11 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.method.coarse.node_loops import Groups, node_loops
-from orchestrator.method.history import History
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.local.stage import LawStage
+from orchestrator.method.local_stage import LawStage
 
 # δ, over the pairs' own stiffness: small beside a force that slips far (1), large beside what jumps that have not met yet make
 # of pairs that stick. Iterations of 27 grains to 1e-6, from the start on, with 0.01, 0.1, 0.3 and without self-stress: 35, 52, 68, 69.

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.history import History
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import History, Pairs
 
 STEPS = 120
 FIRST = 1e4  # pseudo-time step to begin with; stiffnesses are of order one in units of k

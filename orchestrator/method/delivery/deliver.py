@@ -7,17 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.balance import Resultants, interface_resultants
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
-from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
-from orchestrator.method.delivery.recovery import Parts, continuous, joint_forces, of_all, on_mesh, reactions, recover
-from orchestrator.method.delivery.resultants import Resultants, interface_resultants
-from orchestrator.method.iterated import Iterated
-from orchestrator.method.load_cases import LoadCases, expanded
+from orchestrator.method.delivery.recovery import Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions, recover
+from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals, law_residuals
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 

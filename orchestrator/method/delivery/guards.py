@@ -5,7 +5,7 @@
 - repetition: the last back-substitution gives the interface displacements that the iterations have combined from
   all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
 - the interior: the energy of the recovered field, summed over its tets, is that of the iterations, and every free node
-  is in equilibrium, see ``interior``; what is left over is part of the error, too;
+  is in equilibrium, see ``recovery``; what is left over is part of the error, too;
 - interface laws, node by node on the written fields: what each law itself says is broken;
 - balance of every body: its loads, its supports' reactions and what its interfaces carry, forces and moments.
 
@@ -23,12 +23,11 @@ from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.delivery.interior import Interior, interior
-from orchestrator.method.delivery.recovery import Parts, repositioned
+from orchestrator.method.delivery.recovery import Interior, Parts, interior, repositioned
 from orchestrator.method.interface.pairing import lawful_corners, pair_normals
 from orchestrator.method.interface.rows import dots, joined, times
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.lengths import Lengths
+from orchestrator.method.stopping.law_residuals import Lengths
 
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it

@@ -21,10 +21,10 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.loose import loose_bodies
-from orchestrator.scene.conditions.rigid import motions
+from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
 
@@ -74,14 +74,13 @@ class _Motions:
         for b in range(self.bodies):
             mine = [s for s, owner in zip(scene.subdomains, body) if owner == b]
             nodes = np.unique(np.concatenate([s.nodes for s in mine]))
-            columns = motions(scene.mesh.nodes[nodes]).reshape(-1, 3, 6)
+            about = scene.mesh.nodes[nodes].mean(axis=0), size_of(scene.mesh.nodes[nodes])
             for side, own in enumerate((interfaces.nodes, interfaces.others)):
                 here = of_node[:, side] == b
-                self.columns[side, here] = columns[np.searchsorted(nodes, own[here])]
-            fixed = np.zeros((len(nodes), 3), bool)
+                self.columns[side, here] = motions_about(scene.mesh.nodes[own[here]], *about)
             for s in mine:
-                fixed[np.searchsorted(nodes, s.nodes)] |= s.fixed
-            self.support[b] = columns[fixed].T @ columns[fixed]
+                rows = motions_about(scene.mesh.nodes[s.nodes], *about)[s.fixed]
+                self.support[b] += rows.T @ rows
 
     def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
         """(bodies,) bool, whether each can move rigidly where pairs hold along and across the normal, (N,) bool each."""

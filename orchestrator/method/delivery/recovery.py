@@ -1,15 +1,28 @@
-"""Delivered fields: the kinematically admissible displacement u_D that the bound speaks of, reactions, stored energy."""
+"""Delivered fields: the kinematically admissible displacement u_D that the bound speaks of, reactions, stored energy.
+
+The recovered field is seen from the inside as well: what every tet of the bodies says, by the scene's own mesh and moduli. Per
+subdomain and load step, with K u element by element, d the nodes' own stiffness and u_Γ what the iterations claim on the interfaces:
+
+    ‖u‖²_K = uᵀK u,    ‖r‖² = Σ (K u − p − Nᵀf)² / d on free dofs,    ‖δ‖² = Σ d (N u − u_Γ)²
+
+A dof that is off by e costs at least d e² in ‖r‖²: the energy of that error, first order, where the energy itself sees it
+in second order alone. Subdomains whose matter is their code's own are left out.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from orchestrator.blackbox.models.matter import Matter
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.loads.temperature import strained_energy, thermal_loads
-from orchestrator.scene.model import Scene
 from orchestrator.scene.mesh.mesh import split_numbering
+from orchestrator.scene.model import Scene
 
 Parts = list[np.ndarray | None]  # per subdomain of the scene (T, n_E, 3); None for other ranks'
 
@@ -99,22 +112,21 @@ def reactions(d: Decomposition, parts: Parts, f: np.ndarray) -> np.ndarray:
     That of the support for prescribed displacements (a node in several entries counts for the last), that applied for loads.
     """
     scene = d.scene
-    total = np.zeros((scene.steps, len(scene.boundary), 6))
+    total = np.zeros((len(scene.boundary), scene.steps, 6))
     for s, forces in zip(d.own, support_forces(d, parts, f)):
-        if forces is None:
-            continue
-        arm = scene.mesh.nodes[s.nodes]
-        for c in range(3):
-            held = np.flatnonzero(s.fixed[:, c] & (s.held_by[:, c] >= 0))  # others are held inside a part of another program's
-            entry, push = s.held_by[held, c], forces[:, held, c]
-            np.add.at(total[:, :, c], (slice(None), entry), push)
-            for axis, lever, sign in ((3 + (c + 1) % 3, (c + 2) % 3, 1), (3 + (c + 2) % 3, (c + 1) % 3, -1)):  # arm × e_c
-                np.add.at(total[:, :, axis], (slice(None), entry), sign * push * arm[held, lever])
+        if forces is not None:
+            for entry in np.unique(s.held_by[s.fixed & (s.held_by >= 0)]):  # others are held inside a part of another program's
+                total[entry] += wrench(scene.mesh.nodes[s.nodes], np.where(s.fixed & (s.held_by == entry), forces, 0.0))
     for entry in scene.boundary:  # every face is on one rank
         if entry.forces:
-            total[:, entry.index] = entry.forces.resultant(scene.mesh.nodes[entry.triangles], np.zeros(3))
-    total, = d.space.team.sum(total)
-    return total.swapaxes(0, 1)
+            total[entry.index] = entry.forces.resultant(scene.mesh.nodes[entry.triangles], np.zeros(3))
+    return d.space.team.sum(total)[0]
+
+
+def wrench(points: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """(T, 6) resultant, and moment about the origin, of forces (T, n, 3) at points (n, 3)."""
+    turning, y, z = np.tensordot(forces, points, axes=(1, 0)), [1, 2, 0], [2, 0, 1]
+    return np.hstack([forces.sum(axis=1), turning[:, z, y] - turning[:, y, z]])
 
 
 def joint_forces(d: Decomposition, f: np.ndarray) -> Parts:
@@ -140,3 +152,47 @@ def stored_energy(scene: Scene, sides: list[np.ndarray], energy: np.ndarray) -> 
     thermal_loads(scene.mesh, scene.thermal, scene.materials, scene.cell_material, numbering.corners, forces)
     work = np.einsum("tni,tni->t", forces, np.concatenate(sides, axis=1))
     return 0.5 * energy - work + strained_energy(scene.mesh, scene.thermal, scene.lame)
+
+
+UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of a product, of combined back-substitutions
+
+
+@dataclass(frozen=True)
+class Interior:
+    """Of all ranks; (T, subdomains) each, force × length."""
+
+    energy: np.ndarray  # ‖u‖²_K
+    unbalanced: np.ndarray  # ‖r‖², less rounding
+    repeated: np.ndarray  # ‖δ‖², less rounding
+    complete: bool  # whether the matter of all subdomains is the scene's
+
+    def shares(self, size: float) -> tuple[float, float]:
+        """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative to the energy norm of an answer."""
+        return tuple(float(np.sqrt(x.sum(axis=1).max(initial=0.0)) / size) if size > 0 else 0.0
+                     for x in (self.unbalanced, self.repeated))
+
+    def worst(self) -> int:
+        """The subdomain where most is unbalanced or repeated otherwise."""
+        return int(np.argmax((self.unbalanced + self.repeated).max(axis=0)))
+
+
+def interior(d: Decomposition, iterated: Iterated, parts: Parts) -> Interior:
+    """Judge recovered displacements."""
+    scene, steps, own = d.scene, d.scene.steps, d.own
+    energy, unbalanced, repeated = np.zeros((3, steps, len(scene.subdomains)))
+    forces, rigid = d.space.loads(iterated.fields.f), repositioned(d, iterated.bound)
+    moduli = np.array([[m.young, m.poisson] for m in scene.materials])
+    judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
+    for e in judged:
+        s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
+        matter, u = Matter(scene.mesh.nodes[s.nodes], s.connectivity, *moduli[s.material].T), parts[s.index].reshape(steps, -1)
+        root, resisting, load = np.sqrt(np.repeat(matter.stiff, 3)), matter.forces(u), s.loads.reshape(steps, -1).copy()
+        load[:, trace] += forces[:, part]
+        largest = (root * np.abs(u)).max(axis=1, keepdims=True)
+        left = np.where(s.fixed.ravel(), 0.0, np.abs(resisting - load) / root)
+        apart = root[trace] * np.abs(u[:, trace] - rigid[e][:, trace] - iterated.fields.u[:, part])
+        energy[:, s.index] = np.sum(u * resisting, axis=1)
+        unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
+        repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
+    energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, len(own) - len(judged))
+    return Interior(energy, unbalanced, repeated, not foreign)

@@ -23,14 +23,15 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.rows import unit_rows
+from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.load_cases import LoadCases
-from orchestrator.method.refusal import Refusal
 from orchestrator.method.stopping.bound import Bound
-from orchestrator.method.stopping.discretisation import Estimate, Estimator
+from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -87,21 +88,16 @@ def undecomposed(scene: Scene, blackbox: BlackBox, stiffness: sp.csr_array | Non
 
 def _constraints(scene: Scene) -> sp.csr_array:
     """(q, 3n) B on the nodes of the mesh; no rows where all interfaces join common nodes."""
-    blocks = [sp.csr_array((0, 3 * len(scene.mesh.nodes)))]
+    def picked(nodes: np.ndarray) -> sp.csr_array:
+        return unit_rows((3 * nodes[:, None] + np.arange(3)).ravel(), 3 * len(scene.mesh.nodes))
+
+    blocks = [picked(np.empty(0, int))]
     for i in scene.interfaces:
         one, two = (scene.side_nodes(i, side) for side in (0, 1))
         if i.mortar is not None:
-            pair = i.mortar.first, i.mortar.second
-        elif np.array_equal(one, two):
-            continue
-        else:
-            pair = (sp.eye_array(3 * len(one), format="csr"),) * 2
-        placed = []
-        for matrix, nodes in zip(pair, (one, two)):
-            entries, shape = matrix.tocoo(), (matrix.shape[0], blocks[0].shape[1])
-            row, column = entries.coords
-            placed.append(sp.csr_array((entries.data, (row, 3 * nodes[column // 3] + column % 3)), shape=shape))
-        blocks.append(placed[1] - placed[0])
+            blocks.append(i.mortar.second @ picked(two) - i.mortar.first @ picked(one))
+        elif not np.array_equal(one, two):
+            blocks.append(picked(two) - picked(one))
     return sp.csr_array(sp.vstack(blocks))
 
 
@@ -180,7 +176,3 @@ class DiscretisationEstimate:
         if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
             parts = [self.cases.all_steps(u) for u in parts]
         return d.space.team.share(self.estimator(parts, None if d.all_perfect else d.local.pairs.numbers).relative)
-
-    def of_delivered(self, continuous: list[np.ndarray]) -> Estimate:
-        """Of delivered displacements, per subdomain, on rank 0."""
-        return self.estimator(continuous)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,12 +11,39 @@ import numpy as np
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import Status, table
-from orchestrator.method.history import History
 from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Interface
+
+
+@dataclass(frozen=True)
+class History:
+    """The state of all pairs at the end of a load step.
+
+    jump : (3, P) u₂ − u₁
+    own : name → (P,) value of a law's own variable; 0 at pairs of other laws
+    """
+
+    jump: np.ndarray
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, count: int) -> History:
+        """Of pairs that nothing has happened to: an empty ``own`` stands for zeros."""
+        return cls(np.zeros((3, count)))
+
+    def take(self, chosen: slice | np.ndarray) -> History:
+        """Of some of the pairs."""
+        if isinstance(chosen, slice):
+            return History(self.jump[:, chosen], {name: x[chosen] for name, x in self.own.items()})
+        return History(self.jump.take(chosen, axis=1), {name: x.take(chosen) for name, x in self.own.items()})
+
+    def among(self, count: int) -> History:
+        """Of more pairs, the first of which are these; nothing has happened to the others."""
+        rest = count - self.jump.shape[1]
+        return History(np.pad(self.jump, ((0, 0), (0, rest))), {name: np.pad(x, (0, rest)) for name, x in self.own.items()})
 
 
 @dataclass

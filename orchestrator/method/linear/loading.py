@@ -12,16 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.shared import assembled
 from orchestrator.method.interface.rows import dots, placed
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.timing import Savings
 from orchestrator.scene.conditions.rigid import HELD, motions_about, size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.timing import Savings
 
 ZERO = 1e-11  # of what loads and supports would do alone in energy norm: what rounding leaves of an answer that is zero
 NOTHING = 1e-5  # of the same, but for rigid motions of bodies: less is not known to six digits
@@ -76,13 +76,15 @@ class Loading:
     energy: np.ndarray  # (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
     # (2, T) energy that loads and supports would store in the extended subdomains alone, of all ranks; the same without the rigid motions r
     alone: np.ndarray
+    strained: np.ndarray  # (T,) the largest prescribed displacement of this rank beside r
     sweeps: float  # back-substitutions per subdomain and step
 
     def batch(self, steps: slice) -> "Loading":
         """The part that belongs to some of the load steps."""
         return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift],
                        None if self.known is None else self.known[steps], self.boundary[steps],
-                       self.carried[steps], self.working[steps], self.energy[steps], self.alone[:, steps], self.sweeps)
+                       self.carried[steps], self.working[steps], self.energy[steps], self.alone[:, steps],
+                       self.strained[steps], self.sweeps)
 
     def size(self, energy: np.ndarray) -> float:
         """‖u‖_K that errors are relative to, from ‖u‖²_K (T,): that of the largest load step.
@@ -120,7 +122,7 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
     soles = None if known is None else space.loads(direction.times(known))
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
-    working_forces, carried = [], np.zeros((steps, len(space.global_dof)))
+    working_forces, carried, apart = [], np.zeros((steps, len(space.global_dof))), np.zeros(steps)
     for e, (s, rim, model) in enumerate(zip(own, rims, models)):
         external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
@@ -128,6 +130,7 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
         parts = bodies.split(s, scene.mesh.nodes[s.nodes], lift)
         if parts is not None:
             rigid, left = parts
+            apart = np.maximum(apart, np.abs(left).max(axis=1))
             carried[:, space.boundary[e]] = rigid[:, traces[e]]
             for force, moved in ((reaction, lift), (strained, left)) if len(rim.nodes) else ():
                 force[:, rim.dofs] = (rim.stiffness @ moved[:, rim.dofs].T).T
@@ -155,7 +158,7 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
         energy += np.sum(working_forces[e] * answer[:steps, :size], axis=1)
         alone += [np.sum(f * a[:, :size], axis=1) for f, a in ((forces[e], answer[:steps]), (working_forces[e], answer[-steps:]))]
     alone, = space.team.sum(alone)
-    return Loading(forces, lifts, known, boundary, carried, working, energy, alone, 2.0 if lifted_any else 1.0)
+    return Loading(forces, lifts, known, boundary, carried, working, energy, alone, apart, 2.0 if lifted_any else 1.0)
 
 
 @dataclass(frozen=True)

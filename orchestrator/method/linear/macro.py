@@ -1,6 +1,6 @@
 """Macro problems: what makes the linear stage global (paper, section 4).
 
-Every rank has the unknowns of the interfaces that it touches, and eliminates those that no other touches (``spread``).
+Every rank has the unknowns of the interfaces that it touches, and eliminates those that no other touches (``SpreadFactor``).
 
 Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
 stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
@@ -9,24 +9,101 @@ stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹N�
 - ``continuity``:   G = BᵀF,   Gᵀw = 0     ⇒  (GᵀNV) α = Gᵀw₁             (eq. 34, eq. 42)
 
 C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W, eq. 35.
+
+A subdomain answers to the macro forces of its own interfaces alone: NᵀG and V are dense blocks, rows of its boundary dofs and
+columns of the macro unknowns that it sees, kept once where subdomains are alike.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.interface.factor import Factor
+from orchestrator.errors import Refusal
+from orchestrator.method.interface.factor import Factor, SpreadFactor
 from orchestrator.method.interface.rows import block_diagonal, fitting, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.linear.spread import SpreadFactor
-from orchestrator.method.linear.macro_blocks import MacroAnswers
-from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
-from orchestrator.method.refusal import Refusal
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs."""
+
+    sees: np.ndarray  # (m, s) int, macro unknowns of each
+    columns: np.ndarray  # (m, t) int, boundary dofs of each
+    forces: np.ndarray  # (k, s, t) rows of NᵀG and of V; k is m, or 1 where all subdomains share theirs
+    answers: np.ndarray
+
+    def work(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Values, rows and columns of GᵀNV, on and below the diagonal: each (m, s (s + 1) / 2)."""
+        each = self.forces @ self.answers.transpose(0, 2, 1)
+        each = (each + each.transpose(0, 2, 1)) / 2
+        row, column = np.tril_indices(self.sees.shape[1])
+        rows, columns = self.sees[:, row], self.sees[:, column]
+        return np.broadcast_to(each[:, row, column], rows.shape), rows, columns
+
+
+def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Macro unknowns (s,) that each subdomain sees, and its macro forces (s, t): equal ones are the same array.
+
+    forces : (B, size) NᵀG
+    parts : boundary dofs of each subdomain
+    """
+    forces.sort_indices()
+    ends, place = forces.indptr, np.zeros(forces.shape[1], dtype=np.int32)
+    sees, blocks, known = [], [], {}
+    for part in parts:
+        entries = slice(ends[part.start], ends[part.stop])
+        column, values, count = forces.indices[entries], forces.data[entries], np.diff(ends[part.start : part.stop + 1])
+        seen = np.unique(column).astype(np.int32)
+        place[seen] = np.arange(len(seen))
+        local = place[column]
+        key = blake2b(count.tobytes(), digest_size=16)
+        key.update(local.tobytes())
+        key.update(values.tobytes())
+        if key.digest() not in known:
+            block = np.zeros((len(seen), len(count)))
+            block[local, np.repeat(np.arange(len(count)), count)] = values
+            known[key.digest()] = block
+        sees.append(seen)
+        blocks.append(known[key.digest()])
+    return sees, blocks
+
+
+def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[np.ndarray],
+           answers: Mapping[int, np.ndarray]) -> list[Blocks]:
+    """Blocks of all subdomains that have any: where arrays are the same, once; the others by their shapes."""
+    alike: dict[tuple[int, int], list[int]] = {}
+    for e, answer in answers.items():
+        alike.setdefault((id(forces[e]), id(answer)), []).append(e)
+    groups: list[list[int]] = [members for members in alike.values() if len(members) > 1]
+    shapes: dict[tuple[int, int], list[int]] = {}
+    for members in alike.values():
+        if len(members) == 1:
+            shapes.setdefault(forces[members[0]].shape, []).extend(members)
+    starts, result = np.array([part.start for part in parts], dtype=int), []
+    for members, shared in [(g, True) for g in groups] + [(g, False) for g in shapes.values()]:
+        different = members[:1] if shared else members
+        result.append(Blocks(np.stack([sees[e] for e in members]),
+                             starts[members][:, None] + np.arange(forces[members[0]].shape[1]),
+                             np.stack([forces[e] for e in different]), np.stack([answers[e] for e in different])))
+    return result
+
+
+def assembled(blocks: Sequence[Blocks], size: int) -> sp.csr_array:
+    """(size, size) the lower triangle of GᵀNV, the sum over all subdomains."""
+    parts = [[x.ravel() for x in b.work()] for b in blocks]
+    if not parts:
+        return sp.csr_array((size, size))
+    values, rows, columns = (np.concatenate(same) for same in zip(*parts))
+    return sp.csr_array((values, (rows, columns)), shape=(size, size))
 
 
 class Macro:
@@ -44,22 +121,15 @@ class Macro:
     number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
         that another rank sees too
     blocks : V, subdomain by subdomain
-    known : what they tell of the subdomains' own answers, once somebody has asked
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
                  strategy: str, spent: float = 0.0):
         self.space, self.strategy, self.spent = space, strategy, spent
-        self.known: MacroAnswers | None = None
         self.number, self.shared = _numbers(space, bases)
-        C = moved(space, bases)
-        if strategy == "equilibrium":
-            self.G = fitting(sp.csr_array(direction.k @ C))
-        else:
-            self.G = _at_points(space, direction, bases)
-        self.C = C
+        self.C = moved(space, bases)
+        self.G = fitting(sp.csr_array(direction.k @ self.C)) if strategy == "equilibrium" else _at_points(space, direction, bases)
         self.size = self.G.shape[1]
-
         self._forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
 
     def solve(self, blackbox: BlackBox) -> float:
@@ -107,11 +177,10 @@ class Macro:
 
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
-        scale = lower.diagonal()
+        team = self.space.team
         try:
-            if lower.shape[0] and scale[~self.shared].min(initial=np.inf) <= 0:
+            if lower.diagonal()[~self.shared].min(initial=np.inf) <= 0:
                 raise RuntimeError("a diagonal entry is not positive")
-            team = self.space.team
             return Factor(lower) if team.size == 1 else SpreadFactor(lower, self.number, self.shared, team)
         except RuntimeError as error:
             raise Refusal("singular macro problem", why=error) from error
@@ -120,7 +189,9 @@ class Macro:
         """(T, B) boundary values of V α = −u₂, eq. 31."""
         result = np.zeros((len(alpha), len(self.space.global_dof)))
         for block in self.blocks:
-            block.displace(alpha, result)
+            seen = alpha[:, block.sees]
+            result[:, block.columns] = seen @ block.answers[0] if len(block.answers) == 1 else (
+                seen.transpose(1, 0, 2) @ block.answers).transpose(1, 0, 2)
         return result
 
 

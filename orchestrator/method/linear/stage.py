@@ -8,6 +8,20 @@ In displacement form all load steps are independent, rows of one batch:
 
 s = f̂ + k ŵ is all that the linear stage needs of the local one. The map s ↦ (u, α, f) is affine,
 so that affine combinations of its results are its results for the combined states.
+
+Linear stage, macro problem and coarse contact problem are set up once, with the elastic M. Where matter is nonlinear, what a
+subdomain truly does under the same forces is asked of its code at every stage, one load step at a time,
+
+    u = advance(f_ext + Nᵀs),      δ = u − M⁻¹(f_d + Nᵀs)
+
+and δ is added to what the stage finds: the elastic problems then extrapolate from the true answer. At the fixed point they
+correct nothing (α = 0, y = 0), so that what is found is the true answer's. At the end of a load step it is committed, with the
+forces that it ended with. Its pseudo-loads
+
+    p = K u − r(u)      (on all dofs; r: the forces that u needs; zero where matter and soles are elastic)
+
+make the elastic problem answer u: M u_free = f_d + Nᵀs + p. As loads of the scene they serve all that is delivered:
+fields, reactions, balance.
 """
 
 from __future__ import annotations
@@ -18,12 +32,14 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.method.linear.answers import GuardedTraces
-from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_blocks import MacroAnswers
-from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.method.linear.loading import Loading
+from orchestrator.method.linear.macro import Macro
+from orchestrator.scene.model import Subdomain
 
 
 @dataclass
@@ -71,44 +87,33 @@ class LinearStage:
 
     space, direction : numbering and search direction
     macro : the macro problem, or None (mono-scale)
-    loaded : (T, B) boundary values of M⁻¹f_d, computed once
-    known : (T, D) prescribed traces, None where there are none
+    loading : what the loads give on their own, computed once
     blackbox : the solver, its answers judged
     nonlinear : puts in what nonlinear subdomains truly do at the load step; None where none is
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: Callable | None = None):
+                 loading: Loading, blackbox: GuardedTraces, nonlinear: Callable | None = None):
         self.space, self.direction, self.macro = space, direction, macro
-        self.loaded, self.known, self.blackbox, self.nonlinear = loaded, known, blackbox, nonlinear
+        self.loading, self.blackbox, self.nonlinear = loading, blackbox, nonlinear
 
-    def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: Callable | None = None) -> LinearStage:
+    def under(self, loading: Loading, nonlinear: Callable | None = None) -> LinearStage:
         """The same for other load steps."""
-        return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox, nonlinear)
+        return LinearStage(self.space, self.direction, self.macro, loading, self.blackbox, nonlinear)
 
     def __call__(self, s: np.ndarray) -> Admissible:
         """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
 
         A zero state needs none: the loads' part is known.
         """
-        if self.nonlinear is not None:
-            robin = self.space.loads(s)
-            u = self.blackbox.answered(robin)[0] + self.loaded if s.any() else self.loaded.copy()
-            self.nonlinear(u, robin)
-            w = self.trace(u)
-            return self._with_macro(s, u, w, self.direction.times(w))
+        u, w, kw = (x.copy() for x in self._of_loads)
         if s.any():
-            return self._corrected(s, self.blackbox.answered(self.space.loads(s)))
-        return self._with_macro(s, *(x.copy() for x in self._of_loads))
-
-    def _corrected(self, s: np.ndarray, answers: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Admissible:
-        """The fields of a state, given what it alone makes of u, w and k w, which is changed."""
-        for mine, theirs in zip(answers, self._of_loads):
-            mine += theirs
-        return self._with_macro(s, *answers)
-
-    def _with_macro(self, s: np.ndarray, u: np.ndarray, w: np.ndarray, kw: np.ndarray) -> Admissible:
-        """The fields of a state from u (T, B), which is changed, w and k w (T, D) without the macro problem."""
+            for mine, theirs in zip((u, w, kw), self.blackbox.answered(self.space.loads(s))):
+                mine += theirs
+        if self.nonlinear is not None:
+            self.nonlinear(u, self.space.loads(s))
+            w = self.trace(u)
+            kw = self.direction.times(w)
         if self.macro is None:
             return Admissible(s, u, np.zeros((len(s), 0)), w, s - kw, self.space)
         alpha = self.macro.multiplier(w, s - kw)
@@ -118,8 +123,8 @@ class LinearStage:
     @cached_property
     def _of_loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """u (T, B), w and k w (T, D) of the loads alone."""
-        w = self.trace(self.loaded)
-        return self.loaded, w, self.direction.times(w)
+        w = self.trace(self.loading.boundary)
+        return self.loading.boundary, w, self.direction.times(w)
 
     def ended(self, fields: Admissible) -> Admissible:
         """The fields that end a load step, asked for and committed where matter is nonlinear, under the forces of these."""
@@ -136,15 +141,10 @@ class LinearStage:
         fields.robin = robin
         return fields
 
-    def difference(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        """The same for differences of (s, u, α): nothing is prescribed."""
-        w, robin = self.space.trace(u), self.robin_force(s, alpha)
-        return Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space)
-
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
         w = self.space.trace(u)
-        return w if self.known is None else w + self.known
+        return w if self.loading.known is None else w + self.loading.known
 
     def robin_of(self, fields: Admissible) -> np.ndarray:
         """(T, D) s − G α of fields, formed once."""
@@ -156,17 +156,45 @@ class LinearStage:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""
         return s if self.macro is None else s - times(self.macro.G, alpha)
 
-    def known_answers(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """What the macro columns tell of S⁺h, see ``MacroAnswers``; None without a macro problem."""
-        if self.macro is None:
-            return None
-        if self.macro.known is None:
-            starts = {part.start: e for e, part in enumerate(self.space.boundary) if part.stop > part.start}
-            own = self.blackbox.soles([starts[int(at)] for block in self.macro.blocks
-                                       for at in block.columns[: len(block.answers), 0]])
-            self.macro.known = MacroAnswers(self.macro.blocks, own, starts)
-        return self.macro.known(h)
-
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""
         return self.blackbox.all_traces(forces, self.space.boundary)
+
+
+class Nonlinear:
+    """The nonlinear subdomains of one decomposition.
+
+    own : the subdomains in the order of ``space.subdomains``; some remember load steps
+    traces : per subdomain (t,) its boundary dofs in local numbering
+    dofs : per subdomain, dofs of its extended mesh
+    reload : the loading, from the subdomains' loads as they are
+    """
+
+    def __init__(self, blackbox: BlackBox, space: TraceSpace, own: Sequence[Subdomain], traces: Sequence[np.ndarray],
+                 dofs: Sequence[int], reload: Callable[[], Loading]):
+        self.blackbox, self.space, self.own, self.traces, self.dofs, self.reload = blackbox, space, own, traces, dofs, reload
+        self.members = [e for e, s in enumerate(own) if s.remembers]
+        self.external = {e: own[e].loads.copy() for e in self.members}  # without pseudo-loads
+
+    def put(self, step: int, u: np.ndarray, robin: np.ndarray, commit: bool = False) -> None:
+        """Put true answers at a load step into boundary displacements (1, B), given the boundary forces (1, B) behind them.
+
+        commit : the step ends with them, and pseudo-loads are added to the subdomains' loads
+        """
+        given = {}
+        for e in self.members:
+            s, forces = self.own[e], np.zeros(self.dofs[e])
+            forces[: 3 * len(s.nodes)] = np.where(s.fixed, s.prescribed[step], self.external[e][step]).ravel()
+            forces[self.traces[e]] += robin[0, self.space.boundary[e]]
+            given[e] = forces
+        for e, answer in self.blackbox.advance(given, commit).items():
+            u[0, self.space.boundary[e]] = answer[0, self.traces[e]]
+            if commit:
+                s = self.own[e]
+                s.loads[step] = self.external[e][step] + answer[1, : s.loads[step].size].reshape(-1, 3)
+
+    def foresee(self, step: int) -> None:
+        """Give a load step the pseudo-loads of the one before: what has flown stays."""
+        for e in self.members:
+            before = self.own[e].loads[step - 1] - self.external[e][step - 1] if step else 0.0
+            self.own[e].loads[step] = self.external[e][step] + before

@@ -1,1 +1,162 @@
-"""What watches the iterations, one file each; ``registry.MONITORS`` has them in the order in which they are asked."""
+"""What watches the iterations, one file each: a monitor judges every one, and may end the run, change the problem, or tell something.
+
+To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where it is to be asked. It sees
+what those before it have said as ``evaluation.verdict``. With several ranks all of them ask all monitors: what is compared has
+to be the same everywhere, as sums over the ranks are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.local_stage import LocalState
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.indicator import Measures
+from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale, Lengths
+from orchestrator.registry import MONITORS
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a monitor says of an iteration, or all that have been asked so far together.
+
+    met : whether the stopping criterion holds; None: no word on it
+    reason : why this iteration is the last one; empty where another follows
+    changes : names of the monitors that change the problem before the next iteration
+    anew : the acceleration begins anew with this iteration's state
+    measure : what has been compared with the tolerance; nan where it is not known
+    bound : error bound and energy of the best fields, as far as they are known
+    laws : measures of the interface laws; lengths : what these are relative to
+    sweeps : back-substitutions per subdomain and load step that judging has cost
+    told : name → value for those who listen, see ``events.Iteration``
+    warnings : sentences for the user
+    """
+
+    met: bool | None = None
+    reason: str = ""
+    changes: tuple[str, ...] = ()
+    anew: bool = False
+    measure: float = math.nan
+    bound: Bound | None = None
+    laws: LawResiduals | None = None
+    lengths: Lengths | None = None
+    sweeps: float = 0.0
+    told: Mapping[str, object] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def and_then(self, later: Verdict) -> Verdict:
+        """Both together; of what both speak of, the later word counts."""
+        return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.changes + later.changes,
+            self.anew or later.anew, self.measure if math.isnan(later.measure) else later.measure,
+            later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
+            {**self.told, **later.told}, self.warnings + later.warnings)
+
+
+@dataclass
+class Evaluation:
+    """One iteration: both stages, and what is known of them.
+
+    number : linear stages after set-up, this one included
+    last : no other is allowed
+    problem : what was solved
+    point : what the acceleration has taken in
+    fields : of the linear stage, with the coarse contact problem
+    best : the fields that would be delivered
+    local : the local stage
+    measures : indicator, residual, …
+    verdict : what has been said so far
+    """
+
+    number: int
+    last: bool
+    problem: Decomposition
+    point: Admissible
+    fields: Admissible
+    best: Admissible
+    local: LocalState
+    measures: Measures | None = None
+    verdict: Verdict = Verdict()
+
+
+FIRST = 0.1  # what ``error: auto`` begins with, before there is an estimate
+
+
+@dataclass
+class Case:
+    """What monitors are made for: load steps that are solved together.
+
+    problem : the decomposition for these load steps, as it is at the beginning
+    method : ``method`` of the configuration
+    numbers : of these load steps, from 1, for people
+    told : the least displacement that means something in any load step of the scene, see ``LengthScale``; 0: nobody knows
+    given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``, ``placing``
+    value : below which the measure has to fall; with ``error: auto`` it follows the estimate
+    """
+
+    problem: Decomposition
+    method: Any
+    numbers: Sequence[int]
+    told: float = 0.0
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        tolerance = self.method.tolerance
+        self.by_error = tolerance.error is not None
+        self.value: float = FIRST if tolerance.error == "auto" else tolerance.error if self.by_error else tolerance.indicator
+
+    @cached_property
+    def lengths(self) -> LengthScale:
+        """What displacements are compared with."""
+        scale = LengthScale(self.problem)
+        scale.told = max(scale.told, self.told)
+        return scale
+
+
+class Monitor:
+    """Watches the iterations of one case.
+
+    name : as in the registry
+    remembered : its attributes that a resumed run has to know, numbers, texts and lists of these
+    """
+
+    name: ClassVar[str]
+    remembered: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def of(cls, case: Case) -> Monitor | None:
+        """The monitor of a case; None where it has nothing to watch."""
+        return cls()
+
+    def judge(self, now: Evaluation) -> Verdict:
+        """What it says of an iteration."""
+        raise NotImplementedError
+
+    def change(self, now: Evaluation) -> Decomposition:
+        """The problem of the next iteration, if the verdict has said that it changes and another iteration follows."""
+        raise NotImplementedError
+
+    def state(self) -> dict[str, Any]:
+        """What a resumed run has to know: numbers, texts and lists of these by name, arrays by ``kind/name``, see ``checkpoint``."""
+        return {name: copy(getattr(self, name)) for name in self.remembered}
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        """Take ``state`` back; the problem as the monitor had changed it by then."""
+        for name in self.remembered:
+            setattr(self, name, copy(state[name]))
+        return problem
+
+    def found(self, problem: Decomposition) -> list[Any]:
+        """What is delivered of it once the iterations of the case have ended: ``Iterated.found[name]``."""
+        return []
+
+
+def monitors_of(case: Case) -> list[Monitor]:
+    """Those that have something to watch, in the order of the registry."""
+    return [monitor for kind in MONITORS.values() if (monitor := kind.of(case)) is not None]

@@ -10,12 +10,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
-from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Monitor
+from orchestrator.method.monitors import Evaluation, Monitor, Verdict
 
 DIVERGED = "diverged"
 STALL = 20  # stages without progress at rounding level that end a run
@@ -27,7 +23,7 @@ LOOSE = 10.0  # the same times ε: a body that springs alone hold goes 1/ε time
 class Ending(Monitor):
     """Says which iteration of a case is the last."""
 
-    name = "ending"
+    name, remembered = "ending", ("reach", "residuals")
 
     def __init__(self) -> None:
         self.reach = 0.0  # largest interface displacement of the first stage that moved
@@ -37,7 +33,8 @@ class Ending(Monitor):
     def judge(self, now: Evaluation) -> Verdict:
         verdict, residual, moved = now.verdict, now.measures.residual, now.measures.moved
         if now.problem is not self.problem:  # its springs may have become weaker
-            self.problem, self.runaway = now.problem, self._runaway(now.problem)
+            self.problem, loose = now.problem, not now.problem.all_perfect
+            self.runaway = max(RUNAWAY, LOOSE / now.problem.local.pairs.weakest(now.problem.space.team) if loose else 0.0)
         self.reach = self.reach or moved
         self.residuals.append(residual)
         if verdict.anew:  # of another fixed point from here on
@@ -51,17 +48,6 @@ class Ending(Monitor):
         if self._stalled():
             return Verdict(reason="stagnated at rounding")
         return Verdict(reason="max_iterations" if now.last else "")
-
-    def state(self) -> dict[str, Any]:
-        return {"reach": self.reach, "residuals": list(self.residuals)}
-
-    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.reach, self.residuals = state["reach"], list(state["residuals"])
-        return problem
-
-    @staticmethod
-    def _runaway(problem: Decomposition) -> float:
-        return RUNAWAY if problem.all_perfect else max(RUNAWAY, LOOSE / problem.local.pairs.weakest(problem.space.team))
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

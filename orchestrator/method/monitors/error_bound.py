@@ -9,14 +9,9 @@ the force imbalance has fallen enough to make a difference.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
 
@@ -24,7 +19,7 @@ BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells n
 class ErrorBoundCriterion(Monitor):
     """The guaranteed error, or η."""
 
-    name = "error_bound"
+    name, remembered = "error_bound", ("ratio",)
 
     def __init__(self, case: Case):
         self.case, self.spare, self.ratio = case, case.method.skip.bound, 0.0
@@ -51,13 +46,6 @@ class ErrorBoundCriterion(Monitor):
     def _verdict(self, name: str, measure: float, bound) -> Verdict:
         return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound, sweeps=bound.sweeps,
                        told={"target": (name, self.case.value), "error_bound": bound.relative})
-
-    def state(self) -> dict[str, Any]:
-        return {"ratio": self.ratio}
-
-    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.ratio = state["ratio"]
-        return problem
 
 
 class TrueErrorMonitor(Monitor):

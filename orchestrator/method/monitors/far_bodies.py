@@ -1,7 +1,7 @@
 """Bodies that move further than small displacements allow, noticed while it runs.
 
 What is squeezed out between its neighbours comes to rest, if at all, only after moving many times what is prescribed. The
-rigid motion that supports leave a body (see ``lengths``) is compared with the body itself at every iteration and load
+rigid motion that supports leave a body (see ``law_residuals``) is compared with the body itself at every iteration and load
 step. What stays too large for ``PATIENCE`` iterations, or is so at the end, is told with what touches the body there.
 """
 
@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.errors import SHOWN, some
 from orchestrator.laws.status import table
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.local.state import LocalState
-from orchestrator.method.monitors.monitor import Case, Monitor
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.local_stage import LocalState
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
-from orchestrator.errors import SHOWN, some
 
 PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleration
 

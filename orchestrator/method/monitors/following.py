@@ -1,16 +1,126 @@
-"""Sides that slide on each other are paired anew where they are, within every load step until that moves no point any more."""
+"""Sides that slide on each other are paired anew where they are, within every load step until that moves no point any more.
+
+With the operators B, the normal n and the distance g of the sides at the place w_p where they have been paired, the jump is
+
+    d = B w + c,    c = (1 − n nᵀ)(d⁰ − B w⁰) + n (g − g₀ − n·B w_p)
+
+w⁰, d⁰ being the traces and the jump that the load step before ended with, and g₀ the distance before loading. So what has been
+slid so far is kept, what slides now is the motion of those places that meet now, and g₀ + n·d is how far the sides are apart.
+Points whose nodes the other side does not reach carry nothing and count as open by an element.
+
+Only the operators change: traces, soles and factors stay. The place is that of small displacements: bodies do not turn.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.iterated import Paired
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.interface.pairing import make_pairs
+from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.local_stage import LocalState
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+from orchestrator.scene.interfaces.mortar.operators import Mortar
+from orchestrator.scene.model import Interface, Scene
+
+
+@dataclass
+class Following:
+    """The interfaces of a rank that follow.
+
+    scene, space, direction, stabilisation : as the pairs are made from
+    place : (1, D) traces w_p at which sides are paired now
+    """
+
+    scene: Scene
+    space: TraceSpace
+    direction: SearchDirection
+    stabilisation: np.ndarray
+    place: np.ndarray = field(init=False)
+    _before: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        here = set(self.space.subdomains)
+        self.interfaces = [i for i in self.scene.interfaces if i.moving is not None and here.intersection(i.subdomains)]
+        self.first = {i.index: i.mortar for i in self.interfaces}
+        self.place = np.zeros((1, self.space.size))
+
+    def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
+        """What a load step begins with where another one has ended: points that carry nothing keep their jumps.
+
+        pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which come first
+        """
+        w, f = fields.extended
+        self._before = w[-1:], pairs.traces(w[-1:], f[-1:]).jump[-1]
+        left = local.left()
+        return History(np.where(pairs.free, left.jump, self._before[1]), left.own)
+
+    def pair(self, place: np.ndarray) -> Pairs:
+        """The pairs where traces (1, D) have brought the sides; scene and numbering have them, too."""
+        w, = self.space.extended(place)
+        self.place, mortars = place, {}
+        for i in self.interfaces:
+            moved = tuple(w[0, side].reshape(-1, 3) for side in self.space.sides[i.index])
+            mortars[i.index] = i.moving.paired(i.mortar, moved)
+        return self.take(mortars, w)
+
+    def take(self, mortars: dict[int, Mortar], w: np.ndarray) -> Pairs:
+        """The pairs with operators that are known, by interface; w (1, D + G)."""
+        for i in self.interfaces:
+            i.mortar = mortars[i.index]
+        self.space.transfer = self.space.transfer.paired(mortars)
+        pairs = make_pairs(self.scene, self.space, self.direction.whole, self.stabilisation)
+        pairs.slid = np.zeros((3, len(pairs)))
+        now = pairs.transfer.jump(w)[0]
+        then, jump = (np.zeros_like(now),) * 2 if self._before is None else (pairs.transfer.jump(self._before[0])[0], self._before[1])
+        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+            if i.moving is not None:
+                pairs.slid[:, a:b] = self._slid(i, now[:, a:b], jump[:, a:b] - then[:, a:b])
+        return pairs
+
+    def _slid(self, i: Interface, now: np.ndarray, slid: np.ndarray) -> np.ndarray:
+        """(3, p) c of an interface, from B w_p and d⁰ − B w⁰."""
+        n, first = i.mortar.normal.T, self.first[i.index]
+        apart = i.mortar.gap - np.where(first.carrying, first.gap, 0.0) - np.einsum("cp,cp->p", n, now)
+        return slid + n * (apart - np.einsum("cp,cp->p", n, slid))
+
+    def moved(self, pairs: Pairs, fields: Admissible) -> float:
+        """How far any point has moved along the other side since it was paired, in elements; the same on all ranks. Points that
+        carry nothing have none: they move from the middle of the other side, and towards it as well."""
+        w, = fields.extended[:1]
+        moved = w[-1:] - self.space.extended(self.place)[0]
+        since, farthest = pairs.transfer.jump(moved)[0], 0.0
+        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+            if i.moving is not None:
+                n, points = i.mortar.normal.T, i.mortar.points
+                along = since[:, a:b] - n * np.einsum("cp,cp->p", n, since[:, a:b])
+                own, other = (moved[0, side].reshape(-1, 3) for side in self.space.sides[i.index])
+                apart = other[np.unique(i.mortar.triangles[:, :3])].mean(axis=0) - own[points]
+                along = np.where(i.mortar.carrying, along, apart.T)
+                farthest = max(farthest, float((np.linalg.norm(along, axis=0) / i.moving.size[points]).max(initial=0.0)))
+        return self.space.team.max(farthest)[0]
+
+
+@dataclass(frozen=True)
+class Paired:
+    """How sides that slide on each other were paired in a load step.
+
+    pairs : that are not perfect
+    mortars : operators by the interface's place in the scene
+    before : what the load step before has left
+    """
+
+    pairs: Pairs
+    mortars: dict[int, Mortar]
+    before: History
+
 
 # A residual of this share of how far points have moved since they were paired, in elements, is worth to pair them anew: what
 # is solved better than that is solved for the wrong place.

@@ -18,11 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.method.stopping.indicator import energy_residual
-from orchestrator.method.stopping.law_residuals import law_residuals
-from orchestrator.method.stopping.lengths import Lengths
+from orchestrator.method.stopping.law_residuals import Lengths, law_residuals
 
 
 class LawCriterion(Monitor):

@@ -14,8 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 LEAST = 1e-6  # what the tolerance never goes below: the fixed default
 

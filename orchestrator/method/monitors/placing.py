@@ -14,10 +14,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.timing import STAGES
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.parallel.team import Team
+from orchestrator.timing import STAGES
 
 IMBALANCE = 1.3  # seconds of the slowest rank over the mean
 LEAST = 3  # requests before that is judged: the first answers take longer

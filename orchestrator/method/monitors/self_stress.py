@@ -8,29 +8,25 @@ from typing import Any
 
 from orchestrator.method.coarse.self_stress import RESTING
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 
 class SelfStressMonitor(Monitor):
     """Lets the coarse contact problem correct self-stress from the iteration on whose measure is small."""
 
-    name = "self_stress"
+    name, remembered = "self_stress", ("on",)
 
     @classmethod
     def of(cls, case: Case) -> SelfStressMonitor | None:
         return None if case.problem.self_stress is None else cls()
 
     def judge(self, now: Evaluation) -> Verdict:
-        self.on = now.problem.self_stress.on
+        self.on = now.problem.at_nodes
         return Verdict(changes=(self.name,)) if not self.on and now.verdict.measure <= RESTING else Verdict()
 
     def change(self, now: Evaluation) -> Decomposition:
         return self.restore({"on": True}, now.problem)
 
-    def state(self) -> dict[str, Any]:
-        return {"on": self.on}
-
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.on = state["on"]
-        return replace(problem, self_stress=replace(problem.self_stress, on=self.on))
+        super().restore(state, problem)
+        return replace(problem, at_nodes=self.on)

@@ -17,9 +17,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.interface.stabilisation import SHARE, allowed_residual
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.method.stopping.law_residuals import LawResiduals
 
 # ε over the one before, and how often. 125 grains pressed once, to 1e-4: the force is 10 to 13 % off that with ε = 1e-8 with the springs
@@ -42,7 +41,7 @@ class Weakening(Monitor):
     withdrawn : iteration after which the last step has been taken back; 0: none has
     """
 
-    name = "weakening"
+    name, remembered = "weakening", ("at", "carried", "near", "withdrawn")
 
     def __init__(self, allowed: float):
         self.allowed, self.at = allowed, []
@@ -91,12 +90,8 @@ class Weakening(Monitor):
         self.carried = now.verdict.laws.springs
         return now.problem.weakened(WEAKER)
 
-    def state(self) -> dict[str, Any]:
-        return {"at": list(self.at), "carried": self.carried, "near": self.near, "withdrawn": self.withdrawn}
-
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.at, self.carried = list(state["at"]), state["carried"]
-        self.near, self.withdrawn = state["near"], state["withdrawn"]
+        super().restore(state, problem)
         for _ in self.at:
             problem = problem.weakened(WEAKER)
         return problem.weakened(1 / WEAKER) if self.withdrawn else problem

@@ -4,33 +4,31 @@ Two fields are made from one linear stage, per load step, from interface data al
 
 - u_D, kinematically admissible: after one coarse rigid repositioning c = argmin ‖B N(u + R c)‖_k of
   the subdomains, the sides of every interface are replaced by their stiffness-weighted mean;
-- û, statically admissible: every subdomain is in equilibrium with balanced interface forces f̃ = f + δf, see ``balancing``.
+- û, statically admissible: every subdomain is in equilibrium with balanced interface forces f̃ = f + δf, see ``admissible``.
 
 Both errors then are the legs of a right-angled triangle,
 
     ‖u_D − u_exact‖²_K + ‖û − u_exact‖²_K = ‖u_D − û‖²_K = a² + b² − 2 δᵀNᵀδf
 
 with a = ‖u_D − u₂‖_K (δ on the boundary, zero inside), b = ‖K⁺Nᵀδf‖_K. Both a and the
-cross term are sparse products; b takes a few back-substitutions, see ``dual_energy``.
+cross term are sparse products; b takes a few back-substitutions (``dual_energy``): b² = hᵀS⁺h, h = Nᵀδf, by conjugate gradients
+preconditioned with the black box itself. S is the subdomains' Schur complement on their boundary, which nobody forms:
+N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, so that S p = (S + k) p − k p, of which the first term follows by recurrence.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.rows import Segments, dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
-from orchestrator.method.linear.loading import Loading
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.balancing import Balancing
-from orchestrator.method.stopping.continuity import Continuity
-from orchestrator.method.stopping.dual_energy import dual_energy
-from orchestrator.method.stopping.rigid_motions import Repositioning, RigidModes
+from orchestrator.method.stopping.admissible import Balancing, Continuity, Repositioning, RigidModes
 
 ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 
@@ -66,10 +64,12 @@ class Bound:
 class ErrorBound:
     """The bound for one decomposition; among ranks, sums per subdomain and per interface are formed where these are.
 
-    direction : search direction; what it then is asked of, a linear stage and loads, is told by ``of``
+    direction : search direction; what it then is asked of, a linear stage and its loads, is told by ``of``
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (T, B) external nodal forces on the boundary dofs
+
+    floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
     def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray):
@@ -80,17 +80,10 @@ class ErrorBound:
         self.reposition = Repositioning(self.space, self.modes, self.balance.soles)
         self.weights: np.ndarray | None = None
 
-    def of(self, stage: LinearStage, loading: Loading, floor: float) -> ErrorBound:
-        """The same for a linear stage and the loads of all load steps; ``floor``: relative energy error of the subdomains' own
-        matrices, where their digits are few."""
-        whole = self.batch(slice(None), stage, loading)
-        whole.floor = floor
-        return whole
-
-    def batch(self, steps: slice | np.ndarray, stage: LinearStage, loading: Loading) -> ErrorBound:
-        """The same for some of the load steps, whose linear stage and loading are given."""
+    def of(self, stage: LinearStage, steps: slice | np.ndarray = slice(None)) -> ErrorBound:
+        """The same for the linear stage of all load steps, or of some."""
         part = copy(self)
-        part.stage, part.loading, part.external = stage, loading, self.external[steps]
+        part.stage, part.external = stage, self.external[steps]
         return part
 
     def for_cases(self, weights: np.ndarray) -> ErrorBound:
@@ -107,12 +100,12 @@ class ErrorBound:
         """What is known without back-substitutions; u + R c (T, B); and a² (T,)."""
         c = self.reposition(fields.extended[0])
         u = fields.u + times(self.modes.boundary, c)
-        delta = self.continuity(u, self.stage.known)
+        delta = self.continuity(u, self.stage.loading.known)
         forces, robin = self.space.loads(fields.f), self.space.loads(self.stage.robin_of(fields))
         a2 = dots(delta, times(self.stiffness, delta))
-        energy = self.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
+        energy = self.stage.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
         a2, energy = self.space.team.sum(a2, energy)
-        a = _relative(self._largest(a2), self.loading.size(energy))
+        a = _relative(self._largest(a2), self.stage.loading.size(energy))
         return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
 
     def __call__(self, fields: Admissible, useful: float = np.inf, known: tuple[Bound, np.ndarray, np.ndarray] | None = None) -> Bound:
@@ -126,7 +119,7 @@ class ErrorBound:
         change, balanced = self.balance(fields.extended[1], w)
         if not balanced:  # no energy belongs to such forces, and nothing is reached from below
             return replace(bound, relative=np.inf)
-        h, size = self.space.loads(change), self.loading.size(bound.energy)
+        h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, least = a2 - 2 * cross, 0.0
 
@@ -155,3 +148,61 @@ def _relative(error: float, size: float) -> float:
     if error == 0:
         return 0.0
     return float(np.hypot(error / (size - error), ROUNDING)) if size > error else np.inf
+
+
+RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
+MAX_STEPS = 100
+CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
+SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
+
+
+def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
+                beyond: Callable[[np.ndarray], bool] = lambda total: False) -> tuple[np.ndarray, int]:
+    """(T,) hᵀS⁺h over all subdomains, and the back-substitutions spent.
+
+    The iterates approach from below; the geometric tail of the steps is added, and for the
+    tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
+    almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
+
+    h : (T, B) forces on the boundary dofs, balanced on floating subdomains
+    rest : (T,) what b² is added to: a² and the cross term
+    negligible : sum over the steps that is not worth being told from zero
+    beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
+        the true one is larger
+    """
+    space, of = stage.space, Segments(stage.space.boundary)
+    if not space.team.max(h.any())[0]:
+        return np.zeros(len(h)), 0
+    r, total, p, q, rz_old, steps = h.copy(), np.zeros(len(h)), None, None, None, []
+    for sweeps in range(1, MAX_STEPS + 1):
+        z = stage.solve(r)
+        rz = np.maximum(of.sums(r * z), 0.0)
+        if p is None:
+            p, q = z, r.copy()
+        else:
+            beta = of.spread(_safe_ratio(rz, rz_old))
+            p, q = z + beta * p, r + beta * q
+        s_p = q - stage.direction.robin(p)
+        alpha = _safe_ratio(rz, of.sums(p * s_p))
+        gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
+        total, r, rz_old = total + gained, r - of.spread(alpha) * s_p, rz
+        steps.append(float(gained.sum()))
+        if beyond(total):
+            return total, sweeps
+        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
+        if max(steps[-1], tail) <= RELATIVE_TAIL * worth:
+            share = gained / max(steps[-1], np.finfo(float).tiny)
+            return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps
+    return np.full(len(h), np.inf), MAX_STEPS
+
+
+def _tail(steps: list[float]) -> float:
+    """What the steps to come would add: a geometric series, at the slower of the last two rates."""
+    last = steps[-3:]
+    rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
+    rate = min(max(rates, default=SLOWEST), SLOWEST)
+    return steps[-1] * rate / (1 - rate)
+
+
+def _safe_ratio(top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
+    return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), 0.0)

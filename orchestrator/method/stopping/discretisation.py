@@ -28,17 +28,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import factorial, prod
 
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
-from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.parallel.team import ALONE, Meeting
-from orchestrator.scene.mesh.geometry import shape_gradients
+from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.model import Scene
 
 SOFTEST = 4.0  # 2/β², for β² = ½ of compact bodies: the bulk modulus over μ beyond which it is none of the error's business
 _WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the tensor
@@ -192,15 +191,8 @@ def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
 
 
 def _mean_products(count: int) -> np.ndarray:
-    """(p, p) mean over a tet of the products of its p = 4 or 10 shape functions, polynomials of its coordinates λ.
-
-    λ₁ᵃλ₂ᵇλ₃ᶜλ₄ᵈ has the mean 3! a! b! c! d! / (3 + a + b + c + d)!.
-    """
-    one = np.eye(4, dtype=int)
-    functions = [[(1.0, e)] for e in one] if count == 4 else (
-        [[(2.0, 2 * e), (-1.0, e)] for e in one] + [[(4.0, one[i] + one[j])] for i, j in TET_EDGES])
-
-    def mean(powers: np.ndarray) -> float:
-        return 6 * prod(factorial(p) for p in powers) / factorial(3 + sum(powers))
-
-    return np.array([[sum(a * b * mean(p + q) for a, p in f for b, q in g) for g in functions] for f in functions])
+    """(p, p) mean over a tet of the products of its p = 4 or 10 shape functions: its mass matrix over its mass."""
+    if count == 4:
+        return (1 + np.eye(4)) / 20
+    ends = (np.array(TET_EDGES)[:, :, None] == np.arange(4)).any(axis=1).astype(float)  # (6, 4), whether a corner is an edge's
+    return np.block([[1 + 5 * np.eye(4), 2 * ends.T - 6], [2 * ends - 6, 8 * (1 + ends @ ends.T + np.eye(6))]]) / 420

@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.local.state import LocalState
+from orchestrator.method.local_stage import LocalState
 
 EXACT_LIMIT = 50_000
 
@@ -90,7 +90,7 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
     else:
-        w_hat, f_hat = (problem.local.hats if exact else problem.local.lumped_hats)(*fields.extended)
+        w_hat, f_hat = (problem.local if exact else problem.local.lumped).hats(*fields.extended)
         kw_hat = direction.times(w_hat)
 
     forces = (f - f_hat, f, f_hat)

@@ -8,12 +8,12 @@ from dataclasses import asdict
 
 from orchestrator.config.model import Config
 from orchestrator.errors import some
-from orchestrator.method.acceleration.base import algorithm
+from orchestrator.method.acceleration import algorithm
+from orchestrator.method.delivery.balance import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
-from orchestrator.method.delivery.resultants import bolt_forces
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice

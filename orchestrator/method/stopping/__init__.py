@@ -1,1 +1,0 @@
-"""What is measured while iterating, and when that is enough."""

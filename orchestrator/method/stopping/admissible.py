@@ -1,0 +1,228 @@
+"""Admissible fields nearby: what the error bound makes of interface data (``bound``), for perfect interfaces.
+
+Repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k, six unknowns each, solved on every rank: right
+for some thousands of them.
+
+Continuity: the mean of the sides makes displacements continuous with the least change, min ‖δ‖²_D where B N (u + δ) = 0, D
+diagonal. Where nodes match, the copies of a node take their weighted mean v. Where nodes of some interfaces do not, v is changed
+in its turn, v − D_c⁻¹ Bᵀ (B D_c⁻¹ Bᵀ)⁻¹ B v, in one sparse problem of all their points, which share nodes at cross points.
+
+Balance: interface forces f̃ = f + δf that keep every subdomain in equilibrium,
+
+    δf = −ω A f + ½ k B w₂,     ω + ω' = 1
+
+The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such pair keeps f̃ balanced;
+this one brings the fields of f̃ closer to u. The repositioning has made it free of resultants on floating subdomains, since both
+use the same weight. Where nodes do not match, the forces of the points are those of the first side, and the second takes all of the
+imbalance: forces of fewer or more nodes cannot be undone. What still pushes a floating subdomain is balanced by force fields per
+interface, of least norm. The macro problem has seen to it where its basis holds the rigid motions; the mono-scale strategy leaves
+it to this one problem of all subdomains.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.interface.factor import semidefinite_solver
+from orchestrator.method.interface.rows import narrow, times
+from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.macro import pushing
+from orchestrator.method.linear.macro_basis import independent, known_widths
+
+RIGID = 6
+
+
+class RigidModes:
+    """Rigid motions of all subdomains that their supports leave, on a rank's dofs.
+
+    space : numbering
+    modes : per own subdomain (boundary dofs, r), r at most six
+    boundary : (B, modes of all ranks) sparse
+    own : int, the modes of this rank's subdomains
+    """
+
+    def __init__(self, space: TraceSpace, modes: list[np.ndarray]):
+        counts = np.zeros(space.link.subdomain_count)
+        counts[space.subdomains] = [m.shape[1] for m in modes]
+        counts, = space.team.sum(counts)
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        dense = np.zeros((RIGID, len(space.global_dof)))
+        for part, mode in zip(space.boundary, modes):
+            dense[: mode.shape[1], part] = mode.T
+        self._space, self._starts, self._dense = space, starts, dense
+        self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or [np.empty(0, int)])
+        self.boundary = self._sparse(dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
+
+    @property
+    def traces(self) -> sp.csr_array:
+        """(D + G, modes of all ranks), formed whenever asked: twice in a run at most. All ranks have to ask."""
+        traces, = self._space.extended(self._space.gathered(self._dense))
+        return self._sparse(traces, self._space.owner)
+
+    def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
+        rows = np.ascontiguousarray(values.T)
+        there = rows != 0
+        columns = (self._starts[owner][:, None] + np.arange(RIGID))[there]
+        ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+        return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
+
+
+class Repositioning:
+    """The best rigid motions for given traces.
+
+    space : numbering
+    modes : the motions
+    weight : (Q, Q) sparse, stiffness k at the points, in which jumps are measured
+    """
+
+    def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
+        self.transfer, self.team = space.transfer, space.team
+        one, two = self.transfer.rows(modes.traces)
+        jumps, mine = sp.csr_array(two - one), self.transfer.mine
+        self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
+        coarse = sp.csr_array(jumps[mine].T @ self.forces)
+        self._solve = semidefinite_solver(sum(self.team.all_gather(coarse), sp.csr_array(coarse.shape)))
+
+    def __call__(self, w: np.ndarray) -> np.ndarray:
+        """(T, modes) c for traces (T, D + G)."""
+        asked, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
+        return self._solve(-asked)
+
+
+# Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
+# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
+UNBALANCED = 1e-7
+BALANCED = 1e-6  # of the resultants, what may be left after it
+UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
+TINY = np.finfo(float).tiny
+
+
+class Balancing:
+    """Balanced forces of one decomposition.
+
+    direction : search direction
+    weight : (B,) stiffness of the boundary dofs
+    modes : rigid motions of all subdomains
+    share : (Q,) what the first side takes of a force imbalance
+    soles : (Q, Q) k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
+    """
+
+    def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
+        self.space, self.modes, self._fields = direction.space, modes, None
+        transfer = self.space.transfer
+        trace_weight, = self.space.extended(self.space.gathered(weight[None]))
+        one, two = transfer.stiffnesses(trace_weight[0])
+        self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
+        softness = sp.diags_array(np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY)))
+        first, second = transfer.at_points(direction.whole)
+        self.soles = sp.csr_array(softness @ ((first + second) / 2) @ softness)
+
+    def _share(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """(Q,) the first side's, from the stiffnesses (Q,) of both.
+
+        The stiffer side takes the larger share: it costs less energy there. One share per interface keeps the
+        resultants balanced; where stiff and soft nodes are mixed, each node has its own.
+        """
+        bounds = self.space.transfer.bounds
+        filled = np.flatnonzero(np.diff(bounds))
+        starts, counts = bounds[filled], np.diff(bounds)[filled]
+        with np.errstate(over="ignore"):  # beside a side that is held
+            ratio = one / np.maximum(two, TINY)
+        if len(filled):
+            even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
+            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side) for side in (one, two))
+        return one / np.maximum(one + two, TINY)
+
+    def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:
+        """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no floating subdomain."""
+        transfer, team, modes = self.space.transfer, self.space.team, self.modes.boundary
+        q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
+        q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
+        change = (transfer.opposed(q) - f)[:, : self.space.size]
+        resultant, scale = team.sum(times(modes.T, self.space.loads(change)), times(np.abs(modes.T), self.space.loads(np.abs(change))))
+        if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), TINY):
+            return change, True
+        spread, work, solve = self._fields = self._fields or self._prepare()
+        change = change + times(spread, times(work.T, solve(-resultant)))
+        left, = team.sum(times(modes.T, self.space.loads(change)))
+        return change, bool(np.abs(left).max() <= BALANCED * max(np.abs(resultant).max(), TINY))
+
+    def _prepare(self):
+        """Force fields (D, m), their work in the motions (modes, m), and the solver of the least norm."""
+        space, traces, bases = self.space, self.modes.traces, []
+        bounds, (one, two) = space.transfer.bounds, space.transfer.rows(traces)
+        for a, b in zip(bounds[:-1], bounds[1:]):  # the motions of either side span the fields
+            block = sp.csc_array(one[a:b] if one[a:b].nnz else two[a:b])
+            bases.append(independent(block[:, np.flatnonzero(np.diff(block.indptr))].toarray()))
+        spread = pushing(space, known_widths(bases, space.team))
+        work = sp.csr_array(traces[: space.size].T @ spread)
+        work = sum(space.team.all_gather(work), sp.csr_array(work.shape))
+        return spread, work, semidefinite_solver(work @ work.T)
+
+
+class Continuity:
+    """The nearest continuous displacements.
+
+    space : numbering
+    weight : (B,) the diagonal D, positive
+    """
+
+    def __init__(self, space: TraceSpace, weight: np.ndarray):
+        self.space, self.weight = space, weight
+        self.class_weight = space.class_sums(weight[None])
+        transfer = space.transfer
+        apart = transfer.perfect & ~transfer.matched  # nodes do not match
+        self.tied = bool(apart.any())
+        here = np.repeat(apart, np.diff(transfer.bounds))
+        self.points = np.flatnonzero(here & transfer.mine)  # of the first sides that are this rank's
+
+    def __call__(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+        """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None where there are none."""
+        space = self.space
+        mean = space.class_sums(self.weight * u) / self.class_weight
+        if self.tied:
+            w = space.trace(mean.take(space.label, axis=1))
+            jump = space.transfer.jump(space.extended(w if known is None else w + known)[0])[:, self.points]
+            mean = mean - self._change(jump)
+        return mean.take(space.label, axis=1) - u
+
+    def _change(self, jump: np.ndarray) -> np.ndarray:
+        """(T, classes) D_c⁻¹ Bᵀ (B D_c⁻¹ Bᵀ)⁻¹ of jumps (T, Q) at this rank's points."""
+        solve, mine, spread = self._system
+        right = np.zeros((len(jump), spread.shape[0]))
+        right[:, mine] = jump
+        right, = self.space.team.sum(right)
+        return times(spread.T, solve(right))
+
+    @cached_property
+    def _system(self):
+        """Solver of all points' problem, which of them are this rank's, and D_c⁻¹ B of this rank's classes."""
+        space, team = self.space, self.space.team
+        loose, none = np.ones((1, space.size)), not len(space.label)
+        loose[0, space.held] = 0.0
+        at = np.zeros(space.size, int) if none else space.label.take(space.gather)
+        weight = np.ones(space.size) if none else self.class_weight[0].take(at)
+        # class and weight of every trace dof, ghosts included
+        (number, weight, loose), = space.extended(np.vstack([at if none else space.labels.take(at), weight, loose[0]]))
+        B = sp.coo_array(space.transfer.B[self.points])
+        row, dof = B.coords
+        kept = loose[dof] > 0
+        row, dof = row[kept], dof[kept]
+        parts = team.all_gather((len(self.points), row, number[dof].astype(int), weight[dof], B.data[kept]))
+        starts = np.cumsum([0] + [part[0] for part in parts])
+        rows = np.concatenate([part[1] + a for part, a in zip(parts, starts)])
+        classes, weights, values = (np.concatenate([part[i] for part in parts]) for i in (2, 3, 4))
+        columns, place = np.unique(classes, return_inverse=True)
+        inverse = np.empty(len(columns))
+        inverse[place] = 1 / weights
+        B = sp.csr_array((values, (rows, place)), shape=(int(starts[-1]), len(columns)))
+        scaled = B @ sp.diags_array(inverse)
+        _, there, local = np.intersect1d(space.labels, columns, assume_unique=True, return_indices=True)
+        spread = sp.csc_array(scaled)[:, local].tocoo()
+        spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(B.shape[0], len(space.labels)))
+        mine = np.arange(starts[team.rank], starts[team.rank] + len(self.points))
+        return semidefinite_solver(scaled @ B.T), mine, spread
