@@ -47,7 +47,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             _make_ready(folder, config, resume)
             with watch("mesh"):
                 scene = build_scene(config, run_programs=True)
-            with Record(folder, config, scene, watch, resume=resume) as record:
+            with Record(folder, config, scene, watch, artist, resume=resume) as record:
                 team.share((config, reference))
                 solution = _balanced(config, [*record.subscribers, progress], record, reference, team)
                 progress.close()
@@ -56,7 +56,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                     found = solution.scene, solution.parts, solution.joints
                     solution.summary["warnings"] += finish_parts(config.codes, found[0].subdomains, *found[1:], folder.of_part)
                     beside = fields_of_parts(config.codes, *found)
-                record.finish(solution, config.output.fields, artist, beside)
+                record.finish(solution, config.output.fields, beside)
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED

@@ -25,6 +25,7 @@ class HistoryWriter(Subscriber):
     folder : where
     resume_after : iteration of the checkpoint a run resumes from: lines up to it are kept,
         later ones (run after the checkpoint, then lost) dropped; None starts a new file
+    whole : whether every line so far found room
     """
 
     def __init__(self, folder: ResultsFolder, resume_after: int | None = None):
@@ -38,7 +39,7 @@ class HistoryWriter(Subscriber):
         self._begin()
 
     def _begin(self) -> None:
-        self._lines, self._whole = _lines(self._kept), True
+        self._lines, self.whole = _lines(self._kept), True
         write_history(self._folder, self._kept)
         with self._folder.guarded(NAME):
             self._folder.manifest.claim(re.escape(NAME))  # it grows
@@ -56,7 +57,7 @@ class HistoryWriter(Subscriber):
                 self._begin()
         line = _line(list(row.values()))
         self._lines.append(line)
-        if self._whole and not self._file.closed:
+        if self.whole and not self._file.closed:
             self._append(line)
 
     def _append(self, line: bytes) -> None:
@@ -66,13 +67,13 @@ class HistoryWriter(Subscriber):
                 line = line[self._file.write(line):]
         except OSError:  # a full disk: what is computed is worth more than its history
             self._file.truncate(size)  # no half a line
-            self._whole = False
+            self.whole = False
 
     def complete(self) -> None:
         """Writes the whole file again, if lines found no room or somebody has removed it."""
-        if not self._whole or self._file.closed or not (self._folder / NAME).exists():
+        if not self.whole or self._file.closed or not (self._folder / NAME).exists():
             self._folder.write(NAME, b"".join(self._lines))
-            self._whole = True
+            self.whole = True
 
     def close(self) -> None:
         """Closes the file; later events are ignored."""

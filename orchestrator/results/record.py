@@ -14,7 +14,7 @@ from orchestrator.blackbox.codes.foreign.part import OwnFields
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.checkpoint import Start
-from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import CheckpointWriter, NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
 from orchestrator.results.fields.files import write_fields
@@ -39,11 +39,12 @@ class Record(Subscriber):
     resume : go on from the checkpoint in the folder
     start : where the run goes on from; None at the beginning
     scene, watch : as given
+    artist : who draws the figures; None: nobody
     subscribers : history, checkpoint, and this, which writes a summary if the run dies
     Raises InputError: nothing to resume from, folder not writable, disk full
     """
 
-    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False):
+    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *, resume: bool = False):
         problem = problem_of(config.complete(), scene.mesh.nodes, scene.mesh.cells)
         key = digest_of(problem)
         self.start = load_checkpoint(folder, key, problem) if resume else None
@@ -55,12 +56,13 @@ class Record(Subscriber):
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
         self._last: Iteration | None = None
+        self._artist, self._begun = artist, False
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self]
 
-    def finish(self, solution: Solution, fields: bool, artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
+    def finish(self, solution: Solution, fields: bool, beside: Sequence[OwnFields] = ()) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
@@ -69,16 +71,16 @@ class Record(Subscriber):
         solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
             together: the others ``write_piece``
         fields : whether they are wanted
-        artist : who draws the figures; None: nobody
         beside : fields of parts with a mesh of their own
         """
         summary = solution.summary
         try:
             self._history.complete()
             with self.watch("output"):
-                if artist:
+                if self._artist:
                     note_time(summary, self.watch)
-                    artist.begin(write_figures, self._folder, summary, read_history(self._folder.path), solution.fields)
+                    history = {} if self._begun else read_history(self._folder.path)
+                    self._artist.begin(write_figures, self._folder, summary, history, solution.fields)
                 if fields:
                     write_fields(self._folder, solution.fields, solution.piece, beside)
                 if solution.answers is not None:
@@ -89,10 +91,10 @@ class Record(Subscriber):
             raise
         if solution.converged:
             self._checkpoint.remove()
-        if artist:
+        if self._artist:
             with self.watch("output"):
                 try:
-                    artist.finish()
+                    self._artist.finish()
                 except CannotDraw as error:  # charts can be drawn here
                     write_figures(self._folder, summary, read_history(self._folder.path))
                     summary["warnings"] = [*(summary.get("warnings") or ()), f"no pictures of the structure: {error}; "
@@ -121,6 +123,14 @@ class Record(Subscriber):
 
     def iteration(self, event: Iteration) -> None:
         self._last = event
+
+    def finished(self, event: Finished) -> None:
+        """Have the convergence drawn while the fields are computed."""
+        if self._artist and self._last and self._history.whole:
+            self._begun = True
+            known = {"name": self._config.name, "converged": event.converged, "tolerance": self._last.tolerance, "config": self._config.complete(),
+                     "status_counts": None if all(i.law.perfect for i in self.scene.interfaces) else {}}
+            self._artist.begin(write_figures, self._folder, known, read_history(self._folder.path))
 
     def failed(self, error: BaseException) -> None:
         self._left_off("interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {_first_line(error)}")

@@ -27,7 +27,8 @@ class Artist:
 
     def __init__(self) -> None:
         self._connection, theirs = Pipe()
-        self._process = None
+        self._process = self._sender = None
+        self._asked = 0
         with suppress(OSError):  # no more processes are allowed: nobody ever answers
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", __name__, str(theirs.fileno())], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
@@ -36,28 +37,34 @@ class Artist:
         theirs.close()
 
     def begin(self, draw: Callable[..., object], *job: object) -> None:
-        """Have ``draw(*job)`` called there, once; the function is one of a module, and all is pickled now."""
-        Thread(target=self._send, args=(pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL),), daemon=True).start()  # pipes hold less
+        """Have ``draw(*job)`` called there, after what was asked before; the function is one of a module, and all is pickled now."""
+        job = pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL), self._sender
+        self._sender, self._asked = Thread(target=self._send, args=job, daemon=True), self._asked + 1
+        self._sender.start()  # pipes hold less than a job
 
-    def _send(self, job: bytes) -> None:
+    def _send(self, job: bytes, before: Thread | None) -> None:
+        if before is not None:
+            before.join()
         with suppress(OSError):  # it has ended before
             self._connection.send_bytes(job)
 
     def finish(self) -> object:
-        """What the function returned.
+        """What the last function that was asked for returned.
 
         Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
         Raises InputError: from the function: disk full or folder not writable
         """
-        if not self._connection.poll(PATIENCE):
-            self.close()
-            raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s")
-        try:
-            answer = self._connection.recv()
-        except (EOFError, OSError):
-            raise CannotDraw("VTK cannot draw on this machine") from None
-        if isinstance(answer, InputError):
-            raise answer
+        answer = None
+        for _ in range(self._asked):
+            if not self._connection.poll(PATIENCE):
+                self.close()
+                raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s")
+            try:
+                answer = self._connection.recv()
+            except (EOFError, OSError):
+                raise CannotDraw("VTK cannot draw on this machine") from None
+            if isinstance(answer, InputError):
+                raise answer
         return answer
 
     def close(self) -> None:
@@ -81,18 +88,19 @@ def drawn(draw: Callable[..., object], *job: object) -> object:
 
 
 def main(connection: Connection) -> None:
-    """Get ready, do the job, end; the end of who asks ends it too."""
+    """Get ready, do the jobs; the end of who asks ends it."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # where VTK can draw nowhere it crashes: no core dump
     from orchestrator.results.figures.figures import warm_up
 
     warm_up()
     with suppress(EOFError, OSError):
-        draw, job = pickle.loads(connection.recv_bytes())
-        try:
-            answer = draw(*job)
-        except InputError as error:
-            answer = error
-        connection.send(answer)
+        while True:
+            draw, job = pickle.loads(connection.recv_bytes())
+            try:
+                answer = draw(*job)
+            except InputError as error:
+                answer = error
+            connection.send(answer)
 
 
 if __name__ == "__main__":
