@@ -58,7 +58,8 @@ class CodeSettings(Part):
 
 
 def _own() -> str:
-    return "or your own solver: " + ", ".join(kind.forms for kind in CODES.own()) + "; matrices, decks and programs are parts, parts: [{matrix: …}]"
+    own = ", ".join(kind.forms for kind in CODES.own())
+    return f"or your own solver: {own}; matrices, decks and programs are parts, parts: [{{matrix: …}}]"
 
 
 _BY_CODE = ByName(CodeSettings, "code", CODES, lambda code: code.Settings, _own)

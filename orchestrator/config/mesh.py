@@ -154,7 +154,8 @@ class ProgramPart(ForeignPart):
     arguments: list[str] = Field([], description="words that it is started with; what it reads from elsewhere it finds by absolute paths")
     facets: Name | None = MatrixPart.model_fields["facets"]
     outward: Vector | None = MatrixPart.model_fields["outward"]
-    loads: bool = Field(False, description="whether it has loads of its own, asked for by the number of the load step; history multiplies them")
+    loads: bool = Field(False, description=(
+        "whether it has loads of its own, asked for by the number of the load step; history multiplies them"))
     nonlinear: bool = Field(False, description=(
         "whether it remembers load steps: the cases of a call are then load steps, each from the end of the one before"))
     timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(3600.0, description="seconds allowed for one call")
@@ -189,7 +190,8 @@ class OnePart(Part):
     mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
     matrix: MatrixPart | None = Field(None, description="in place of mesh: a stiffness matrix, {stiffness: K.mtx, nodes: nodes.csv, …}")
     deck: DeckPart | None = Field(None, description="in place of mesh: a CalculiX deck, {calculix: part.inp, joints: [flange], …}")
-    program: ProgramPart | None = Field(None, description="in place of mesh: a program of your own, {run: ./my_solver.sh, outward: [0, 0, 1], …}")
+    program: ProgramPart | None = Field(None, description=(
+        "in place of mesh: a program of your own, {run: ./my_solver.sh, outward: [0, 0, 1], …}"))
     h: Positive | None = Field(None, description="element size for a mesh from `step`, in place of the mesh's own h")
     move: Move | None = Field(None, description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; none: it stays where it is")
     material: Matter | None = Field(None, description=(

@@ -41,7 +41,8 @@ class Sole(Part):
         "springs where bodies may part begin at contact_ratio; before the iterations two solves tell how stiff the bodies "
         "behind them are, and springs that are off by more than about a half follow, all by one factor, for another factorisation"))
     thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
-    poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction")
+    poisson: AutoPoisson = Field("auto", description=(
+        "auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction"))
     allow_extreme: bool = Field(False, description=(
         f"permits a modulus_ratio outside [{RATIO_RANGE[0]:g}, {RATIO_RANGE[1]:g}], where rounding spoils the "
         "result; false because only studies want that"))
@@ -116,7 +117,8 @@ class Method(Part):
         "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, and anderson and "
         "gmres both minimise the residual over all iterations so far: the generalised conjugate residual method, equivalent to GMRES; "
         "anderson may forget (memory). none: relaxation alone; aitken: relaxation by the last two residuals"))
-    memory: AutoCount = Field("auto", description="depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact")
+    memory: AutoCount = Field("auto", description=(
+        "depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact"))
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine, or its "
         "rigid, fields under the true laws, after every linear stage; it removes the plateau of the fixed point. auto: rigid "

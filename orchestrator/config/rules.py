@@ -149,13 +149,15 @@ def a_mesh(data: Any) -> Iterator[Problem]:
         return
     mesh, parts = data.get("mesh"), data.get("parts")
     if mesh is None and parts is None:
-        yield Problem(("mesh",), "null" if "mesh" in data else "no mesh", "exactly one of beam, box, polycrystal, file and step; or parts", "add mesh")
+        yield Problem(("mesh",), "null" if "mesh" in data else "no mesh",
+                      "exactly one of beam, box, polycrystal, file and step; or parts", "add mesh")
     elif mesh is not None and parts is not None:
         yield Problem(("parts",), "mesh and parts together", "one of the two", "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
     bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")
             and not part.get("deck")]  # which has moduli of its own
     if data.get("materials") is None and (parts is None or bare):
-        yield Problem(("materials",), ("null" if "materials" in data else "no materials") + (f", and no material of {bare[0]}" if bare else ""),
+        found = "null" if "materials" in data else "no materials"
+        yield Problem(("materials",), found + (f", and no material of {bare[0]}" if bare else ""),
                       "at least one, such as {young: 200e3, poisson: 0.3}", "add materials")
 
 

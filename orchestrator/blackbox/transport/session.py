@@ -222,7 +222,7 @@ class MessageWorker(RunWorker):
 
     def _about(self, index: int, model: Model, ask: Callable[[int, Model], Buffers], purpose: str,
                read: Callable[[Reply, int], Any]) -> Any:
-        """What ``read`` makes of the reply to a request about a model. Its mesh file and the request to load it are kept for runs to come."""
+        """What ``read`` makes of the reply to a request about a model. For runs to come, mesh file and request are kept."""
         told, kept = self.code.told(model), ask is messages.load and not self.keeps_models
         path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), ask(index, told)
         if kept:

@@ -17,6 +17,7 @@ from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.foreign.condensed import Condensed
 from orchestrator.blackbox.start import find_codes
 from orchestrator.blackbox.transport.worker import Worker
+from orchestrator.config.base import as_list
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.mesh import ForeignPart
 from orchestrator.errors import InputError, wrong
@@ -107,7 +108,7 @@ class ForeignCode(Code):
     def _kept(self) -> tuple[Condensed, float]:
         """What it is on its joints, and the CPU seconds that took: once per process for each entry, and for its files as they are."""
         part, settings = self.settings.part, self.settings
-        files = [name for key in part.files if (given := getattr(part, key)) is not None for name in ([given] if isinstance(given, str) else given)]
+        files = [name for key in part.files for name in as_list(getattr(part, key) or [])]
         key = (type(self), part.model_dump_json(), settings.name, len(settings.factors), *map(_stamp, files))
         if key not in _KEPT:
             begin = os.times()

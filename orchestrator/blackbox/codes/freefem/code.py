@@ -101,7 +101,8 @@ def report() -> list[str]:
     """What is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
     folder = environment().get("FF_LOADPATH", "")
     things = [("FreeFEM", executable(), f"FreeFEM: {INSTALL}"),
-              *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}") for path in map(script, (SERVER, UNDECOMPOSED))),
+              *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}")
+                for path in map(script, (SERVER, UNDECOMPOSED))),
               ("plugin", _plugin(folder), f"plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}"),
               ("OpenBLAS", _openblas(), f"OpenBLAS (factorisations six times slower): {INSTALL}"),
               ("setpriv", shutil.which("setpriv"), "setpriv (package util-linux): processes end with their pipes only")]
