@@ -6,7 +6,7 @@ import pytest
 
 from orchestrator import build_scene, config_from
 from orchestrator.results.figures.view import Look
-from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.gmsh_session import leave_out
 from orchestrator.scene.mesh.solids import _sizes
 from orchestrator.scene.mesh.sources import bricks

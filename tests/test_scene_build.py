@@ -13,10 +13,9 @@ from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import check_held, rigid_modes
-from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.search import Laws, Search
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
-from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.sources import bricks

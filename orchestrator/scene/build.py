@@ -12,21 +12,23 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
-from orchestrator.scene.conditions.selection import assign_codes, assign_materials, cells_loaded
+from orchestrator.scene.conditions.selection import assign_codes, assign_materials, cells_loaded, check_figures
 from orchestrator.scene.cautions import loads_on_pairs
+from orchestrator.scene.conditions.ground import add_grounds, held_rows, within_free
+from orchestrator.scene.conditions.probes import Finder
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import join_bolts, leave_free, straighten
-from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.search import Laws, Search
 from orchestrator.scene.conditions.loose import joins
 from orchestrator.scene.interfaces.mortar.fitting import fitted
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
-from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.loads.base import InVolumes, Strain
+from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
-from orchestrator.scene.mesh.quadratic import quadratic
+from orchestrator.scene.mesh.quadratic import choose_element, quadratic
 from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
@@ -139,8 +141,6 @@ def _meshed(config: Config, run_programs: bool, problems: Problems) -> Body:
     mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
     element, choice = config.codes[0].element, None
     if element == "auto":
-        from orchestrator.scene.mesh.quadratic import choose_element
-
         choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
         element = choice.element
     if element == "P2":
@@ -204,8 +204,6 @@ def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
 
 def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
     """Adds a ground behind every entry that stands on one: cells, subdomains, interfaces."""
-    from orchestrator.scene.conditions.ground import add_grounds  # soles, and SciPy with them
-
     body.mesh, cut.partition, cut.numbering, body.material, joints.grounds, joints.stands = add_grounds(
         body.mesh, cut.partition, body.material, boundary, problems)
     joints.interfaces = joints.interfaces + joints.grounds
@@ -234,8 +232,6 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
         elif made is not None:
             made.add_to(loads, cut.numbering.corners[cells])
     if thermal is not None:
-        from orchestrator.scene.loads.temperature import thermal_loads
-
         thermal_loads(body.mesh, thermal, body.materials, body.material, cut.numbering.corners, loads)
     return loads, thermal
 
@@ -259,35 +255,25 @@ def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, pro
     """Takes out of the interfaces what is prescribed on both sides."""
     joints.interfaces = leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed, config.interfaces, problems)
     joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
-    if joints.grounds:
-        from orchestrator.scene.conditions.ground import within_free
-
-        within_free(joints.grounds, held, problems)
+    within_free(joints.grounds, held, problems)
 
 
 def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
     """Adds a problem for bodies that can move as rigid ones."""
-    keeps, mesh = [], plain.mesh
-    if joints.grounds:
-        from orchestrator.scene.conditions.ground import held_rows
-
-        keeps = held_rows(joints.grounds, mesh)
+    mesh = plain.mesh
     between = [i for i in joints.interfaces if not any(i is g for g in joints.grounds)]
     links, hinges = joins(mesh, cut.partition, between)
     links = links + mesh.one_body
-    check_held(mesh, plain.faces, held.on_mesh()[0][: len(mesh.nodes)], problems, np.concatenate(links) if links else None, keeps, hinges)
+    check_held(mesh, plain.faces, held.on_mesh()[0][: len(mesh.nodes)], problems, np.concatenate(links) if links else None,
+               held_rows(joints.grounds, mesh), hinges)
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
     """The probes; and whether what figures are to show is there."""
     if not isinstance(config.output.figures, bool):
-        from orchestrator.scene.conditions.selection import check_figures
-
         check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:
         return []
-    from orchestrator.scene.conditions.probes import Finder
-
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
     return Finder(plain.mesh, plain.faces, cut.partition.subdomain, bodies, joints.interfaces, problems).find(config.output.probes)
 

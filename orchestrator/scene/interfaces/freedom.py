@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
-from orchestrator.scene.interfaces.entries import govern
+from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.mesh.mesh import Mesh
