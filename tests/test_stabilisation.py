@@ -98,7 +98,7 @@ def test_the_coarse_problem_blends_them_alike(decomposed):
     previous, resultant = 1e-4 * rng.normal(size=F0.shape), rng.normal(size=(2, 12))
     y = 1e-2 * rng.normal(size=(2, 12))
     step = LoadStep(problem.bodies, 0, F0, resultant, History(previous))
-    T, F = at.at_pairs(), at.predicted(F0, y)
+    T, F = at.T, at.predicted(F0, y)
     force = 0.95 * pairs.force(F, History(previous), 0).force + 0.05 * (F - pairs.points.stiffness(previous))
     carried = np.einsum("pif,ip->f", T, force).reshape(2, 12)
     rho = resultant + np.einsum("bij,bj->bi", problem.bodies.K0, y) - carried

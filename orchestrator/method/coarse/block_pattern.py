@@ -10,11 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.elimination import Elimination, Factors
-from orchestrator.method.coarse.kernels import added_up
-
-BLOCKS = 1024  # that are worth a thread's while
 
 
 class BlockPattern:
@@ -37,27 +33,20 @@ class BlockPattern:
         self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
         turn = np.arange(len(ends)) if order is None else np.argsort(order)
         sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
-        self.which, self.starts = sequence, np.searchsorted(where[sequence], np.arange(len(places) + 1))
-
-    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """(n, size, size) blocks of the matrix, block row after block row.
-
-        pairs : (I, 2, 2, size, size) blocks of the interfaces, first body first
-        own : (bodies, size, size) blocks of the bodies
-        """
-        result = self.summed(pairs)
-        result[self.diagonal] += own
-        return result
+        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
+        self.sums = sp.csr_array((np.ones(len(sequence)), sequence, starts), shape=(len(places), len(where)))
 
     def summed(self, pairs: np.ndarray) -> np.ndarray:
-        """The same without bodies' own blocks."""
-        return self.less(np.zeros((len(self.indices), self.size, self.size)), pairs, 1.0)
+        """(n, size, size) sums of blocks of the interfaces, block row after block row.
 
-    def less(self, values: np.ndarray, pairs: np.ndarray, sign: float = -1.0) -> np.ndarray:
-        """Blocks of a matrix, less those of the interfaces (or, by the sign, and those), in the matrix's precision."""
-        result = np.empty_like(values)
-        in_parts(added_up, len(result), (self.starts, self.which), values.dtype.type(sign), pairs.reshape(-1, self.size**2),
-                 *(x.reshape(len(result), -1) for x in (values, result)), part=BLOCKS)
+        pairs : (I, 2, 2, size, size), first body first
+        """
+        return (self.sums @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
+
+    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """The same with the bodies' own blocks (bodies, size, size)."""
+        result = self.summed(pairs)
+        result[self.diagonal] += own
         return result
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:

@@ -22,9 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.compiled import in_parts
-from orchestrator.method.coarse.kernels import carried_along
-from orchestrator.method.coarse.pair_fields import AFFINE, DenseFields, MONOMIALS, PairFields
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import times
@@ -34,6 +32,7 @@ from orchestrator.method.local_stage import LawStage
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
+AFFINE = 12  # fields of a body: 1, x, y and z in each component
 # combinations (12, n) of the affine fields, which are monomials outside and components inside, that a body may move in
 _TURNS = np.zeros((AFFINE, 3))
 for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
@@ -77,8 +76,7 @@ class CoarseCorrection:
         self.bodies, own = len(scene.subdomains), space.owner[: space.size]
         self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
         k = stage.direction.k
-        frames = _Frames.of(scene, space, self.parts)
-        fields = space.changed(frames.fields)
+        fields = space.changed(_affine_fields(scene, space, self.parts))
         if space.ties is not None:
             fields[:, space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
         R = self._independent(fields, times(k, fields), FIELDS[kind])
@@ -96,12 +94,7 @@ class CoarseCorrection:
         K0[:, each, each] += dropped  # fields a body lacks stay at rest
 
         self.K0 = self._of_all(K0)
-        if pairs.transfer.picks:
-            L, ends = self._seen(pairs)
-            at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
-        else:
-            at_pairs = self._dense(pairs)
-        self.problem = self._problem(at_pairs)
+        self.problem = self._problem(pairs)
         self.prescribed = self.stage.space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.stage.space.subdomains))[0]
         self.radius: float | None = None
 
@@ -113,25 +106,16 @@ class CoarseCorrection:
     def paired(self, pairs: Pairs) -> CoarseCorrection:
         """The same for sides that have been paired anew: what the bodies answer stays."""
         result = copy(self)
-        result.pairs, result.problem = pairs, self._problem(self._dense(pairs))
+        result.pairs, result.problem = pairs, self._problem(pairs)
         result.problem.newton_steps, result.problem.ends = self.problem.newton_steps, dict(self.problem.ends)
         return result
 
-    def _seen(self, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
-        """L (P, 3, 2n), the fields of the first body, then of the second; and the bodies (I, 2) of each interface."""
-        L = pairs.masked(np.concatenate(pairs.responses(self.response.W, self.response.F)))
-        return (np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32),  # see ``PairFields``
-                np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2))
-
-    def _dense(self, pairs: Pairs) -> DenseFields:
-        """The fields at pairs of which the nodes of some do not match."""
+    def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)
         T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-        L, ends = self._seen(pairs)
-        return DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
-
-    def _problem(self, at_pairs: PairFields) -> CoarseProblem:
-        return CoarseProblem(self.stage.space.team, self.bodies, self.stage.space.subdomains, at_pairs, self.K0,
+        L = pairs.masked(np.concatenate(pairs.responses(self.response.W, self.response.F)))
+        fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
+        return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
                              [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts])
 
     def start_from(self, local: LawStage) -> None:
@@ -191,8 +175,9 @@ class CoarseCorrection:
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:
         """at (T, n) with what fields y (T, bodies, n) add, whose response (n, D) is that of each column's own body."""
-        result = np.empty_like(at)
-        in_parts(carried_along, at.shape[1], body, y, response, at, result)
+        result, starts = at.copy(), np.flatnonzero(np.diff(body, prepend=-1))
+        for a, b in zip(starts, [*starts[1:], len(body)]):
+            result[:, a:b] += y[:, body[a]] @ response[:, a:b]
         return result
 
     def state(self) -> dict[str, object]:
@@ -217,29 +202,6 @@ class CoarseCorrection:
             keep = size > DEPENDENT * size.max(initial=0.0)
             r[:, keep] = allowed @ (vectors[:, keep] / np.sqrt(size[keep]))
         return result
-
-    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """φ (P, m) and A (I, 3m, 2n) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
-        space, pairs = self.stage.space, self.pairs
-        centre, size = self._of_all(frames.centre), self._of_all(frames.size)
-        x, = space.extended(scene.mesh.nodes[space.dof // 3].T)
-        pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
-        x1, x2 = (side(x)[:, component, pair].T for side in (pairs.transfer.first, pairs.transfer.second))
-        first, second = np.repeat(ends, np.diff(pairs.bounds), axis=0).T
-        phi = _monomials((x1 - centre[first]) / size[first, None])
-        # fields are monomials outside, components inside; here it is the other way round
-        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, R.shape[2]).swapaxes(1, 2) for b in ends.T)
-        if self.stage.space.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
-            phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
-            A = np.block([[R1, np.zeros_like(R1)], [np.zeros_like(R2), -R2]])
-        else:  # the second body's monomials are combinations of the first one's
-            change = np.zeros((len(ends), 1, MONOMIALS, MONOMIALS))
-            one, two = ends.T
-            change[:, 0, 0, 0] = 1.0
-            change[:, 0, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
-            change[:, 0, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
-            A = np.concatenate([R1, -change @ R2], axis=3)
-        return phi, A.reshape(len(ends), -1, 2 * R.shape[2])
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie together."""
@@ -266,37 +228,20 @@ def kind_of(asked: str, scene: Scene, pairs: Pairs, team: Team) -> str:
     return "rigid" if stabilised and not joined and len(scene.subdomains) >= MANY else "affine"
 
 
-@dataclass
-class _Frames:
-    """Affine fields of a rank's bodies: translations, and gradients about the body's centre scaled by its size.
+def _affine_fields(scene: Scene, space: TraceSpace, parts: list[slice]) -> np.ndarray:
+    """(12, D) fields of a rank's bodies, whose trace dofs are the ``parts``: translations, and gradients about the body's centre
+    scaled by its size; field 3m + c is monomial m in component c.
 
-    fields : (12, D) per trace dof; field 3m + c is monomial m in component c. Held ones are no exception: they do
-        not move, but their force answers a change of s and has to agree with the laws as well
-    centre, size : (own bodies, 3) and (own bodies,)
+    Held dofs are no exception: they do not move, but their force answers a change of s and has to agree with the laws as well.
     """
-
-    fields: np.ndarray
-    centre: np.ndarray
-    size: np.ndarray
-
-    @classmethod
-    def of(cls, scene: Scene, space: TraceSpace, parts: list[slice]) -> _Frames:
-        """Of the bodies of a space, whose trace dofs are the ``parts``."""
-        bodies = len(parts)
-        result = cls(np.zeros((AFFINE, space.size)), np.zeros((bodies, 3)), np.ones(bodies))
-        for e, part in enumerate(parts):
-            dof = space.dof[part]
-            if not len(dof):
-                continue
-            x, rows = scene.mesh.nodes[dof // 3], np.arange(part.start, part.stop)
-            centre = result.centre[e] = (x.min(axis=0) + x.max(axis=0)) / 2
-            size = result.size[e] = max(np.abs(x - centre).max(), np.finfo(float).tiny)
-            phi = _monomials((x - centre) / size)
-            for m in range(MONOMIALS):
-                result.fields[3 * m + dof % 3, rows] = phi[:, m]
-        return result
-
-
-def _monomials(x: np.ndarray) -> np.ndarray:
-    """(n, 4) 1, x, y, z."""
-    return np.column_stack([np.ones(len(x)), x])
+    fields = np.zeros((AFFINE, space.size))
+    for part in parts:
+        dof, rows = space.dof[part], np.arange(part.start, part.stop)
+        if not len(dof):
+            continue
+        x = scene.mesh.nodes[dof // 3]
+        x = x - (x.min(axis=0) + x.max(axis=0)) / 2
+        x /= max(np.abs(x).max(), np.finfo(float).tiny)
+        for m, monomial in enumerate([np.ones(len(x)), *x.T]):
+            fields[3 * m + dof % 3, rows] = monomial
+    return fields

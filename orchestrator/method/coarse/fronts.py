@@ -96,8 +96,8 @@ def _inverted_by_panels(P, panel, product):
                 row[j] = 0.0
             for j in range(w):
                 below[(p + i) * w + j] = -1.0 if i == j else 0.0
-        gemm(product, (w, n, w), 1.0, (at_square, width), (at_beside, n), 0.0, (at_rows, n))
-        gemm(product, (n, n, w), -1.0, (at_below, w), (at_rows, n), 1.0, (at_P, n))
+        gemm(product, (w, n, w), (1.0, 0.0), (at_square, width), (at_beside, n), (at_rows, n))
+        gemm(product, (n, n, w), (-1.0, 1.0), (at_below, w), (at_rows, n), (at_P, n))
     return True
 
 
@@ -174,15 +174,15 @@ def _across(f, p, product, layout, own, beside, right):
     _copied(P, L[p:q, p:q])
     at_P = np.int64(P.ctypes.data)
     if m:
-        gemm(product, (w, m, w), 1.0, (at_P, w), (at_right + REAL * m * p, m), 0.0, (at_U + REAL * m * p, m))
+        gemm(product, (w, m, w), (1.0, 0.0), (at_P, w), (at_right + REAL * m * p, m), (at_U + REAL * m * p, m))
     if rest:
         others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
         _copied(L[p:q, q:], others)
         at_beside, at_rows = at_L + REAL * (a * p + q), at_L + REAL * a * q
-        gemm(product, (w, rest, w), 1.0, (at_P, w), (np.int64(others.ctypes.data), rest), 0.0, (at_beside, a))
-        gemm(product, (rest + m, rest, w), -1.0, (at_rows + REAL * p, a), (at_beside, a), 1.0, (at_rows + REAL * q, a))
+        gemm(product, (w, rest, w), (1.0, 0.0), (at_P, w), (np.int64(others.ctypes.data), rest), (at_beside, a))
+        gemm(product, (rest + m, rest, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_beside, a), (at_rows + REAL * q, a))
         if m:
-            gemm(product, (rest, m, w), -1.0, (at_rows + REAL * p, a), (at_U + REAL * m * p, m), 1.0, (at_right + REAL * m * q, m))
+            gemm(product, (rest, m, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_U + REAL * m * p, m), (at_right + REAL * m * q, m))
     return True
 
 
@@ -193,7 +193,7 @@ def _left(f, product, layout, own, beside, work, runs):
     a, m = sizes[f]
     at_L, at_U, at_S = (np.int64(own.ctypes.data) + REAL * (places[f, 0] + a * a), np.int64(beside.ctypes.data) + REAL * places[f, 1],
                         np.int64(work.ctypes.data) + REAL * places[f, 2])
-    gemm(product, (m, m, a), -1.0, (at_L, a), (at_U, m), 0.0, (at_S, m))
+    gemm(product, (m, m, a), (-1.0, 0.0), (at_L, a), (at_U, m), (at_S, m))
     for k in range(children[f], children[f + 1]):
         c = child[k]
         m_c, first = sizes[c, 1], rests[c]
@@ -301,18 +301,3 @@ def _times_each(row, other):
         total += row[j] * other[j]
     return total
 
-
-@compiled
-def times(blocks, starts, columns, x, result):
-    """result (bodies, size) = a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, times x."""
-    size = blocks.shape[1]
-    for i in range(len(result)):
-        total = result[i]
-        total[:] = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            block, part = blocks[k], x[columns[k]]
-            for c in range(size):
-                one, row = 0.0, block[c]
-                for d in range(size):
-                    one += row[d] * part[d]
-                total[c] += one

@@ -6,30 +6,6 @@ import numpy as np
 
 from orchestrator.compiled import compiled
 
-BLOCK = 128  # columns of fields that stay in the first cache from one load step to the next: twelve fields of 1,024 do not
-
-
-@compiled
-def carried_along(start, stop, body, y, fields, at, result):
-    """result (T, D) = at + y fields in columns from start to stop: each moves with the fields of its body.
-
-    body : (D,) int, same ones together; y : (T, bodies, m); fields : (m, D)
-    """
-    a = start
-    while a < stop:
-        b = a + 1
-        while b < stop and b < a + BLOCK and body[b] == body[a]:
-            b += 1
-        for t in range(len(at)):
-            before, after, shares = at[t, a:b], result[t, a:b], y[t, body[a]]
-            for i in range(len(before)):
-                after[i] = before[i]
-            for m in range(len(shares)):
-                share, field = shares[m], fields[m, a:b]
-                for i in range(len(field)):
-                    after[i] += share * field[i]
-        a = b
-
 
 @compiled
 def spread(start, stop, L, chosen, bounds, both, F):
@@ -48,20 +24,6 @@ def spread(start, stop, L, chosen, bounds, both, F):
                 for f in range(len(y)):
                     total += row[c, f] * y[f]
                 F[c, q] += total
-
-
-@compiled
-def moved(start, stop, phi, chosen, bounds, C, d):
-    """d (3, Q) = (1₃ ⊗ φ) c at some of the pairs, for the combinations C (I, 3m) of the monomials; as for ``spread``."""
-    m = phi.shape[1]
-    for i in range(start, stop):
-        for q in range(bounds[i], bounds[i + 1]):
-            p = chosen[q]
-            for c in range(3):
-                total = 0.0
-                for j in range(m):
-                    total += C[i, c * m + j] * phi[p, j]
-                d[c, q] = total
 
 
 @compiled
@@ -98,15 +60,6 @@ def swept(start, stop, of, ends, fields, weight, results):
 
 
 @compiled
-def along(start, stop, F, theta, dF, result):
-    """result (3, Q) = F + θ dF at pairs from start to stop."""
-    for c in range(3):
-        here, change, there = F[c, start:stop], dF[c, start:stop], result[c, start:stop]
-        for q in range(len(there)):
-            there[q] = here[q] + theta * change[q]
-
-
-@compiled
 def carried(start, stop, of, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
@@ -132,28 +85,3 @@ def carried(start, stop, of, force, weight, result):
                 for f in range(half):
                     result[i, side, f] += A[i, a, half * side + f] * moments[a]
 
-
-@compiled
-def gathered(ends, each, result):
-    """result (bodies, n) += what each (I, 2, n) interface brings its two bodies ``ends`` (I, 2)."""
-    for i in range(len(ends)):
-        for side in range(2):
-            for f in range(each.shape[2]):
-                result[ends[i, side], f] += each[i, side, f]
-
-
-@compiled
-def added_up(start, stop, places, sign, blocks, at, result):
-    """result (n, s) = at + sign · the sum of some blocks (k, s), in rows from start to stop.
-
-    places : (n + 1,) int, where those of each row begin, and which they are
-    """
-    starts, which = places
-    for i in range(start, stop):
-        row, before = result[i], at[i]
-        for j in range(len(row)):
-            row[j] = before[j]
-        for k in range(starts[i], starts[i + 1]):
-            block = blocks[which[k]]
-            for j in range(len(row)):
-                row[j] += sign * block[j]

@@ -16,15 +16,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
-from orchestrator.method.coarse.kernels import along
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
-
-WORTH = 1 << 14  # pairs, over which F + θ dF takes longer than to hand them out to a thread
 
 
 @dataclass
@@ -32,7 +28,6 @@ class Bodies:
     """What the load steps have in common.
 
     team : the ranks
-    count : number of bodies, of all ranks
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
@@ -43,7 +38,6 @@ class Bodies:
     """
 
     team: Team
-    count: int
     fields: PairFields
     K0: np.ndarray
     counted: np.ndarray
@@ -52,11 +46,6 @@ class Bodies:
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray | None
-
-    @cached_property
-    def each(self) -> np.ndarray:
-        """Starts and columns of block rows that have their diagonal alone."""
-        return np.arange(self.count + 1, dtype=np.int32)
 
     @cached_property
     def resisting(self) -> np.ndarray:
@@ -70,20 +59,20 @@ class Bodies:
         return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
 
     @classmethod
-    def of(cls, team: Team, count: int, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
+    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
         """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank."""
-        counts = np.isin(fields.bodies[:, 0], own)
+        counts = np.isin(fields.ends[:, 0], own)
         counted, theirs = np.flatnonzero(counts), np.repeat(counts, np.diff(fields.pairs.bounds))
         mine = [fields.pairs.interfaces[i] for i in counted]
         everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        pattern = BlockPattern(ends, count, fields.size, order) if team.rank == 0 else None
-        return cls(team, count, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
+        pattern = BlockPattern(ends, fields.count, fields.size, order) if team.rank == 0 else None
+        return cls(team, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
-        team, count, counted, pattern = self.team, self.count, self.counted, self.pattern
+        team, counted, pattern = self.team, self.counted, self.pattern
         weight, springs, affine = np.ones(len(self.theirs)), None, None
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
@@ -91,7 +80,7 @@ class Bodies:
             weight, every = 1 - epsilon, np.arange(len(self.theirs))
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    epsilon)[counted]
-            here = BlockPattern(fields.bodies[counted], count, fields.size)
+            here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
         gathered = team.gather(slopes)
         if pattern is not None:
@@ -116,7 +105,7 @@ class LoadStep:
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
             resisted = pairs.resisted(F0, before.jump if anchor is None else anchor)
-            self.resisted = bodies.fields.carried(resisted, bodies.resisting, bodies.count)
+            self.resisted = bodies.fields.carried(resisted, bodies.resisting)
         chosen, self.fields = bodies.summed
         whole = len(chosen) == F0.shape[1]
         self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1), before.take(chosen))
@@ -133,15 +122,9 @@ class LoadStep:
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
-        from orchestrator.method.coarse.fronts import times
-
         bodies = self.bodies
-        stiff, sprung = np.empty(y.shape), 0.0
-        times(bodies.K0, bodies.each, bodies.each, y, stiff)
-        if bodies.springs is not None:
-            sprung = np.empty(y.shape)
-            times(bodies.springs.data, bodies.springs.indptr, bodies.springs.indices, y, sprung)
-        return stiff, sprung
+        stiff = np.einsum("bij,bj->bi", bodies.K0, y)
+        return stiff, 0.0 if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
 
     def _imbalance(self, force: np.ndarray) -> np.ndarray:
         carried, = self.bodies.team.sum(self.carried(force, self.sprung))
@@ -150,7 +133,7 @@ class LoadStep:
     def carried(self, force: np.ndarray, sprung: np.ndarray | float) -> np.ndarray:
         """(bodies, n) what forces (3, P) and springs do in the fields: this rank's part."""
         bodies = self.bodies
-        carried = self.fields.carried(force, bodies.weight, bodies.count)
+        carried = self.fields.carried(force, bodies.weight)
         if bodies.springs is not None:
             carried += self.resisted + sprung
         return carried
@@ -162,7 +145,7 @@ class LoadStep:
         everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         if not everyone:
             return False
-        return bodies.pattern.less(bodies.affine, everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
+        return bodies.affine - bodies.pattern.summed(np.concatenate(everyone))
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
@@ -179,7 +162,6 @@ class Line:
     def __init__(self, at: LoadStep, dy: np.ndarray):
         self.at, self.F, self.found, bodies = at, at.F, (None, None, None), at.bodies
         self.dF, self.against = at.fields.swept(dy, bodies.weight)
-        self.there = np.empty_like(at.F)
         self.stiff, self.sprung = at._linear(dy)
         self.start, self.slope, self.springs = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff), (0.0, 0.0)
         if bodies.springs is not None:
@@ -188,8 +170,7 @@ class Line:
     def __call__(self, theta: float) -> float:
         """dy·ρ(y + θ dy), the work of the imbalance."""
         at, carried = self.at, None
-        at.F = self.there
-        in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
+        at.F = self.F + theta * self.dF
         force, team = at.answer(at.F).force, at.bodies.team
         work = np.vdot(self.against, force) + self.springs[0] + theta * self.springs[1]
         if team.size > 1:  # most lines end at their first point: what ρ needs there travels along

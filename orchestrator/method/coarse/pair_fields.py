@@ -1,26 +1,29 @@
-"""Affine fields of the two bodies of an interface at its node pairs, and what is summed over the pairs.
+"""Fields of the two bodies of an interface at its points, and what is summed over the points.
 
-The fields U of a body are combinations of 1, x, y, z in each component. Forces therefore do work in them through
-a few moments alone: with φ the monomials at a pair and the matrices A of an interface,
+The fields U of a body are combinations of 1, x, y, z in each component. What both bodies move at the points of an interface,
+T = [G₁U₁, −G₂U₂], has therefore few shapes φ, and forces do work in it through a few moments alone:
 
-    T = [U₁, −U₂] = (1₃ ⊗ φ) A,     Tᵀf̂ = Aᵀ Σ f̂ ⊗ φ,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (∂f̂/∂F ⊗ φ) L
+    T = (1₃ ⊗ φ) A,     Tᵀf̂ = Aᵀ Σ f̂ ⊗ φ,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (∂f̂/∂F ⊗ φ) L
+
+φ are singular vectors of T: four where nodes match, some more where sides are apart, components are prescribed or a link takes
+the turn of facets along.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, gathered, moved, spread, swept
+from orchestrator.method.coarse.kernels import carried, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 
-MONOMIALS = 4
-AFFINE = 3 * MONOMIALS
+EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
 SLOPES = 4  # how much longer pairs take whose slopes are summed
 
@@ -29,12 +32,12 @@ SLOPES = 4  # how much longer pairs take whose slopes are summed
 class PairFields:
     """Fields at all or some of the node pairs of a set of interfaces.
 
-    pairs : Q of the node pairs, of I interfaces
-    phi : (P, m) monomials at all P node pairs
-    A : (I, 3m, 2n), components outside, from the fields of the first body, then of the second, to the monomials of T
-    all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all node pairs. In single precision: reading it
-        is what a sum over pairs costs, and a correction whose forces are off by a ten-millionth corrects as well
-    bodies : (I, 2) int
+    pairs : Q of the points, of I interfaces
+    phi : (P, m) shapes φ at all P points
+    A : (I, 3m, 2n), components outside, from the fields of the first body, then of the second, to the shapes of T
+    all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all points. In single precision: reading it
+        is what a sum over points costs, and a correction whose forces are off by a ten-millionth corrects as well
+    ends : (I, 2) int, the two bodies of each interface, of ``count`` of all ranks
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
     turned : (I, 2n, 3m) A transposed, in the precision of ``all_L``
     """
@@ -43,9 +46,26 @@ class PairFields:
     phi: np.ndarray
     A: np.ndarray
     all_L: np.ndarray
-    bodies: np.ndarray
+    ends: np.ndarray
+    count: int
     chosen: np.ndarray | None = None
     turned: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, pairs: Pairs, T: np.ndarray, L: np.ndarray, count: int) -> PairFields:
+        """From T and L (P, 3, 2n)."""
+        width, found = T.shape[2], []
+        for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:]):
+            shapes, size, mixed = np.linalg.svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
+            kept = int((size > EXACT * size.max(initial=0.0)).sum())
+            found.append((shapes[:, :kept], size[:kept, None] * mixed[:kept]))
+        m = max((phi.shape[1] for phi, _ in found), default=0)
+        phi, A = np.zeros((len(T), m)), np.zeros((len(found), 3, m, width))
+        for i, (shapes, mixed) in enumerate(found):
+            phi[pairs.bounds[i]: pairs.bounds[i + 1], : len(mixed)] = shapes
+            A[i, :, : len(mixed)] = mixed.reshape(-1, 3, width).swapaxes(0, 1)
+        ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        return cls(pairs, phi, A.reshape(len(found), 3 * m, width), np.ascontiguousarray(L, dtype=np.float32), ends, count)
 
     def __post_init__(self) -> None:
         if self.chosen is None:
@@ -65,7 +85,7 @@ class PairFields:
 
     def part(self, pairs: int) -> int:
         """How many interfaces are worth a thread's while, that have so many pairs in all."""
-        return max(1, len(self.bodies) * WORTH // max(1, pairs))
+        return max(1, len(self.ends) * WORTH // max(1, pairs))
 
     @property
     def size(self) -> int:
@@ -85,36 +105,34 @@ class PairFields:
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
         F = np.array(F0, order="C")
-        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part(len(self.chosen)))
+        in_parts(spread, len(self.ends), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part(len(self.chosen)))
         return F
-
-    def jump(self, y: np.ndarray) -> np.ndarray:
-        """(3, Q) T y, what the first body moves in the fields y (bodies, n), less what the second one does."""
-        result = np.empty((3, len(self.chosen)))
-        combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
-        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result, part=self.part(len(self.chosen)))
-        return result
 
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
         change, against = np.empty((2, 3, len(self.chosen)))
-        in_parts(swept, len(self.bodies), self._of, self.bodies, np.ascontiguousarray(y), weight, (change, against),
+        in_parts(swept, len(self.ends), self._of, self.ends, np.ascontiguousarray(y), weight, (change, against),
                  part=self.part(len(self.chosen)))
         return change, against
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 2n) fields of the two bodies of every interface."""
-        return y[self.bodies].reshape(-1, 2 * self.size)
+        return y[self.ends].reshape(-1, 2 * self.size)
 
-    def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
+    def carried(self, force: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """(bodies, n) ΣTᵀ ω f̂ of forces (3, Q).
 
-        weight : (P,) ω of all node pairs
+        weight : (P,) ω of all points
         """
-        each, result = np.empty((len(self.A), 2, self.size)), np.zeros((bodies, self.size))
+        each = np.empty((len(self.A), 2, self.size))
         in_parts(carried, len(each), self._of, np.ascontiguousarray(force), weight, each, part=self.part(len(self.chosen)))
-        gathered(self.bodies, each, result)
-        return result
+        return self._sums @ each.reshape(-1, self.size)
+
+    @cached_property
+    def _sums(self) -> sp.csr_array:
+        """(bodies, 2I) 0/1, what interfaces bring their bodies."""
+        sides = self.ends.size
+        return sp.csr_array((np.ones(sides), (self.ends.ravel(), np.arange(sides))), shape=(self.count, sides))
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
         """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
@@ -133,69 +151,12 @@ class PairFields:
             return
         for at, given, taken in answer.collective.groups():
             i = int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
-            column = np.einsum("pif,ip->f", self.some(at).at_pairs(), given * weight[self.chosen[at]])
+            column = np.einsum("pif,ip->f", self.some(at).T, given * weight[self.chosen[at]])
             row = np.einsum("ip,pif->f", taken, self.all_L[self.chosen[at]])
             slopes[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)
 
-    def at_pairs(self) -> np.ndarray:
-        """(Q, 3, 2n) T."""
+    @property
+    def T(self) -> np.ndarray:
+        """(Q, 3, 2n), zero in components that are prescribed."""
         A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * self.size), np.diff(self.pairs.bounds), axis=0)
         return np.einsum("pm,pimf->pif", self.phi[self.chosen], A)
-
-
-class DenseFields(PairFields):
-    """Fields at points of which some have no pair of nodes: T = [G₁U₁, −G₂U₂] as it is, in dense products.
-
-    A rigid link takes the turn of the master's facets along, so that fields affine on the bodies are not combinations of
-    1, x, y, z at the points; and the forces are in balance at the end only if T is exact.
-
-    T : (P, 3, 2n); all_L, bodies : as for ``PairFields``
-    """
-
-    def __init__(self, pairs: Pairs, T: np.ndarray, all_L: np.ndarray, bodies: np.ndarray, chosen: np.ndarray | None = None):
-        super().__init__(pairs, np.empty((len(T), 0)), np.empty((len(bodies), 0, all_L.shape[2])), all_L, bodies, chosen)
-        self.T = T
-
-    def some(self, chosen: np.ndarray) -> DenseFields:
-        """As for ``PairFields``."""
-        return DenseFields(self.pairs.some(chosen), self.T, self.all_L, self.bodies, self.chosen[chosen])
-
-    def jump(self, y: np.ndarray) -> np.ndarray:
-        """(3, Q) T y."""
-        result = np.zeros((3, len(self.chosen)))
-        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result, part=self.part(len(self.chosen)))
-        return result
-
-    def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As for ``PairFields``."""
-        return self.predicted(np.zeros((3, len(self.chosen))), y), self.jump(y) * weight[self.chosen]
-
-    def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
-        """As for ``PairFields``."""
-        result, weighted = np.zeros((bodies, self.size)), (force * weight[self.chosen]).T
-        for i, part in self._parts(np.arange(len(self.chosen))):
-            both = np.tensordot(weighted[part], self.T[self.chosen[part]], axes=2).reshape(2, self.size)
-            for body, own in zip(self.bodies[i], both):
-                result[body] += own
-        return result
-
-    def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
-        """As for ``PairFields``."""
-        result = np.zeros((len(self.bodies), 2, 2, self.size, self.size))
-        for i, part in self._parts(answer.active):
-            at = self.chosen[answer.active[part]]
-            turned = answer.derivative[:, :, part].transpose(2, 0, 1) * weight[at, None, None] @ self.all_L[at]
-            whole = self.T[at].reshape(-1, 2 * self.size).T @ turned.reshape(-1, 2 * self.size)
-            result[i] = whole.reshape(2, self.size, 2, self.size).swapaxes(1, 2)
-        self._collective(answer, weight, result)
-        return result
-
-    def at_pairs(self) -> np.ndarray:
-        """(Q, 3, 2n) T."""
-        return self.T[self.chosen]
-
-    def _parts(self, points: np.ndarray) -> Iterator[tuple[int, slice]]:
-        """Interfaces that have some of the points (R,) int, ascending, and which of them these are."""
-        ends = np.searchsorted(points, self.pairs.bounds)
-        for i in np.flatnonzero(np.diff(ends)):
-            yield int(i), slice(int(ends[i]), int(ends[i + 1]))

@@ -41,7 +41,7 @@ class CoarseProblem:
     """The coarse contact problem, for any load step.
 
     team : the ranks
-    bodies, own : their number; (b,) int, those of this rank
+    own : (b,) int, the bodies of this rank
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     W : per own body (t, n), displacement of its traces in the fields
@@ -51,9 +51,9 @@ class CoarseProblem:
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
-    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray]):
+    def __init__(self, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray]):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
-        self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
+        self.bodies = Bodies.of(team, self.own, fields, K0)
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
         self.newton_steps, self.reduction = 0, REDUCTION if self.bodies.springs is None else FINELY
         self.ends: dict[str, int] = {}
@@ -104,7 +104,7 @@ class CoarseProblem:
         def ahead(rho: np.ndarray) -> np.ndarray:
             return self.team.share(None if factors is None else -factors.solve(rho))
 
-        run, end = SearchedNewton(at, np.zeros((self.bodies.count, self.fields.size)), direction, ahead, self._farthest), ""
+        run, end = SearchedNewton(at, np.zeros((self.fields.count, self.fields.size)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
             if run.solved(self.reduction):
                 return run.y, run.size, run.start, "tolerance"
@@ -123,7 +123,7 @@ class CoarseProblem:
         def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
             return self._clipped(None if pattern is None else -pattern.factors(matrix, shift).solve(rho), radius)
 
-        newton = Newton(at, np.zeros((self.bodies.count, self.fields.size)), direction)
+        newton = Newton(at, np.zeros((self.fields.count, self.fields.size)), direction)
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
@@ -185,14 +185,14 @@ class CoarseProblem:
 
     def _body(self, body: int, W: np.ndarray) -> Body:
         bounds = self.fields.pairs.bounds
-        first, second = (np.repeat(side == body, np.diff(bounds)) for side in self.fields.bodies.T)
+        first, second = (np.repeat(side == body, np.diff(bounds)) for side in self.fields.ends.T)
         chosen = np.flatnonzero(first | second)
         first, fields = first[chosen, None, None], self.fields.some(chosen)
-        T, L = (np.where(first, x[:, :, :fields.size], x[:, :, fields.size:]) for x in (fields.at_pairs(), fields.L))
+        T, L = (np.where(first, x[:, :, :fields.size], x[:, :, fields.size:]) for x in (fields.T, fields.L))
         return Body(fields.pairs, chosen, T, L, self.bodies.K0[body], W)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
-        return of_all(self.team, self.bodies.count, self.own, values)
+        return of_all(self.team, self.fields.count, self.own, values)
 
 
 def of_all(team: Team, bodies: int, own: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -19,20 +19,20 @@ TOGETHER = 64  # pairs to a product: enough for it to be quick, and what it take
 
 
 @intrinsic
-def gemm(typing, routine, shape, alpha, a, b, beta, c):
+def gemm(typing, routine, shape, scales, a, b, c):
     """C ← α A B + β C of matrices that lie row after row, (m, k) by (k, n).
 
-    routine : address of BLAS's; shape : m, n, k; alpha, beta : of the precision that it works in
+    routine : address of BLAS's; shape : m, n, k; scales : α and β, of the precision that it works in
     a, b, c : address of the first entry, and entries from one row to the next
     """
-    real, whole = alpha, types.intp
+    real, whole = scales.dtype, types.intp
     two = types.UniTuple(whole, 2)
-    signature = types.void(whole, types.UniTuple(whole, 3), real, two, two, real, two)
+    signature = types.void(whole, types.UniTuple(whole, 3), types.UniTuple(real, 2), two, two, two)
 
     def generate(context, builder, signature, arguments):
-        routine, shape, alpha, a, b, beta, c = arguments
-        (m, n, k), (a, lda), (b, ldb), (c, ldc) = (cgutils.unpack_tuple(builder, x) for x in (shape, a, b, c))
-        real, word, letter = context.get_value_type(signature.args[2]), ir.IntType(32), ir.IntType(8)
+        routine, *tuples = arguments
+        (m, n, k), (alpha, beta), (a, lda), (b, ldb), (c, ldc) = (cgutils.unpack_tuple(builder, x) for x in tuples)
+        real, word, letter = context.get_value_type(signature.args[2].dtype), ir.IntType(32), ir.IntType(8)
 
         def at(value, kind):
             place = cgutils.alloca_once(builder, kind)
@@ -93,8 +93,8 @@ def slopes(start, stop, product, of, given, weight, result):
                         row, slope = turned[c * m + j, count * d : count * d + count], derivative[c, d, r : r + count]
                         for q in range(count):
                             row[q] = share[q] * slope[q]
-            gemm(product, (rows, size, 3 * count), one, (at_turned, 3 * TOGETHER), (at_fields, size), one, (at_sums, size))
-        gemm(product, (size, size, rows), one, (at_A + real * size * rows * i, rows), (at_sums, size), nothing, (at_whole, size))
+            gemm(product, (rows, size, 3 * count), (one, one), (at_turned, 3 * TOGETHER), (at_fields, size), (at_sums, size))
+        gemm(product, (size, size, rows), (one, nothing), (at_A + real * size * rows * i, rows), (at_sums, size), (at_whole, size))
         for row in range(2):
             for column in range(2):
                 for f in range(half):
