@@ -1,6 +1,9 @@
-"""Gaussian elimination of sparse matrices of dense blocks, front after front (multifrontal method).
+"""Sparse matrices of dense blocks, of bodies and the interfaces between them, eliminated front after front (multifrontal method).
 
-    Elimination(indptr, indices, size).factors(blocks).solve(right)
+    pattern = BlockPattern(ends, bodies, size)
+    pattern.factors(pattern.values(pairs, own), shift).solve(right)
+
+Places and the order of elimination are found once; what remains of an assembly are sums of blocks.
 
 Bodies are ordered by nested dissection (Karypis & Kumar, SIAM J. Sci. Comput. 20, 1998). Bodies that are eliminated
 one after the other and see much the same bodies make a *front*, one dense matrix of the bodies that it eliminates and
@@ -17,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +30,66 @@ from orchestrator.method.interface.factor import dissection
 
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
-MANY, ORDERS = 1e9, 8  # operations that take as long as to look for another order; of a dozen the best saves a twentieth or a tenth
 PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
 BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
+
+
+class BlockPattern:
+    """Where the blocks of bodies and of pairs of bodies go.
+
+    ends : (I, 2) int, the two bodies of every interface
+    bodies : number of bodies
+    size : rows of a body's block
+    order : (I,) int, the interfaces in the order in which they are added up; default: as they are
+    """
+
+    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None):
+        self.bodies, self.size, self._factors = bodies, size, None
+        rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
+        own = np.arange(bodies)
+        places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
+        where = where[:len(rows)]
+        rows, columns = np.divmod(places, bodies)  # block row after block row
+        self.diagonal = np.flatnonzero(columns == rows)
+        self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
+        turn = np.arange(len(ends)) if order is None else np.argsort(order)
+        sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
+        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
+        self.sums = sp.csr_array((np.ones(len(sequence)), sequence, starts), shape=(len(places), len(where)))
+
+    def summed(self, pairs: np.ndarray) -> np.ndarray:
+        """(n, size, size) sums of blocks of the interfaces, block row after block row.
+
+        pairs : (I, 2, 2, size, size), first body first
+        """
+        return (self.sums @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
+
+    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """The same with the bodies' own blocks (bodies, size, size)."""
+        result = self.summed(pairs)
+        result[self.diagonal] += own
+        return result
+
+    def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
+        """The matrix that ``values`` belong to, with a shift of its diagonal."""
+        n = self.size * self.bodies
+        return sp.bsr_array((self.shifted(values, shift), self.indices, self.indptr), shape=(n, n))
+
+    def factors(self, values: np.ndarray, shift: float) -> Factors:
+        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
+        self._factors = self.elimination.factors(self.shifted(values, shift), self._factors)
+        return self._factors
+
+    def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
+        """Its blocks with a shift of its diagonal."""
+        result = values.copy()
+        result[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
+        return result
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """Order and fronts."""
+        return Elimination(self.indptr, self.indices, self.size)
 
 
 class Elimination:
@@ -46,9 +107,6 @@ class Elimination:
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
         sees = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(zip(indptr[:-1], indptr[1:]))]
         groups = _grouped(sees, dissection(pattern), size)
-        if _of_all(groups, size) > MANY:
-            groups = min([groups, *(_grouped(sees, dissection(pattern, seed), size) for seed in range(ORDERS))],
-                         key=lambda made: _of_all(made, size))
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         self.fronts = np.array([(len(columns), len(rest)) for columns, rest, _ in groups], dtype=int).reshape(-1, 2)
         place = np.empty(count, dtype=int)
@@ -186,11 +244,6 @@ def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[t
         found.append(group)
         left.extend(group[2])
     return found[::-1]
-
-
-def _of_all(groups: Sequence[tuple[list[int], set[int], list]], size: int) -> float:
-    """Operations of all fronts."""
-    return sum(_operations(len(columns), len(rest), size) for columns, rest, _ in groups)
 
 
 def _operations(own: int, rest: int, size: int) -> float:

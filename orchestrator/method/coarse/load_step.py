@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.elimination import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team

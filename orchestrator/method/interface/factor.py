@@ -93,16 +93,15 @@ def sound(lower: sp.csc_array, solve: Solve) -> bool:
     return bool(np.abs(left).max() <= BACKWARD * (np.abs(diagonal).max() * np.abs(found).max() + 1.0))
 
 
-def dissection(matrix: sp.sparray, seed: int | None = None) -> np.ndarray:
-    """(n,) int, a nested dissection of a symmetric pattern: an elimination order of little fill, another one for each seed."""
+def dissection(matrix: sp.sparray) -> np.ndarray:
+    """(n,) int, a nested dissection of a symmetric pattern: an elimination order of little fill."""
     pattern = sp.coo_array(matrix)
     row, column = pattern.coords
     off = row != column
     graph = sp.csr_array((np.ones(off.sum(), np.int8), (row[off], column[off])), shape=pattern.shape)
     if not graph.nnz:
         return np.arange(graph.shape[0])
-    options = None if seed is None else pymetis.Options(seed=seed)
-    return np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices), options=options)[0])
+    return np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
 
 
 SHIFT = 1e-13  # of the diagonal
