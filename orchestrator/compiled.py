@@ -22,9 +22,6 @@ from typing import Any
 
 # Sums may be formed in any order that the compiler likes, which is the same in every call; nan and inf stay what they are.
 SUMS = {"reassoc", "contract"}
-# Columns of a part: some rows of it stay in a core's own cache from one use to the next, and a part takes much longer than
-# to hand it out. It does not depend on the number of cores, nor do then sums of the parts.
-PART = 1 << 14
 
 
 class Compiled:
@@ -80,11 +77,11 @@ def _nothing(number):
     return number
 
 
-def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> list:
+def in_parts(function: Compiled, size: int, *arguments, part: int) -> list:
     """What ``function(start, stop, *arguments)`` returns for parts of ``range(size)``, in their order; on all cores.
 
     function : writes to entries of its own part alone
-    part : how many of them
+    part : how many of them, which take much longer than to hand them out; the same on any number of cores, so that sums are
     """
     starts = range(0, size, part)
     if len(starts) <= 1:

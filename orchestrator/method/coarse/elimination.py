@@ -123,15 +123,14 @@ class Elimination:
         instead : earlier factors whose place these may take
         Raises ZeroDivisionError: a pivot vanishes
         """
-        from orchestrator.method.coarse.fronts import eliminate
-        from orchestrator.method.coarse.products import PRODUCT
+        from orchestrator.method.coarse.fronts import PRODUCT, eliminate
 
         (a, m), result = self.layout.sizes.T, instead
         if self._work is None:  # fresh pages cost as much as what is done on them
             self._work = np.empty((m**2).sum())
         if result is None:
             result = Factors(self, np.empty(((a + m) * a).sum()), np.empty((a * m).sum()))
-        if eliminate(PRODUCT[blocks.dtype], blocks, tuple(self.layout), result.own, result.beside, self._work) >= 0:
+        if eliminate(PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work) >= 0:
             raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
         return result
 

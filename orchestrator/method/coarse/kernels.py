@@ -6,6 +6,8 @@ import numpy as np
 
 from orchestrator.compiled import compiled
 
+TOGETHER = 64  # points to a product: enough for it to be quick, and what it takes stays in a core's own cache
+
 
 @compiled
 def spread(start, stop, L, chosen, bounds, both, F):
@@ -85,3 +87,47 @@ def carried(start, stop, of, force, weight, result):
                 for f in range(half):
                     result[i, side, f] += A[i, a, half * side + f] * moments[a]
 
+
+@compiled
+def slopes(start, stop, of, A, given, weight, result):
+    """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of the interfaces from start to stop, blocks of the two bodies.
+
+    of : as for ``carried``; A : (I, 2n, 3m), transposed, in L's precision, that of all sums
+    given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each interface start; ∂f̂/∂F (3, 3, R)
+    weight : (P,) ω
+    """
+    (L, phi, _, chosen, _), (active, first, derivative) = of, given
+    m, size = phi.shape[1], L.shape[2]
+    half, rows = size // 2, 3 * m
+    beside, fields, share = np.empty(rows * 3 * TOGETHER, L.dtype), np.empty((3 * TOGETHER, size), L.dtype), np.empty(TOGETHER)
+    sums, some, whole = np.empty((rows, size), L.dtype), np.empty((rows, size), L.dtype), np.empty((size, size), L.dtype)
+    for i in range(start, stop):
+        if first[i] == first[i + 1]:
+            result[i] = 0.0
+            continue
+        sums[:] = 0.0
+        for r in range(first[i], first[i + 1], TOGETHER):
+            count = min(TOGETHER, first[i + 1] - r)
+            turned = beside[: rows * 3 * count].reshape(rows, 3 * count)
+            for q in range(count):
+                p = chosen[active[r + q]]
+                for d in range(3):
+                    for f in range(size):
+                        fields[count * d + q, f] = L[p, d, f]
+            for j in range(m):
+                for q in range(count):
+                    p = chosen[active[r + q]]
+                    share[q] = weight[p] * phi[p, j]
+                for c in range(3):
+                    for d in range(3):
+                        row, slope = turned[c * m + j, count * d : count * d + count], derivative[c, d, r : r + count]
+                        for q in range(count):
+                            row[q] = share[q] * slope[q]
+            np.dot(turned, fields[: 3 * count], some)
+            sums += some
+        np.dot(A[i], sums, whole)
+        for row in range(2):
+            for column in range(2):
+                for f in range(half):
+                    for g in range(half):
+                        result[i, row, column, f, g] = whole[row * half + f, column * half + g]

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, spread, swept
+from orchestrator.method.coarse.kernels import carried, slopes, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 
 EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
@@ -136,16 +136,14 @@ class PairFields:
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
         """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
-        from orchestrator.method.coarse.products import PRODUCT, slopes
-
         result = np.empty((len(self.A), 2, 2, self.size, self.size), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
-        of, given = (self.phi, self.all_L, self.chosen, self.turned), (answer.active, first, np.ascontiguousarray(answer.derivative))
-        in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], of, given, weight, result, part=self.part(SLOPES * len(answer.active)))
+        given = answer.active, first, np.ascontiguousarray(answer.derivative)
+        in_parts(slopes, len(result), self._of, self.turned, given, weight, result, part=self.part(SLOPES * len(answer.active)))
         self._collective(answer, weight, result)
         return result
 
-    def _collective(self, answer: Answer, weight: np.ndarray, slopes: np.ndarray) -> None:
+    def _collective(self, answer: Answer, weight: np.ndarray, result: np.ndarray) -> None:
         """Adds what pairs that answer together change, a product of two vectors per group."""
         if answer.collective is None:
             return
@@ -153,7 +151,7 @@ class PairFields:
             i = int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
             column = np.einsum("pif,ip->f", self.some(at).T, given * weight[self.chosen[at]])
             row = np.einsum("ip,pif->f", taken, self.all_L[self.chosen[at]])
-            slopes[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)
+            result[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)
 
     @property
     def T(self) -> np.ndarray:
