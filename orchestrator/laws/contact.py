@@ -142,12 +142,12 @@ class Contact(Law):
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
         given = (*points.search, points["gap"], points["friction"]), F, previous
         force, status = np.empty(F.shape), np.empty(len(points), dtype=int)
-        in_parts(_answer, len(points), *given, force, status, part=WORTH)
+        in_parts(forces, len(points), *given, force, status, part=WORTH)
         if not derivative:
             return Answer(force, status)
         active = np.flatnonzero(status != OPEN)
         slope = np.empty((3, 3, len(active)))
-        in_parts(_slopes, len(active), *given, active, slope, part=WORTH)
+        in_parts(slopes, len(active), *given, active, slope, part=WORTH)
         return Answer(force, status, active, slope)
 
     @staticmethod
@@ -174,7 +174,7 @@ class Contact(Law):
 
 
 @compiled
-def _answer(start, stop, points, F, previous, force, status):
+def forces(start, stop, points, F, previous, force, status):
     """f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop; points: normal, stiff_n and stiff_t as in
     ``Points``, gap and friction."""
     normal, stiff_n, stiff_t, gap, friction = points
@@ -204,7 +204,7 @@ def _answer(start, stop, points, F, previous, force, status):
 
 
 @compiled
-def _slopes(start, stop, points, F, previous, active, slope):
+def slopes(start, stop, points, F, previous, active, slope):
     """∂f̂/∂F (3, 3, Q) at the closed pairs ``active`` (Q,) int, of these from start to stop.
 
     Stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force T = |T| e.
