@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from orchestrator.laws.status import table
+from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.events import HISTORY_COLUMNS, Iteration
 from orchestrator.results.fields.fields import Fields

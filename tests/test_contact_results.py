@@ -13,7 +13,7 @@ import pytest
 from orchestrator.config.load import load_config
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.contact import OPEN, SLIP, STICK
-from orchestrator.laws.status import BONDED
+from orchestrator.laws.points import BONDED
 from orchestrator.results.summary.cautions import cautions, rotations
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields

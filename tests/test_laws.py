@@ -9,12 +9,10 @@ from method_case import config, solved
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.laws import coulomb
 from orchestrator.laws.base import Law, Stages, Written
-from orchestrator.laws.contact import Contact, OPEN, SLIP, STICK
+from orchestrator.laws.contact import Contact, forces, OPEN, SLIP, slopes, STICK
 from orchestrator.laws.elastic import Elastic, SLACK, SPRUNG, TAUT
-from orchestrator.laws.points import Points
-from orchestrator.laws.status import BONDED, Hold, Status, table
+from orchestrator.laws.points import BONDED, Hold, Points, Status, table
 from orchestrator.method.iterated import load_cases
 from orchestrator.registry import DEFAULT_LAW, LAWS
 from orchestrator.scene.build import build_scene
@@ -293,8 +291,8 @@ def test_contact_answers_in_parts_what_it_answers_at_once():
     whole = law.force(points, F, previous, derivative=True)
     given = (*points.search, points["gap"], points["friction"]), F, previous
     force, status, slope = np.full(F.shape, 9.0), np.full(COUNT, 9), np.full(whole.derivative.shape, 9.0)
-    coulomb.answer(50, 120, *given, force, status)
-    coulomb.slopes(10, 20, *given, whole.active, slope)
+    forces(50, 120, *given, force, status)
+    slopes(10, 20, *given, whole.active, slope)
     own, some = (np.arange(COUNT) >= 50) & (np.arange(COUNT) < 120), np.arange(len(whole.active)) // 10 == 1
     assert np.array_equal(force, np.where(own, whole.force, 9.0)) and np.array_equal(status, np.where(own, whole.status, 9))
     assert np.array_equal(slope, np.where(some, whole.derivative, 9.0))

@@ -14,8 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.points import Answer, Points
-from orchestrator.laws.status import BONDED, Status
+from orchestrator.laws.points import Answer, BONDED, Points, Status
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Variable, Written
-from orchestrator.laws.points import Answer, Points, dot
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
 
 INTACT = Status(9, "intact", "#66A61E", Hold.ALWAYS, Hold.ALWAYS)
 DAMAGED = Status(10, "damaged", "#E7298A", Hold.ALWAYS, Hold.ALWAYS)

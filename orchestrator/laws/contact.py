@@ -24,8 +24,7 @@ from orchestrator.compiled import compiled, in_parts
 from orchestrator.config.base import Positive, either
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, Points, dot
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
 
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
 

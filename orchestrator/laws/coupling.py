@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Collective, Points
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Collective, Hold, Points, Status
 
 COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 

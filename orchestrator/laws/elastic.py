@@ -19,8 +19,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, Points, dot
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
 
 SPRUNG = Status(4, "sprung", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 TAUT = Status(5, "taut", "#56B4E9", Hold.PULLED, Hold.ALWAYS)

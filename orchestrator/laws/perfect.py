@@ -6,8 +6,7 @@ import numpy as np
 
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Points
-from orchestrator.laws.status import BONDED
+from orchestrator.laws.points import Answer, BONDED, Points
 
 
 class Perfect(Law):

@@ -22,8 +22,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages
-from orchestrator.laws.points import Answer, Collective, Points
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Collective, Hold, Points, Status
 
 TIGHTENED = Status(7, "tightened", "#D55E00", Hold.NEVER, Hold.ALWAYS)
 LOCKED = Status(8, "locked", "#009E73", Hold.ALWAYS, Hold.ALWAYS)

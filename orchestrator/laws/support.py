@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Points
-from orchestrator.laws.status import BONDED, Hold, Status
+from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status
 
 SUPPORTED = Status(9, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 GUIDED = Status(10, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)

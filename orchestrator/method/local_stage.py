@@ -30,8 +30,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.laws.points import Answer
-from orchestrator.laws.status import BONDED
+from orchestrator.laws.points import Answer, BONDED
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.point_traces import PointTraces

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.laws.status import BONDED
+from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.laws.status import BONDED
+from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.method.interface.pairing import lawful_nodes, pair_normals, point_areas

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.laws.points import dot
-from orchestrator.laws.status import Hold, Status, table
+from orchestrator.laws.points import Hold, Status, dot, table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import Parts

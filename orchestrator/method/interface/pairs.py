@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Collective, Points
-from orchestrator.laws.status import Status, table
+from orchestrator.laws.points import Answer, Collective, Points, Status, table
 from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer

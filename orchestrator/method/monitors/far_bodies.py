@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import SHOWN, some
-from orchestrator.laws.status import table
+from orchestrator.laws.points import table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict

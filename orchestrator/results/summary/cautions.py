@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from orchestrator.errors import some
-from orchestrator.laws.status import table
+from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
