@@ -1,6 +1,7 @@
 """The method: macro problems, fixed point, accelerations, error bound, loads, recovery."""
 
 import itertools
+from copy import copy
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from orchestrator.method.acceleration.relaxation import Relaxation
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.increments import Start, iterate
+from orchestrator.method.latin import Latin
 from orchestrator.method.linear.macro_basis import interface_basis
-from orchestrator.method.stopping.bound import dual_energy
+from orchestrator.method.monitors import Monitor, Verdict
+from orchestrator.method.stopping.bound import _relative, dual_energy
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -130,6 +133,16 @@ def test_the_condition_of_each_strategy(strategy, kind):
     assert max(other) > 1e-4, "the other strategy's condition is not met by accident"
 
 
+def whole_fields(d, blackbox, s, fields):
+    """Subdomain by subdomain the fields of a linear stage at s, inside too."""
+    robin, requests = d.space.loads(d.stage.robin_force(s, fields.alpha)), {}
+    for e, (trace, force) in enumerate(zip(d.made.traces, d.loading.forces)):
+        requests[e] = np.zeros((len(s), 3 * d.made.node_counts[e]))
+        requests[e][:, : force.shape[1]] = force
+        requests[e][:, trace] += robin[:, d.space.boundary[e]]
+    return blackbox.fields(requests)
+
+
 def test_subdomains_are_in_equilibrium_after_every_stage():
     """K_E u_E = f_d + Nᵀf on all free dofs, eq. 13, for a state far from convergence."""
     made = config(**METIS, **BENT)
@@ -139,13 +152,7 @@ def test_subdomains_are_in_equilibrium_after_every_stage():
         naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
         s = np.random.default_rng(1).standard_normal((1, d.space.size))
         fields = d.stage(s)
-        robin = d.space.loads(d.stage.robin_force(s, fields.alpha))
-        requests = {}
-        for e, (trace, force) in enumerate(zip(d.made.traces, d.loading.forces)):
-            requests[e] = np.zeros((1, 3 * d.made.node_counts[e]))
-            requests[e][:, : force.shape[1]] = force
-            requests[e][:, trace] += robin[:, d.space.boundary[e]]
-        u = blackbox.fields(requests)
+        u = whole_fields(d, blackbox, s, fields)
     forces = d.space.loads(fields.f)
     for e, subdomain in enumerate(scene.subdomains):
         size, trace = 3 * len(subdomain.nodes), d.made.traces[e]
@@ -220,6 +227,50 @@ def test_all_combinations_converge_to_the_true_solution(short_bar, combination):
     result = solve(made, scene)
     assert result.converged
     assert exact.relative_error(result.displacement) <= result.iterated.bound.relative <= tolerance
+
+
+class Watcher(Monitor):
+    """Has the acceleration begin anew after the third iteration, and asks for another sweep each time."""
+
+    name = "watcher"
+
+    def judge(self, now):
+        return Verdict(changes=(self.name,), anew=True, sweeps=2.0) if now.number == 3 else Verdict(sweeps=2.0)
+
+    def change(self, now):
+        return now.problem
+
+
+class Ends(Monitor):
+    """Sees what those before it have said."""
+
+    name = "ends"
+
+    def judge(self, now):
+        assert now.verdict.sweeps == 2.0 and (now.verdict.changes == ("watcher",)) == (now.number == 3)
+        return Verdict(reason="enough" if now.last else "", sweeps=1.0)
+
+
+@pytest.mark.parametrize("memory, depth", [("auto", 99), (1, 2)])
+def test_iterations_are_counted_and_monitors_are_heard_in_order(memory, depth):
+    """Sweeps are those of all load steps; what is forgotten or begun anew decides about nothing; the last has no next state."""
+    made = config(**method(memory=memory), boundary=[CLAMP, {"on": "xmax", "traction": [[10.0, 1.0, 0.0], [0.0, 1.0, 2.0]]}])
+    with box_of(made) as blackbox:
+        d, sweeps = prepared(made, build_scene(made), blackbox), []
+        for problem in (d, d.batch([0], None)):
+            latin = Latin(problem, made.method, [Watcher(), Ends()], Stopwatch())
+            assert latin.number == latin.sweeps == latin.taken == latin.evaluations == 0
+            latin.s, latin.last = np.zeros((problem.steps, d.space.size)), 5
+            for number, taken in enumerate((1, 2, 0, 1, 2), 1):
+                s = latin.s
+                now = latin.iterate()
+                assert (latin.number, latin.taken, now.last) == (number, taken, number == 5)
+                assert latin.evaluations == min(taken, depth)
+                assert np.array_equal(now.fields.s, s)
+                assert np.array_equal(latin.s, s) == (number in (3, 5))
+            assert now.verdict.reason == "enough"
+            sweeps.append(latin.sweeps)
+    assert sweeps[0] == pytest.approx(5 * 3 + 4) and sweeps[1] == pytest.approx(sweeps[0] / 2), "the first stage is free"
 
 
 def test_gmres_is_anderson_with_full_memory():
@@ -300,6 +351,58 @@ def test_dual_energy(mesh, kind, ratio):
         stiffness = naked[e][free][:, free].toarray() + 200e3 * modes @ modes.T
         exact += force[free] @ np.linalg.solve(stiffness, force[free])
     assert 1 <= estimate[0] / exact <= 1.1
+
+
+def test_the_bound_is_the_hypotenuse_of_prager_and_synge():
+    """a² + b² − 2 δᵀδf is ‖u_D − û‖², subdomain by subdomain from K⁺; ‖u_D‖² is that of the fields; what is given with them counts."""
+    made = config(**METIS, boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [[10.0, 1.0, -2.0], [0.0, 3.0, 4.0]]}])
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+        s = np.zeros((2, d.space.size))
+        for _ in range(10):
+            fields = d.stage(s)
+            s, before = d.local(fields).s, s
+        u = whole_fields(d, blackbox, before, fields)
+        first, moved, a2 = d.bound.first(fields)
+        full = d.bound(fields)
+        coarse_digits = copy(d.bound)
+        coarse_digits.floor = 0.25
+        floored = coarse_digits(fields)
+        weights = np.array([[1.0, -2.0], [0.5, 3.0]])
+        combined = d.bound.for_cases(weights)(fields)
+        change, balanced = d.bound.balance(fields.extended[1], d.space.extended(d.stage.trace(moved))[0])
+    assert balanced and np.isnan(first.relative)
+    h, delta, energy, b2, whole = d.space.loads(change), first.correction, np.zeros(2), np.zeros(2), np.zeros(2)
+    for e, subdomain in enumerate(scene.subdomains):
+        free, at = ~subdomain.fixed.ravel(), d.made.traces[e]
+        shift, force = np.zeros((2, 2, len(free)))
+        shift[:, at], force[:, at] = delta[:, d.space.boundary[e]], h[:, d.space.boundary[e]]
+        field = u[e][:, : len(free)] + shift
+        energy += np.einsum("ti,ti->t", field, (naked[e] @ field.T).T)
+        modes = d.made.modes[e][free]
+        stiffness = naked[e][free][:, free].toarray() + 200e3 * modes @ modes.T
+        for total, r in ((b2, force), (whole, (naked[e] @ shift.T).T - force)):
+            total += np.einsum("ti,it->t", r[:, free], np.linalg.solve(stiffness, r[:, free].T))
+    assert first.energy == pytest.approx(energy, rel=1e-9)
+    cross = np.einsum("ti,ti->t", delta, h)
+    assert whole == pytest.approx(a2 + b2 - 2 * cross, rel=1e-8) and (np.abs(2 * cross) > 0.1 * b2).all()
+    size = np.sqrt(energy.max())
+
+    def relative(squares, weights=None):
+        errors = np.sqrt(squares) if weights is None else np.sqrt(squares) @ np.abs(weights)
+        return errors.max() / (size - errors.max())
+
+    assert relative(whole) * (1 - 1e-9) <= full.relative <= relative(whole + 0.1 * b2) < 1
+    assert first.a == pytest.approx(relative(a2)) and first.sweeps == 0 < full.sweeps and full.least == 0
+    assert floored.relative == pytest.approx(full.relative + 0.25, rel=1e-12)
+    assert relative(whole, weights) * (1 - 1e-9) <= combined.relative <= relative(whole + 0.1 * b2, weights)
+
+
+def test_errors_are_relative_to_what_the_exact_energy_is_at_least():
+    assert _relative(0.0, 0.0) == 0 and _relative(1.0, 1.0) == np.inf == _relative(2.0, 1.0)
+    assert _relative(1.0, 5.0) == 0.25 and 1e-12 < _relative(1e-30, 1.0) < 1e-10, "no less than rounding"
 
 
 def test_the_indicator_is_no_accuracy():

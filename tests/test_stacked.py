@@ -10,6 +10,8 @@ from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import placed
 from orchestrator.method.interface.rows import Segments
+from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 
@@ -72,6 +74,25 @@ def test_macro_problem(case):
     matrix = (macro.C.T @ macro.G).toarray() - forces @ V.T
     f = (macro.C @ np.linalg.solve(macro.C.T @ macro.C.toarray(), matrix @ alpha.T)).T
     assert np.abs(macro.multiplier(f, f) - alpha).max() <= 1e-9
+    meet = np.zeros((macro.size, macro.size), bool)
+    for block in macro.blocks:
+        for sees in block.sees:
+            meet[np.ix_(sees, sees)] = True
+    assert macro.coupled == meet.sum()
+    sums, sizes = macro.imbalance(f)
+    assert np.allclose(sums, f @ macro.C.toarray()) and np.allclose(sizes, np.abs(f) @ np.abs(macro.C.toarray()))
+    assert macro.number.tolist() == list(range(macro.size)) and not macro.shared.any()
+
+
+def test_macro_answers_are_counted_beside_what_their_bases_have_cost(case):
+    """One back-substitution per subdomain and unknown that it sees, on the mean."""
+    bases = [interface_basis(case.scene.mesh.nodes[i.global_nodes], i.free, "rigid") for i in case.scene.interfaces]
+    seen = np.zeros(len(case.scene.subdomains))
+    for interface, basis in zip(case.scene.interfaces, bases):
+        seen[list(interface.subdomains)] += basis.shape[1]
+    for spent in (0.0, 1.5):
+        macro = Macro(case.space, case.stage.direction, bases, "equilibrium", *([spent] if spent else []))
+        assert macro.solve(case.stage.blackbox) == pytest.approx(spent + seen.mean())
 
 
 def test_guard_finds_the_one_that_is_wrong(case, monkeypatch):
