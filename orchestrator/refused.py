@@ -86,9 +86,9 @@ def check_codes(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method
                     "run without mpiexec; workers of the codes still share the work")
     if reference:
         raise wrong(("blackbox",), "--reference with nonlinear matter", "a linear problem", "leave it out")
-    if method.tolerance.error is None:
-        raise wrong(("method", "tolerance"), "indicator with nonlinear matter", "error: the largest residual",
-                    "write tolerance: {error: 1e-6}")
+    if method.tolerance.indicator is not None:
+        raise wrong(("method", "tolerance"), "indicator with nonlinear matter", "law: the largest residual",
+                    "write tolerance: {law: 1e-6}")
     if method.acceleration == "gmres":
         raise wrong(("method", "acceleration"), "gmres with nonlinear matter, whose fixed point is not affine", "anderson or none",
                     "leave it out")

@@ -87,6 +87,7 @@ LAWS = Registry({
 MONITORS = Registry({
     "error_bound": "orchestrator.method.monitors.error_bound:ErrorBoundCriterion",
     "law_residual": "orchestrator.method.monitors.law_residual:LawCriterion",
+    "energy_error": "orchestrator.method.monitors.energy_error:EnergyErrorCriterion",
     "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
     "true_error": "orchestrator.method.monitors.error_bound:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",

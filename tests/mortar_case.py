@@ -52,7 +52,7 @@ def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stress
     return Config.model_validate({
         "name": "blocks", "parts": parts, "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
         "boundary": boundary, "interfaces": [{"law": "perfect", **(law or {})}],
-        "blackbox": {**IN_PROCESS, "element": element}, "method": {"tolerance": {"error": 1e-11}}, **changes})
+        "blackbox": {**IN_PROCESS, "element": element}, "method": {"tolerance": {"law" if (law or {}).get("law", "perfect") != "perfect" else "error": 1e-11}}, **changes})
 
 
 def there(points, turn):

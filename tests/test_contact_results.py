@@ -30,7 +30,7 @@ from orchestrator.run import run
 
 FRICTION = 0.3
 FLOOR = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
-RUNS = {"tolerance": {"error": 1e-8}}
+RUNS = {"tolerance": {"law": 1e-8}}
 
 
 def stack(blocks: int, top: list, between=("*", "*"), friction=FRICTION, **changes):

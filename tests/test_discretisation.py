@@ -149,7 +149,7 @@ def test_contact():
     estimate = auto.summary["discretisation_error"]
     assert auto.converged and auto.iterations < exact.iterations
     assert estimate == pytest.approx(exact.summary["discretisation_error"], rel=0.02)
-    assert auto.iterated.last.target == ("law_residual", auto.summary["tolerance"])
+    assert auto.iterated.last.target == ("error_bound", auto.summary["tolerance"])
     estimator = Estimator.of(exact.scene)
     size, gap = (max(estimator.energy(sides)) for sides in (
         exact.sides, [a - b for a, b in zip(auto.sides, exact.sides)]))

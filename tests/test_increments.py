@@ -24,7 +24,7 @@ SCENE = {
 
 
 def solved(**method):
-    config = config_from({**SCENE, "method": {"tolerance": {"error": 1e-9}, **method}})
+    config = config_from({**SCENE, "method": {"tolerance": {"law": 1e-9}, **method}})
     return solve(config, build_scene(config))
 
 

@@ -39,7 +39,7 @@ def bars(*laws, count=2, at_the_end=None, element="P1", unit=1.0, **changes):
         "name": "bars", "mesh": {"box": {"size": [LENGTH * count * unit, unit, unit], "cells": [2 * count, 2, 2]}},
         "subdomains": {"slices": {"axis": "x", "count": count}}, "materials": [{"young": YOUNG / unit**2, "poisson": 0.0}],
         "boundary": [LEFT, end], "interfaces": scaled, "blackbox": {**IN_PROCESS, "element": element},
-        "method": {"tolerance": {"error": 1e-10}}, "output": {"fields": False}, **changes})
+        "method": {"tolerance": {"law": 1e-10}}, "output": {"fields": False}, **changes})
 
 
 def converged(made):

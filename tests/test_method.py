@@ -18,7 +18,7 @@ from orchestrator.method.increments import Start, iterate
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.monitors import Monitor, Verdict
-from orchestrator.method.stopping.bound import _relative, dual_energy
+from orchestrator.method.stopping.bound import dual_energy, relative
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -401,8 +401,8 @@ def test_the_bound_is_the_hypotenuse_of_prager_and_synge():
 
 
 def test_errors_are_relative_to_what_the_exact_energy_is_at_least():
-    assert _relative(0.0, 0.0) == 0 and _relative(1.0, 1.0) == np.inf == _relative(2.0, 1.0)
-    assert _relative(1.0, 5.0) == 0.25 and 1e-12 < _relative(1e-30, 1.0) < 1e-10, "no less than rounding"
+    assert relative(0.0, 0.0) == 0 and relative(1.0, 1.0) == np.inf == relative(2.0, 1.0)
+    assert relative(1.0, 5.0) == 0.25 and 1e-12 < relative(1e-30, 1.0) < 1e-10, "no less than rounding"
 
 
 def test_the_indicator_is_no_accuracy():

@@ -34,7 +34,7 @@ def pressed(bodies, cells, law, path=PATH, element="P1", error=1e-9, **method):
                  if (corner[2] + size[2] * (side == "zmax")) == level]
                 for side, level, move in (("zmin", 0, [0, 0, 0]), ("zmax", max(c[2] + s[2] for s, c in bodies.values()), path)))
     return blocks(bodies, boxes(bodies, cells), law=law, turn=None, element=element, held=low + top,
-                  method={"tolerance": {"error": error}, "max_iterations": 300, **method})
+                  method={"tolerance": {"law": error}, "max_iterations": 300, **method})
 
 
 def energy_norm(whole, u):
@@ -164,7 +164,7 @@ def test_constant_pressure_passes(element, cells, gap):
     stress = np.array([[[0, 0, 2.0], [0, 0, 0], [2.0, 0, -10.0]]])
     made = blocks(TWO, boxes(TWO, cells), law={**SLIDES, "gap": gap}, element=element, stresses=stress,
                   held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": [0, 0, 0]}],
-                  method={"tolerance": {"error": 1e-10}, "max_iterations": 300})
+                  method={"tolerance": {"law": 1e-10}, "max_iterations": 300})
     scene = patch_scene(made, gradients(stress, TURN))
     shift = -gap * axes(TURN)[2]
     upper = scene.subdomains[1]

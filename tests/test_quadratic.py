@@ -371,5 +371,5 @@ def test_contact_in_batches_of_load_steps():
     """The targets of tied edges beside a moved support go with their load step."""
     together = converged(contact(0.2, **SMALL["four blocks"], **P2, error=1e-9))
     one_by_one = converged(contact(0.2, **SMALL["four blocks"], **P2, method={
-        "tolerance": {"error": 1e-9}, "max_iterations": 1000, "increment": 1}))
+        "tolerance": {"law": 1e-9}, "max_iterations": 1000, "increment": 1}))
     assert close(one_by_one.displacement, together.displacement, 1e-6)

@@ -12,7 +12,7 @@ from orchestrator.results.figures.plotting import png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.summary import STAGES
 
-BONDED = {"error_bound": "error bound (guaranteed)", "residual": "residual ‖Δs‖", "indicator": "indicator η (a squared ratio)",
+BONDED = {"error_bound": "error bound", "residual": "residual ‖Δs‖", "indicator": "indicator η (a squared ratio)",
           "displacement_jump": "displacement jump ‖B w‖", "force_imbalance": "force imbalance ‖A f‖"}
 
 

@@ -59,7 +59,7 @@ LAWS = {"perfect": {"law": "perfect"}, "friction": {"law": "contact", "friction"
 def test_coincident_nodes_are_as_good_as_shared_ones(name, kind, tmp_path):
     """Whatever the law and the sole: the same displacement of either part, the same forces."""
     sole = {"sole": {"kind": "layer" if kind == "springs" else kind, "contact": kind}}
-    method = {"tolerance": {"error": 1e-10}, "max_iterations": 1000, **sole}
+    method = {"tolerance": {"error" if name == "perfect" else "law": 1e-10}, "max_iterations": 1000, **sole}
     parts = two_parts()
     apart, one = (converged(made(tmp_path, m, LAWS[name], method=method)) for m in (parts, joined(parts)))
     (interface,) = apart.scene.interfaces

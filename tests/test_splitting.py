@@ -38,7 +38,7 @@ def pressed(mesh, above, **changes):
     return split(above, mesh=mesh, boundary=[
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
         {"on": {"plane": "z", "at": 2.0}, "displacement": [[0, 0, -0.02], [0.01, 0, -0.02], [0.02, 0.01, -0.02]]}],
-        method={"tolerance": {"error": 1e-10}, "max_iterations": 600}, **changes)
+        method={"tolerance": {"law": 1e-10}, "max_iterations": 600}, **changes)
 
 
 def converged(made: Config):

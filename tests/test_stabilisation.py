@@ -15,6 +15,7 @@ from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.monitors.places import Places, SEEN
+from orchestrator.method.monitors import Verdict
 from orchestrator.method.monitors.weakening import PATIENCE, STAGES, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
@@ -207,7 +208,7 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     assert len(weakened) > STAGES and told["epsilon"] == pytest.approx(SHARE * 1e-6 * WEAKER ** len(weakened)) and told["force"] < 1e-6
     assert f"weaker from iteration {', '.join(str(after + 1) for after in weakened)} on" in dict(summary_rows(one.summary))["stabilised"]
     carried = [event.laws["stabilisation"] for event in one.iterated.history]
-    assert carried[weakened[-1] - 1] > 2e-6 and max(carried[weakened[-1]:]) < 1e-6
+    assert carried[weakened[STAGES] - 1] > 2e-6 and max(carried[weakened[-1]:]) < 1e-6
     lawful = converged(with_stabilisation(0, **far))
     largest = max(np.abs(u).max() for u in lawful.parts)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, lawful.parts)) <= 2e-6 * largest
@@ -242,7 +243,7 @@ def test_springs_become_weaker_when_nothing_else_is_left():
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
     def due(watch, laws, met=False):
-        answer = watch.due(laws, met, WEAKER ** len(watch.at))
+        answer = watch.due(Verdict(met, laws=laws), WEAKER ** len(watch.at))
         if answer:
             watch.at, watch.carried = [*watch.at, 0], laws.springs
         return answer
@@ -261,7 +262,7 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
 
     def now(number, rest):
         laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
-        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws))
+        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws, stalls=False))
 
     changed = {}
     for number in range(1, 80):  # near at first, then lost for good

@@ -78,11 +78,13 @@ class Contact(Part):
 
 
 class Tolerance(Part):
-    """Exactly one criterion, error or indicator."""
+    """Exactly one criterion: error, law or indicator."""
 
     error: AutoFraction | None = Field(None, description=(
-        "guaranteed bound on the relative energy error, between 0 and 1; auto: a fraction of the estimated "
-        "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
+        "bound on the relative energy error, between 0 and 1: guaranteed for convex laws, such as bonds and contact without friction, an "
+        "estimate with Coulomb's; auto: a fraction of the estimated discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
+    law: Fraction | None = Field(None, description=(
+        "where interfaces are not perfect: the largest relative residual of equilibrium and laws, which says nothing of the error"))
     fraction: Fraction | None = Field(None, description=(
         f"beside error: auto only: the iterations' error over the mesh's, {FRACTION} if not given; their squares add up, "
         "so that 0.1 adds half a per cent"))

@@ -82,7 +82,7 @@ def shown(value: Any) -> str:
 # An override that picks one alternative removes the others, and what belongs to them alone.
 # Two mesh sources stay an error: a mesh decides what all other entries mean.
 ALTERNATIVES: list[tuple[KeyPath, list[set[str]]]] = [
-    (("method", "tolerance"), [{"error"}, {"indicator"}]),
+    (("method", "tolerance"), [{"error"}, {"law"}, {"indicator"}]),
     (("subdomains",), [{"slices"}, {"grid"}, {"metis"}, {"groups", "split_above"}]),
     (("boundary", "*"), [{key} for key in ON_FACES]),
     (("boundary", "*", "on"), [{"plane", "at"}, {"box"}]),

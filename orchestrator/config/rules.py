@@ -28,7 +28,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("parts", "*"): ("mesh", *KINDS),
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
-    ("method", "tolerance"): ("error", "indicator"),
+    ("method", "tolerance"): ("error", "law", "indicator"),
     ("boundary", "*"): tuple(ON_FACES),
     ("loads", "*"): tuple(IN_VOLUMES),
 }
@@ -64,7 +64,7 @@ def belongs_to(data: Any) -> Iterator[Problem]:
                               "one number, or solids that share nothing", "write conforming: false beside it")
     for path, tolerance in find(data, ("method", "tolerance")):
         if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
-            fixed = next((f"{key}: {shown(tolerance[key])}" for key in ("error", "indicator")
+            fixed = next((f"{key}: {shown(tolerance[key])}" for key in ("error", "law", "indicator")
                           if tolerance.get(key) is not None), "no error")
             yield Problem((*path, "fraction"), f"fraction beside {fixed}", "fraction beside error: auto only",
                           "remove fraction, or write error: auto")
@@ -102,6 +102,9 @@ def acceleration_fits(data: Any) -> Iterator[Problem]:
 
 def heeded(data: Any) -> Iterator[Problem]:
     """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
+    if get(data, "method", "tolerance", "law") is not None and all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+        yield Problem(("method", "tolerance", "law"), "law where all interfaces are perfect", "error: there the energy error is bounded",
+                      "write error in its place")
     acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
     if acceleration not in (None, "anderson") and memory not in (None, "auto"):
         why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation has none"

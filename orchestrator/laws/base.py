@@ -110,6 +110,8 @@ class Law:
     follows : the sides are paired anew as they slide, load step after load step
     statuses : what its pairs can do
     measures : of its residuals
+    convex : its force is the slope of a convex energy of the jump, load step by load step: the energy error is guaranteed
+    prices : it has a ``duality_gap``, and directions in which it gives way are free in what the error is measured with
     variables : what it remembers of each pair beside its jump, such as a damage
 
     What is not overruled is on the safe side: history, a joint that holds nothing.
@@ -148,6 +150,8 @@ class Law:
     as_one: ClassVar[bool] = False
     axial: ClassVar[bool] = False
     joins: bool = False
+    convex: bool = False
+    prices: ClassVar[bool] = False
     rigidity: float = math.inf
     has_history: bool = True
     follows: bool = False
@@ -230,6 +234,14 @@ class Law:
         derivative : also return ∂f̂/∂F, wherever it is not zero
         """
         raise NotImplementedError
+
+    @staticmethod
+    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(P,) γ = φ(d) + φ*(λ) − λ·d, an energy ≥ 0 and 0 where force λ and jump d (3, P) agree: φ is the law's energy.
+
+        The force obeys the law, the jump does not break it. A law that ``prices`` nothing is kept to the letter instead.
+        """
+        return np.zeros(len(points))
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -26,6 +26,7 @@ from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
 
+TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
 
 OPENS, STICKS, SLIPS = 0, 1, 2
@@ -102,6 +103,12 @@ class Contact(Law):
         Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1))
 
+    prices = True
+
+    @property
+    def convex(self) -> bool:
+        return self.friction == 0
+
     @property
     def has_history(self) -> bool:
         return self.friction > 0 or self.follows
@@ -148,6 +155,21 @@ class Contact(Law):
         slope = np.empty((3, 3, len(active)))
         in_parts(slopes, len(active), *given, active, slope, part=WORTH)
         return Answer(force, status, active, slope)
+
+    @staticmethod
+    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """p g, and what friction at most s = μ p would take of the slip Δ beyond what the force does: s |Δ| − f_t·Δ."""
+        push, slip, shear = -points.along(force), points.across(jump - previous), points.across(force)
+        opened = points["gap"] + points.along(jump)
+        opened = np.where(opened > TOUCHES * (np.abs(points["gap"]) + np.abs(push) / points.stiff_n), opened, 0.0)
+        far, size = np.sqrt(dot(slip, slip)), np.sqrt(dot(shear, shear))
+        size = np.where(size > TOUCHES * np.abs(push), size, 0.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            way = np.where(size > 0, shear / size, 0.0)
+            along = dot(slip, way)
+            aside = slip - along * way
+            lost = np.where(along > 0, dot(aside, aside) / (far + along), far - along)  # |Δ| − e·Δ without a difference
+        return push * opened + np.maximum(points["friction"] * push - size, 0.0) * far + np.where(size > 0, size * lost, 0.0)
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:

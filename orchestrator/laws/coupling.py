@@ -44,6 +44,7 @@ class Coupling(Law):
     meaning = "a surface and a point: it moves with it, or in the mean"
     # nodes in the middle of edges follow the point like all others
     as_one, joins, has_history = True, True, False
+    convex = True
     statuses = (COUPLED, BONDED)
 
     @property

@@ -51,6 +51,7 @@ class Elastic(Law):
     formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
     meaning = "springs of the stiffness k per area"
     has_history = False
+    convex = True
     statuses = (SPRUNG, TAUT, SLACK, BONDED)
     measures = (Measure("spring", "spring law", "max |f − k A d| k_eq / (k_eq + k A) / A / max |f| / A",
                         "forces that do not belong to what the springs are stretched by", pressure=1),)

@@ -55,6 +55,7 @@ class Jump(Law):
     Parameters = Parameters
     formula, meaning = "d = given", "imposed jump of displacement"
     as_one, joins, has_history = True, True, False
+    convex = True
 
     @property
     def imposed(self) -> float:

@@ -17,6 +17,7 @@ class Perfect(Law):
     formula, meaning = "d = 0", "bonded"
     perfect = as_one = True
     joins, has_history = True, False
+    convex = True
 
     @property
     def given_jump(self) -> np.ndarray:

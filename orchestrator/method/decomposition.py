@@ -18,8 +18,9 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Loading, RimStiffness
 from orchestrator.method.linear.stage import Admissible, LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
-from orchestrator.method.stopping.admissible import Continuity
 from orchestrator.method.stopping.bound import Bound, ErrorBound
+from orchestrator.method.stopping.certificate import Certificate
+from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -50,6 +51,7 @@ class Decomposition:
     space : numbering, of this rank's part; all lists per subdomain are of its ``subdomains``
     bound : error bound, where all interfaces are perfect
     coarse : coarse contact problem, where some are not
+    certificate : the energy error, where some are not and it is asked for
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some, see ``monitors.following``
     self_stress : at nodes where interfaces that open meet, None where there are none: made once, when it is first asked for by
@@ -65,6 +67,7 @@ class Decomposition:
     local: Exchange | LawStage
     bound: ErrorBound | None
     coarse: CoarseCorrection | None
+    certificate: Certificate | None = None
     nonlinear: Nonlinear | None = None
     following: Any = None
     self_stress: Callable[[], SelfStress | None] | None = None
@@ -105,26 +108,34 @@ class Decomposition:
         return fields if correction is None else correction(fields, self.local)
 
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
-        """Energy, continuity and error bound of fields; where laws are not perfect no bound.
+        """Energy, continuity and error bound of fields; where laws are not perfect and none is asked for no bound.
 
         known : what judging has found already, if anything: it costs no back-substitutions then
         """
-        if known is not None and (not self.all_perfect or np.isfinite(known.relative)):
+        if known is not None and np.isfinite(known.relative):
             return known
         if self.all_perfect:
             return self.bound(fields)
+        if self.certificate is not None and np.isfinite((known := self.certificate(fields)).relative):
+            return known
         space = self.space
         delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.loading.known)
         energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
-        return Bound(np.nan, np.nan, energy, np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes))), delta)
+        still = np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes)))
+        if known is not None:  # there are no admissible fields: what is delivered is as it is
+            return replace(known, energy=energy, repositioned=still, correction=delta)
+        return Bound(np.nan, np.nan, energy, still, delta)
 
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
         """What the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
         changed is extrapolated."""
         return fields if self.nonlinear is None else replace(fields, s=s)
 
-    def batch(self, steps: slice | np.ndarray, before: History | None = None) -> Decomposition:
-        """The same decomposition for some of the load steps; ``before``: what the step before has left, None at the start."""
+    def batch(self, steps: slice | np.ndarray, before: History | None = None, bound: Bound | None = None) -> Decomposition:
+        """The same decomposition for some of the load steps.
+
+        before, bound : what the step before has left, and how those before ended; None at the start
+        """
         loading = self.loading.batch(steps)
         one = None if self.nonlinear is None else partial(self.nonlinear.put, range(self.steps)[steps][0])
         stage = self.stage.under(loading, one)
@@ -135,8 +146,9 @@ class Decomposition:
             local.before = before
         if coarse is not None:
             coarse.start_from(local)
+        certificate = self.certificate and self.certificate.batch(steps, stage, bound)
         bound = self.bound and self.bound.of(stage, steps)
-        return replace(self, stage=stage, local=local, coarse=coarse, bound=bound)
+        return replace(self, stage=stage, local=local, coarse=coarse, bound=bound, certificate=certificate)
 
     def foreseen(self, step: int) -> Decomposition:
         """With pseudo-loads of the load step before at this one: as if nothing more would flow."""

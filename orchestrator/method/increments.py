@@ -94,7 +94,7 @@ class _Run:
             history = d.following.begin(d.local.pairs, before.fields, before.local)
         if d.nonlinear is not None:
             d = d.foreseen(number)
-        return d.batch(steps, history) if several or d.nonlinear is not None else d
+        return d.batch(steps, history, before and before.bound) if several or d.nonlinear is not None else d
 
     def _begin(self, latin: Latin, number: int, steps: slice) -> None:
         """From the state, after so many iterations and sweeps as have been done."""

@@ -33,6 +33,7 @@ from orchestrator.method.linear.stage import LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
 from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
+from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
@@ -112,9 +113,10 @@ class _SetUp:
         scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
         remembers = any(s.remembers for s in own)
         perfect = space.transfer.perfect.all() and not remembers
+        certified = not (perfect or remembers or method.tolerance.error is None or any(i.law.follows for i in scene.interfaces))
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox, method.skip.congruent, savings)
-            rims, stiffness = self._rims(perfect or space.ties is not None, savings)
+            rims, stiffness = self._rims(perfect or certified or space.ties is not None, savings)
         factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
@@ -146,7 +148,8 @@ class _SetUp:
         spent += coarse.sweeps if coarse is not None else 0
         made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
-        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, nonlinear, following,
+        certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness, *self._freedom(modes), stage) if certified else None
+        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following,
                              None if coarse is None else cache(partial(SelfStress.of, space, local)))
 
     def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
@@ -171,8 +174,12 @@ class _SetUp:
         return pairs, LawStage(direction, pairs.lawful), springs
 
     def _bound(self, direction: SearchDirection, stiffness, modes: list[np.ndarray]) -> ErrorBound:
+        return ErrorBound(direction, stiffness, *self._freedom(modes))
+
+    def _freedom(self, modes: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
+        """Rigid motions and external forces (T, B) on the boundary dofs."""
         external = np.hstack([s.loads.reshape(self.scene.steps, -1)[:, t] for s, t in zip(self.own, self.traces)])
-        return ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, self.traces)], external)
+        return [m[t] for m, t in zip(modes, self.traces)], external
 
     def _bases(self) -> list[np.ndarray] | None:
         """Per interface, the macro basis; None where there is no linear macro problem."""

@@ -57,7 +57,7 @@ class Solution:
     'blocks'
     >>> again = Solution.read("blocks")
     >>> again
-    Solution(blocks: converged after ... iterations)
+    Solution(blocks: converged after ... iterations, error bound ...)
     >>> (again.displacement == solution.displacement).all()
     np.True_
     >>> print(f"{again.interfaces.pressure.min():.4f}", again.summary["status_counts"]["stick"])

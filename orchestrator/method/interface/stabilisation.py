@@ -30,7 +30,7 @@ def allowed_residual(tolerance) -> float:
     """The law residual that ``method.tolerance`` stands for; the paper's indicator is a squared ratio."""
     if tolerance.error == "auto":
         return tolerance.fraction * FINE
-    return math.sqrt(tolerance.indicator) if tolerance.error is None else tolerance.error
+    return math.sqrt(tolerance.indicator) if tolerance.indicator is not None else tolerance.law or tolerance.error
 
 
 def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:

@@ -31,6 +31,7 @@ class Verdict:
     reason : why this iteration is the last one; empty where another follows
     changes : names of the monitors that change the problem before the next iteration
     anew : the acceleration begins anew with this iteration's state
+    stalls : the error stands still while the laws come to hold
     measure : what has been compared with the tolerance; nan where it is not known
     bound : error bound and energy of the best fields, as far as they are known
     laws : measures of the interface laws; lengths : what these are relative to
@@ -43,6 +44,7 @@ class Verdict:
     reason: str = ""
     changes: tuple[str, ...] = ()
     anew: bool = False
+    stalls: bool = False
     measure: float = math.nan
     bound: Bound | None = None
     laws: LawResiduals | None = None
@@ -54,7 +56,7 @@ class Verdict:
     def and_then(self, later: Verdict) -> Verdict:
         """Both together; of what both speak of, the later word counts."""
         return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.changes + later.changes,
-            self.anew or later.anew, self.measure if math.isnan(later.measure) else later.measure,
+            self.anew or later.anew, self.stalls or later.stalls, self.measure if math.isnan(later.measure) else later.measure,
             later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
             {**self.told, **later.told}, self.warnings + later.warnings)
 
@@ -108,8 +110,8 @@ class Case:
 
     def __post_init__(self) -> None:
         tolerance = self.method.tolerance
-        self.by_error = tolerance.error is not None
-        self.value: float = FIRST if tolerance.error == "auto" else tolerance.error if self.by_error else tolerance.indicator
+        self.by_error = tolerance.indicator is None
+        self.value: float = FIRST if tolerance.error == "auto" else tolerance.error or tolerance.law or tolerance.indicator
 
     @cached_property
     def lengths(self) -> LengthScale:

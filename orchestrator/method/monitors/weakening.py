@@ -61,7 +61,7 @@ class Weakening(Monitor):
             self.near = now.number
         if verdict.changes or now.last or self.withdrawn:
             return Verdict()
-        if self.lost(now.number) or self.due(verdict.laws, bool(verdict.met), now.problem.springs):
+        if self.lost(now.number) or self.due(verdict, now.problem.springs):
             return Verdict(False, changes=(self.name,), anew=True)
         return Verdict()
 
@@ -70,17 +70,17 @@ class Weakening(Monitor):
         return bool(self.at) and self.near <= self.at[-1] and number - self.at[-1] >= PATIENCE
 
     def is_near(self, laws: LawResiduals, met: bool) -> bool:
-        """Whether everything but the springs is near the tolerance; parameters as for ``due``."""
+        """Whether everything but the springs is near the tolerance; ``met``: the stopping criterion holds."""
         return met or laws.largest_other <= NEAR * self.allowed
 
-    def due(self, laws: LawResiduals, met: bool, springs: float) -> bool:
+    def due(self, verdict: Verdict, springs: float) -> bool:
         """Whether springs are to become weaker; all ranks see the same.
 
-        met : whether the stopping criterion holds
         springs : ε over that at the beginning
         """
-        more = len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
-        return more and self.is_near(laws, met) or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried
+        laws, more = verdict.laws, len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
+        kept = verdict.stalls or laws.held_by_springs(self.allowed)
+        return more and self.is_near(laws, bool(verdict.met)) or kept and laws.springs <= LESS * self.carried
 
     def change(self, now: Evaluation) -> Decomposition:
         if self.lost(now.number):

@@ -28,7 +28,8 @@ import scipy.sparse as sp
 from orchestrator.method.interface.rows import Segments, dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.admissible import Balancing, Continuity, Repositioning, RigidModes
+from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
+from orchestrator.method.stopping.continuity import Continuity
 
 ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 
@@ -105,7 +106,7 @@ class ErrorBound:
         a2 = dots(delta, times(self.stiffness, delta))
         energy = self.stage.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
         a2, energy = self.space.team.sum(a2, energy)
-        a = _relative(self._largest(a2), self.stage.loading.size(energy))
+        a = relative(self._largest(a2), self.stage.loading.size(energy))
         return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
 
     def __call__(self, fields: Admissible, useful: float = np.inf, known: tuple[Bound, np.ndarray, np.ndarray] | None = None) -> Bound:
@@ -126,13 +127,13 @@ class ErrorBound:
         def beyond(reached: np.ndarray) -> bool:
             """Whether the bound is above what is useful: b² is approached from below."""
             nonlocal least
-            least = _relative(self._largest(rest + reached), size)
+            least = relative(self._largest(rest + reached), size)
             return least > useful
 
         b2, sweeps = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
         if least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=least)
-        return replace(bound, relative=_relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
+        return replace(bound, relative=relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""
@@ -140,7 +141,7 @@ class ErrorBound:
         return float((errors if self.weights is None else errors @ self.weights).max(initial=0.0))
 
 
-def _relative(error: float, size: float) -> float:
+def relative(error: float, size: float) -> float:
     """error / ‖u_exact‖, with ‖u_exact‖ ≥ ‖u_D‖ − error: infinite while the error is that large.
 
     What rounding may add is part of it, so that no tolerance below ``ROUNDING`` is ever reported as met.
@@ -152,12 +153,13 @@ def _relative(error: float, size: float) -> float:
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
 MAX_STEPS = 100
+LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
 CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
-                beyond: Callable[[np.ndarray], bool] = lambda total: False) -> tuple[np.ndarray, int]:
+                beyond: Callable[[np.ndarray], bool] = lambda total: False, softness: np.ndarray | None = None) -> tuple[np.ndarray, int]:
     """(T,) hᵀS⁺h over all subdomains, and the back-substitutions spent.
 
     The iterates approach from below; the geometric tail of the steps is added, and for the
@@ -169,6 +171,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     negligible : sum over the steps that is not worth being told from zero
     beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
         the true one is larger
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
@@ -177,6 +180,10 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
+        if softness is not None:
+            left, = space.team.sum((rz * (1 + 1 / softness)).sum(axis=1))
+            if left.sum() <= LEFT * max(np.sum(total + left + rest), CANCELLED * np.sum(total + left), negligible):
+                return total + left, sweeps
         if p is None:
             p, q = z, r.copy()
         else:
@@ -190,7 +197,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         if beyond(total):
             return total, sweeps
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
-        if max(steps[-1], tail) <= RELATIVE_TAIL * worth:
+        if softness is None and max(steps[-1], tail) <= RELATIVE_TAIL * worth:
             share = gained / max(steps[-1], np.finfo(float).tiny)
             return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps
     return np.full(len(h), np.inf), MAX_STEPS

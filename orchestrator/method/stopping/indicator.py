@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.rows import dots
-from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 
 EXACT_LIMIT = 50_000
@@ -100,17 +99,6 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
     else:
         squares = [_square(one, 1 / direction.diagonal) for one in forces]
     return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0], float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
-
-
-def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, size: float) -> float:
-    """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
-
-    size : max_t ‖u‖_K; the diagonal of k stands in for it in the inverse norm
-    """
-    w_hat, f_hat, kw_hat = local.hats
-    w, kw, f = fields.w - w_hat, stage.robin_of(fields) - fields.f - kw_hat, fields.f - f_hat
-    gap, = stage.space.team.sum(dots(w, kw) + (f * f) @ (1 / stage.direction.diagonal))
-    return float(np.sqrt(gap.max(initial=0.0)) / size) if size > 0 else 0.0 if not gap.any() else np.inf
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:

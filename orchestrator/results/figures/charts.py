@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 _MAIN = {"error_bound", "law_residual"}
 _FLOOR = 1e-17  # rounding: values below only stretch the axis
 _OF_LAWS = [(SKY, "<"), ("0.5", ">"), (BROWN, "P"), (OLIVE, "X")]  # colours and markers of the laws' measures, in turn
-_CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
-           ("law_residual", "law residual (the largest)", "black", "o"),
+_CURVES = [("error_bound", "error bound", "black", "o"),
+           ("law_residual", "law residual (the largest)", "0.35", "o"),
            ("true_error", "true error", RED, "*"),
            ("residual", "residual ‖Δs‖", PURPLE, "v"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),

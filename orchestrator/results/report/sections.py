@@ -22,9 +22,9 @@ _ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bo
 _BESIDE = ("on", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
 _QUANTITIES = [
-    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf), relative to the energy norm of the solution; "
-                    "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge)",
-     "guaranteed upper bound of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
+    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; "
+                    "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge), γ what laws miss",
+     "guaranteed upper bound, an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
     ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
      "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
@@ -33,7 +33,7 @@ _QUANTITIES = [
     ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
     ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
     ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
-    ("law_residual", "the largest of those below", "what the tolerance is compared with"),
+    ("law_residual", "the largest of those below", "what `tolerance: {law: …}` is compared with"),
     ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
      "forces in equilibrium against forces that obey the laws"),
     (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),

@@ -16,6 +16,8 @@ from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.certificate import Certified
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.summary import memory_peak_mb
@@ -48,7 +50,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                                   all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
-        "indicator": last.indicator, "error_bound": iterated.bound.relative,
+        "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
@@ -82,6 +84,13 @@ def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
     summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
 
 
+def _error_kind(bound: Bound) -> str | None:
+    """Whether the error is guaranteed or estimated; None where none is known."""
+    if not math.isfinite(bound.relative):
+        return None
+    return "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
+
+
 def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
     """What happens on interfaces that are not perfect; empty where all are."""
     interfaces = delivered.interfaces
@@ -92,7 +101,14 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
             {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law), "resultant": force}
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held, **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
+        "detached": detached, "weakly_held": weakly_held, **_unbalanced(scene, delivered), **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
+
+
+def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:
+    """Per load step the bodies that no forces hold which the laws allow; empty where that is not known."""
+    bound = delivered.iterated.bound
+    return {"unbalanced": [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.unbalanced]} \
+        if isinstance(bound, Certified) else {}
 
 
 def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:

@@ -69,6 +69,18 @@ def _iterations(summary: Mapping[str, object]) -> str:
         summary, "sweeps.total", ", {:.4g} sweeps (back-substitutions per subdomain and load step)")
 
 
+def _error(summary: Mapping[str, object]) -> str:
+    """How far the result is from the discrete solution."""
+    kind = summary.get("error_kind") or "guaranteed"
+    return _numbers(summary, "error_bound", f"{{:.2e}}  ({kind}, relative, energy norm)")
+
+
+def balance_sentences(summary: Mapping[str, object]) -> list[str]:
+    """Which bodies no forces hold that the laws allow, at which load steps, in words."""
+    return [f"{some(names, NAMES)}: no forces that the laws allow hold {'it' if len(names) == 1 else 'them'} at load step {steps}: no error is known"
+            for steps, names in _alike(summary.get("unbalanced") or ())]
+
+
 def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], str]:
     """A largest value with its place."""
     def told(summary: Mapping[str, object]) -> str:
@@ -261,9 +273,10 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("run", ("name", "{}")), ("result", _result), ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
     ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
-    ("error bound", ("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
+    ("error bound", _error),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
+    ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
     ("mesh's error", _mesh), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
     ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary))), ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary))), ("warning", _sentences("warnings")), ("size", _size),

@@ -1,0 +1,55 @@
+"""Stopping criterion where interfaces are not perfect: the energy error E of the delivered fields, see ``stopping.certificate``.
+
+    E ≤ tolerance.error
+
+E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
+fallen so far that E may be met. Where E stands still while the residual falls, springs of stabilisation are what is left of it: they
+are to become weaker.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+
+NEAR = 2.0  # law residual over the tolerance, from which E is worth knowing: E is half of it to six times as much
+LESS = 0.5  # of the residual at the last evaluation, below which E is evaluated again, whatever it was
+PATIENCE = 10  # iterations after which it is in any case
+STALLED = 0.7  # of the E before, above which it stands still, if the residual has halved or stands still, too
+
+
+class EnergyErrorCriterion(Monitor):
+    """The energy error.
+
+    at, residual, error : iteration, law residual and E of the last evaluation; infinite before the first
+    """
+
+    name, remembered = "energy_error", ("at", "residual", "error")
+
+    def __init__(self, case: Case):
+        self.case, self.at, self.residual, self.error = case, 0, np.inf, np.inf
+
+    @classmethod
+    def of(cls, case: Case) -> EnergyErrorCriterion | None:
+        return cls(case) if case.problem.certificate is not None and case.by_error else None
+
+    def judge(self, now: Evaluation) -> Verdict:
+        value, residual = self.case.value, now.verdict.laws.largest_other
+        told = {"target": ("error_bound", value)}
+        if not self.due(now.number, residual, value):
+            return Verdict(False, told={**told, "error_bound": np.nan})
+        bound = now.problem.certificate(now.best, value)
+        error = bound.relative if np.isfinite(bound.relative) else bound.a
+        settled = residual <= LESS * self.residual or now.number >= self.at + PATIENCE > PATIENCE
+        stalls = bool(error > value and settled and error > STALLED * self.error)
+        self.at, self.residual, self.error = now.number, residual, error
+        share = now.problem.steps / now.problem.scene.steps
+        return Verdict(bool(bound.relative <= value), measure=bound.relative, bound=bound, sweeps=bound.sweeps * share, stalls=stalls,
+                       told={**told, "error_bound": bound.relative})
+
+    def due(self, number: int, residual: float, value: float) -> bool:
+        """Whether E may be met in an iteration, taken to fall with the law residual."""
+        if not residual <= NEAR * value:
+            return False
+        return number >= self.at + PATIENCE or residual * self.error <= value * self.residual or residual <= LESS * self.residual

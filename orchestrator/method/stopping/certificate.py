@@ -1,0 +1,160 @@
+"""Energy error where interfaces open, slip or give way: distance to the discrete solution of the true laws, springs or none.
+
+Per load step two fields are made of an iterate u, w, f:
+
+- λ̂ that the laws allow and under which every body is in balance (``admissible_forces``), and û, what the bodies do under it,
+  K û = f_d − NᵀBᵀλ̂;
+- v that meets supports and bonds and does not penetrate (``admissible_displacement``).
+
+With γ ≥ 0, what the law finds that v and λ̂ do not agree in (``Law.duality_gap``: p̂ g where contact is pressed and open), and the
+solution u*, λ*, expanding ‖v − û‖² about u* gives
+
+    ‖v − u*‖² + ‖û − u*‖² + 2 Σ [γ(v, λ*) + γ(u*, λ̂)] = E² = ‖v − û‖² + 2 Σ γ(v, λ̂)
+
+for convex laws, where all terms are ≥ 0: E bounds the error of v, guaranteed (for bonds alone this is ``stopping.bound``). From
+interface data alone, with v = u + R y + δ and h = Nᵀ(−Bᵀλ̂ − f),
+
+    ‖v − û‖² = δᵀK_bb δ − 2 δᵀh + hᵀS⁺h.
+
+With Coulomb's friction the limits μ p̂ are those of λ̂, and a load step begins where v ended the one before: an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.loading import NOTHING
+from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
+from orchestrator.method.stopping.admissible_forces import AdmissibleForces
+from orchestrator.method.stopping.bound import ROUNDING, Bound, dual_energy, relative
+from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.softest import BesideRigid, softest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certified(Bound):
+    """The error of an iterate, with the admissible fields that it was measured with, T load steps.
+
+    errors : (T,) E, an energy norm
+    size : energy norm that E is relative to
+    forces : (T, 3, P) λ̂; gap : (T,) Σγ of all ranks
+    after : what the last load step leaves to the next
+    unbalanced : (T, bodies) bool, those that no lawful forces balance
+    broken : (T,) bool, load steps in which every displacement breaks a law
+    guaranteed : whether all laws are convex; elsewhere E is an estimate
+    """
+
+    errors: np.ndarray
+    size: float
+    forces: np.ndarray
+    gap: np.ndarray
+    after: History
+    unbalanced: np.ndarray
+    broken: np.ndarray
+    guaranteed: bool
+
+    @classmethod
+    def joined(cls, batches: Sequence[Certified]) -> Certified:
+        """The error of all load steps from batches of them, in order."""
+        errors, energy, repositioned, correction, forces, gap, unbalanced, broken = (
+            np.concatenate([getattr(b, name) for b in batches])
+            for name in ("errors", "energy", "repositioned", "correction", "forces", "gap", "unbalanced", "broken"))
+        size = max(b.size for b in batches)
+        return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
+                   sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, gap=gap, after=batches[-1].after,
+                   unbalanced=unbalanced, broken=broken, guaranteed=all(b.guaranteed for b in batches))
+
+
+class Certificate:
+    """The error of one decomposition.
+
+    pairs : points of all interfaces, perfect ones included, without springs
+    stiffness : (B, B) of the subdomains on their boundary dofs
+    modes : per own subdomain (boundary dofs, r) rigid motions that its supports leave
+    external : (T, B) external nodal forces on the boundary dofs
+    stage : linear stage of these load steps
+    before : what the load step before the first one has left, and the largest energy norm until then
+    """
+
+    def __init__(self, pairs: Pairs, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage):
+        self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
+        self.space, self.before, self.reached = stage.space, History.none(len(pairs)), 0.0
+        self.forces = AdmissibleForces(stage.direction, pairs, modes)
+        self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, _per_node(stiffness.diagonal(), self.space)))
+        self.beside = BesideRigid(stage, self.forces.u)
+        self.softness = cache(partial(softest, stage, self.beside))  # made once, for all load steps
+        imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
+        work, = self.space.team.sum(float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
+        self.imposed = NOTHING * float(np.sqrt(work))  # of bodies that laws carry away, and nothing strains
+        self.guaranteed = all(i.law.convex for i in pairs.interfaces)
+
+    def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
+        """The same for some of the load steps; ``earlier``: what those before have ended with."""
+        part = copy(self)
+        part.pairs, part.external, part.stage = self.pairs.batch(steps), self.external[steps], stage
+        if earlier is not None:
+            part.before, part.reached = earlier.after, earlier.size
+        return part
+
+    def __call__(self, fields: Admissible, useful: float = np.inf) -> Certified:
+        """The error of an iterate.
+
+        useful : where the displacement's part alone is above it, the rest, which costs back-substitutions, need not be known: the
+            error is infinite then
+        """
+        space, team, pairs = self.space, self.space.team, self.pairs
+        forces, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
+        w, f = fields.extended
+        change, (tied, targets, stiffness) = pairs.transfer.opposed(forces) - f, pairs.tied
+        change[:, tied] = -stiffness * (w[:, tied] - targets)  # what holds tied nodes is in balance within a body, whatever it is
+        change = change[:, : space.size]
+        h, pushed, robin = space.loads(change), space.loads(fields.f), space.loads(self.stage.robin_of(fields))
+        a2 = dots(delta, times(self.stiffness, delta))
+        energy = self.stage.loading.energy_of(robin, fields.u, pushed) + 2 * dots(delta, self.external + pushed) + a2
+        a2, energy, rest, gap = team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * gap, gap)
+        size = max(self.stage.loading.size(energy), self.reached, self.imposed)
+        a = relative(float(np.sqrt(a2.max(initial=0.0))), size)
+        known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, gap=gap, after=after,
+                          unbalanced=unbalanced, broken=broken, guaranteed=self.guaranteed)
+        if a > useful or unbalanced.any() or broken.any():
+            return known
+        # what rounding leaves of resultants has no energy
+        b2, sweeps = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, softness=self.softness())
+        errors = np.sqrt(np.maximum(rest + b2, 0.0))
+        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps)
+
+    def _pair(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, History, np.ndarray, np.ndarray]:
+        """λ̂ (T, 3, P), δ (T, B), y (T, own modes), this rank's Σγ (T,), what is left to the next load step, bodies that are not in
+        balance (T, bodies), and whether laws are broken (T,)."""
+        pairs, forces, before = self.pairs, self.forces, self.before
+        F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
+        radius = max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
+        found = []
+        for t, number in enumerate(pairs.numbers):
+            balanced = forces(F[t], fields.f[t], before, number, radius)
+            u = fields.u[t] + forces.displacement(balanced.y)
+            known = None if held is None else held[t]
+            placed = self.displacement(u, known, balanced.answer, balanced.F, before, number, pairs.tied.targets[t])
+            before = History(placed.jump, balanced.answer.own)
+            found.append((balanced.answer.force, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,
+                          not placed.admissible))
+        force, delta, moved, gap, unbalanced, broken = (np.array(same) for same in zip(*found))
+        return force, delta, moved, gap, before, unbalanced, broken
+
+
+def _per_node(diagonal: np.ndarray, space: TraceSpace) -> np.ndarray:
+    """(B,) the mean of a diagonal (B,) over the components of each subdomain's node."""
+    start = np.repeat(np.arange(len(space.boundary)), [part.stop - part.start for part in space.boundary])
+    _, node = np.unique(np.stack([start, space.global_dof // 3]), axis=1, return_inverse=True)
+    node = node.ravel()
+    return (np.bincount(node, diagonal) / np.maximum(np.bincount(node), 1))[node]

@@ -1,0 +1,74 @@
+"""How soft subdomains are beside their soles: σ, the least eigenvalue above zero of S x = σ k x on a subdomain's boundary.
+
+Conjugate gradients on S, preconditioned with M = S + k, leave a residual r whose energy is then known from above,
+
+    rᵀS⁺r ≤ (1 + 1/σ) rᵀM⁻¹r
+
+for r in balance with all rigid motions. M⁻¹k, one back-substitution, has the eigenvalues 1/(1 + σ): the largest of them beside those
+of rigid motions, which are 1, is found by Lanczos' method in the product of k, all subdomains at once. What its last residual leaves
+open is added, and σ is halved: Ritz values come from one side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.method.interface.rows import Segments
+from orchestrator.method.linear.stage import LinearStage
+
+STEPS = 12  # by then the largest eigenvalue of ten grains' and of blocks' is known to a hundredth
+SAFE = 0.5  # of σ
+DEPENDENT = 1e-10  # eigenvalue of the motions' Gram matrix, over the largest, that counts as zero
+LEAST = 1e-8  # what is softer is taken to be as soft
+
+
+class BesideRigid:
+    """Fields and forces of the own subdomains beside their rigid motions, orthogonal in k.
+
+    rigid : (6, B) rigid motions, zero where supports leave fewer
+    """
+
+    def __init__(self, stage: LinearStage, rigid: np.ndarray):
+        self.of, self.rigid, self.carried = Segments(stage.space.boundary), rigid, stage.direction.robin(rigid)
+        gram = self.of.sums(rigid[:, None] * self.carried[None]).transpose(2, 0, 1)
+        self.inverse = np.linalg.pinv(gram, rcond=DEPENDENT, hermitian=True)
+
+    def deformed(self, x: np.ndarray) -> np.ndarray:
+        """(…, B) fields without rigid motions."""
+        return x - self._part(self.carried, self.rigid, x)
+
+    def balanced(self, h: np.ndarray) -> np.ndarray:
+        """(…, B) forces without resultants."""
+        return h - self._part(self.rigid, self.carried, h)
+
+    def _part(self, measured: np.ndarray, given: np.ndarray, x: np.ndarray) -> np.ndarray:
+        share = np.einsum("sij,...js->...is", self.inverse, self.of.sums(measured * x[..., None, :]))
+        return np.einsum("ib,...ib->...b", given, self.of.spread(share))
+
+
+def softest(stage: LinearStage, beside: BesideRigid) -> np.ndarray:
+    """(S,) a lower bound of σ, to be believed if not to be proved, of each own subdomain that has boundary dofs."""
+    space, robin, of, deformed = stage.space, stage.direction.robin, beside.of, beside.deformed
+    x = np.modf(np.sin(space.global_dof * 12.9898 + 1.0) * 43758.5453)[0]  # of the dof alone, whatever the ranks
+    x, vectors, forces = deformed(x), [], []
+    alpha, beta = np.zeros((2, STEPS, len(of.starts)))
+    for j in range(STEPS):
+        kx = robin(x[None])[0]
+        size = np.sqrt(np.maximum(of.sums(x * kx), 0.0))
+        if j:
+            beta[j - 1] = size
+        scale = of.spread(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0))
+        x, kx = x * scale, kx * scale
+        vectors.append(x)
+        forces.append(kx)
+        x = deformed(stage.solve(kx[None])[0])
+        alpha[j] = of.sums(x * forces[j])
+        for vector, force in zip(vectors, forces):  # in full: there are few
+            x = x - of.spread(of.sums(x * force)) * vector
+    beta[-1] = np.sqrt(np.maximum(of.sums(x * robin(x[None])[0]), 0.0))
+    matrices = np.zeros((len(of.starts), STEPS, STEPS))
+    at = np.arange(STEPS)
+    matrices[:, at, at], matrices[:, at[1:], at[:-1]] = alpha.T, beta[:-1].T
+    values, states = np.linalg.eigh(matrices)  # of the lower triangle
+    largest = values[:, -1] + beta[-1] * np.abs(states[:, -1, -1])
+    return SAFE * np.maximum(1 / np.clip(largest, LEAST, 1 - LEAST) - 1, LEAST)
