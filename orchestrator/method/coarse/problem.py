@@ -45,6 +45,7 @@ class CoarseProblem:
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     W : per own body (t, n), displacement of its traces in the fields
+    reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
     newton_steps : Newton steps taken so far
     ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "standing still" (the last
         step gained next to nothing), "steps" (as many as are allowed), "no direction" (whatever the shift)
@@ -55,13 +56,13 @@ class CoarseProblem:
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, self.own, fields, K0)
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
-        self.newton_steps, self.reduction = 0, REDUCTION if self.bodies.springs is None else FINELY
+        self.newton_steps, self.reduction, self.goal = 0, REDUCTION if self.bodies.springs is None else FINELY, 0.0
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
         self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-              radius: float, anchor: np.ndarray | None = None, goal: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+              radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
@@ -72,9 +73,8 @@ class CoarseProblem:
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
         at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
-        y, size, start, end = (self._newton if self.bodies.springs is None else self._searched)(at, radius, goal)
+        y, size, start, end = (self._newton if self.bodies.springs is None else self._searched)(at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
-        self.size = size
         self.left[step] = size / start if start > 0 else 0.0
         return y, at.forces(y)
 
@@ -92,7 +92,7 @@ class CoarseProblem:
         other.reduction = ROUGH
         return other
 
-    def _searched(self, at: LoadStep, radius: float, goal: float) -> tuple[np.ndarray, float, float, str]:
+    def _searched(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
         pattern, factors = self.bodies.pattern, None
 
@@ -114,10 +114,10 @@ class CoarseProblem:
             self.newton_steps += 1
             end = run.step()
         # with much friction the work is no energy, and its search may go round in a circle; a search on ‖ρ‖ does not
-        other = self._newton(at, radius, goal)
+        other = self._newton(at, radius)
         return other if other[1] < run.size else (run.y, run.size, run.start, end or "steps")
 
-    def _newton(self, at: LoadStep, radius: float, goal: float) -> tuple[np.ndarray, float, float, str]:
+    def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """The same where nothing is stabilised, or where the search has not arrived."""
         pattern = self.bodies.pattern
 
@@ -128,7 +128,7 @@ class CoarseProblem:
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
-            if newton.size <= max(self.reduction * start, goal) or newton.size == 0:
+            if newton.size <= max(self.reduction * start, self.goal) or newton.size == 0:
                 break
             if stalled:
                 worst = self._dominating(newton)

@@ -3,8 +3,8 @@
     ε ≤ fraction · η_h,   η_h estimated anew whenever ε has fallen to the level that the last estimate asked for.
 
 On perfect interfaces ε is the bound. By Galerkin orthogonality both errors are the legs of a right-angled triangle, so that a
-fraction of 0.1 makes the whole error half a per cent larger. Elsewhere ε is the largest law residual or the energy residual,
-whichever is larger, see ``law_residual``.
+fraction of 0.1 makes the whole error half a per cent larger. Elsewhere ε is the energy error, see ``energy_error``, and no right angle
+is left: a fraction of 0.1 may cost up to a tenth.
 """
 
 from __future__ import annotations

@@ -91,8 +91,8 @@ class AdmissibleForces:
         team, own = self.space.team, self.space.subdomains
         resultant = of_all(team, self.bodies, own, np.array([self.U[:, part] @ f[part] for part in self.parts]))
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
-        goal = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
-        y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius, goal=goal)
+        self.problem.goal = goal = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
+        y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
         return Balanced(answer, there, y, np.linalg.norm(resultant - carried, axis=1) > TOLERATED * goal)
