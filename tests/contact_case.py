@@ -24,8 +24,8 @@ TOP = {"plane": "z", "at": 1.0}
 # pressed, pressed and sheared, sheared across, let go
 PATH = [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005], [0.01, 0.005, -0.005], [0.005, 0.0, -0.001]]
 CASES = {
-    "two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [6, 6, 6]}}, "subdomains": {"grid": [1, 1, 2]}},
-    "eight cubes": {"mesh": {"box": {"size": [1, 1, 1], "cells": [6, 6, 6]}}, "subdomains": {"grid": [2, 2, 2]}},
+    "two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, "subdomains": {"grid": [1, 1, 2]}},
+    "eight cubes": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, "subdomains": {"grid": [2, 2, 2]}},
     "ten grains": {"mesh": {"polycrystal": {"grains": 10, "size": 1.0, "h": 0.2}}, "subdomains": "groups"},
 }
 

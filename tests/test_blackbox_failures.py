@@ -255,7 +255,7 @@ def program(transport="pipe", once=False):
     return child, pids
 
 
-@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("transport", quick(TRANSPORTS, "file"))
 @pytest.mark.parametrize("blow", quick([signal.SIGTERM, signal.SIGINT], signal.SIGTERM))
 def test_the_program_is_interrupted(blow, transport, temporary):
     child, pids = program(transport)
@@ -265,7 +265,7 @@ def test_the_program_is_interrupted(blow, transport, temporary):
     assert gone(pids) and gone(processes_in(temporary))
 
 
-@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("transport", quick(TRANSPORTS, "pipe"))
 def test_the_program_is_killed(transport, temporary):
     child, pids = program(transport)
     time.sleep(0.1)

@@ -8,6 +8,7 @@ import pytest
 from blackbox_case import assemble, box, difference, forces, settings
 from in_process import IN_PROCESS
 from method_case import CUBES, solved
+from quick import quick
 
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from, load_config
@@ -23,7 +24,7 @@ CODES = {"calculix": {"code": "calculix", "transport": "file"}, "scikit-fem": {"
          "template": {"code": TEMPLATE}}
 
 
-@pytest.mark.parametrize("name", CODES)
+@pytest.mark.parametrize("name", quick(CODES, "calculix", "scikit-fem"))
 def test_numbers_are_freefems(name):
     """Stiffness, fields and traces to 1e-12: CalculiX reads 14 digits, and gives its doubles away unrounded."""
     models = [box((3, 2, 2), "a"), box((2, 2, 3), "b", seed=1)]
@@ -84,6 +85,7 @@ def test_codes_and_transports_are_mixed_freely():
 def test_friction_does_not_notice_the_code(configs_dir):
     """A FreeFEM punch on a CalculiX block: statuses and resultants of FreeFEM on FreeFEM."""
     both = load_config(configs_dir / "punch.yaml").config.complete()
+    both["boundary"][1]["displacement"] = both["boundary"][1]["displacement"][:2]
     runs = []
     for blackbox in (both["blackbox"], {"code": "freefem"}):
         config = config_from({**both, "blackbox": blackbox})

@@ -17,7 +17,7 @@ import pytest
 from method_case import CUBES, METIS, config
 from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
 from processes import begin
-from quick import quick
+from quick import late, quick
 
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError, InternalError, lacks_memory
@@ -98,7 +98,7 @@ def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
     scene = build_scene(made)
     whole = solve(made, scene)
     assert whole.iterations > 9
-    stops = sorted({1, 4, whole.iterations // 2, whole.iterations - 1})
+    stops = sorted({1, whole.iterations // 2, whole.iterations - 1})
     resumed, told = stopped_and_resumed(tmp_path, made, scene, stops)
     if case == FORGETFUL:  # what has been forgotten had brought it where it was
         assert abs(len(told) - whole.iterations) <= 1 and resumed.converged
@@ -160,7 +160,7 @@ def test_damaged_records_are_computed_again(tmp_path, interrupted, damage):
     assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * np.abs(whole.displacement).max()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", quick(range(4), 0))
 def test_bytes_that_a_disk_has_spoilt_change_no_answer(tmp_path, interrupted, seed):
     """Bits flipped anywhere in a checkpoint's files, their beginnings more often: what is read all the same is what was written."""
     folder, draw, sums = interrupted[0], np.random.default_rng(seed), set()
@@ -359,7 +359,7 @@ def disk(tmp_path):
         subprocess.run(["umount", "-l", place], check=True)
 
 
-@pytest.mark.parametrize("left", quick([16, 60, 120, 200, 300, 450, 700], 16, 120, 300, 700))
+@pytest.mark.parametrize("left", quick([16, 60, 120, 200, 300, 450, 700], 16, 300))
 def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, undisturbed):
     """However many kB are left: the run iterates to its end, and with room again ``resume`` has the same result."""
     place, fill = disk
@@ -378,7 +378,7 @@ def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, undi
     assert summary_of(place / "out")["converged"] and not (place / "out" / "checkpoint").exists()
 
 
-@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+@pytest.mark.parametrize("after", [late(False), True], ids=["before", "after"])
 @pytest.mark.parametrize("kind", [CheckpointWriter, HistoryWriter])
 def test_interrupted_while_an_iteration_is_noted(tmp_path, monkeypatch, kind, after):
     """One record has the iteration, the other one perhaps not: resumed, none is missing in the history, none twice."""
@@ -401,7 +401,7 @@ def test_interrupted_while_an_iteration_is_noted(tmp_path, monkeypatch, kind, af
     assert len(iterations) > 5 and iterations == list(range(1, len(iterations) + 1))
 
 
-@pytest.mark.parametrize("kind", [MemoryError, SystemError, ZeroDivisionError])
+@pytest.mark.parametrize("kind", quick([MemoryError, SystemError, ZeroDivisionError], MemoryError, ZeroDivisionError))
 def test_any_error_leaves_what_has_been_computed(tmp_path, monkeypatch, kind):
     """One message, the traceback in a file, history, summary and checkpoint; then it goes on."""
     from orchestrator.method.local_stage import LawStage

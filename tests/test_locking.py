@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from in_process import IN_PROCESS, TemplateSolver
+from quick import quick_sets
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.config.load import config_from
@@ -61,7 +62,7 @@ def estimated(case, n, poisson, element="P1"):
     return Estimator.of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
 
 
-@pytest.mark.parametrize("case, poisson", LIMITS)
+@pytest.mark.parametrize("case, poisson", quick_sets(LIMITS, *((case, nu) for case, nu in LIMITS if nu in (0.3, 0.4999999))))
 def test_against_a_much_better_solution(case, poisson):
     estimate, energy = estimated(case, 4 if "cantilever" not in case else 2, poisson)
     _, _, exact = exactly_solved(case, 4 if case == "loaded corner" else 3, poisson, "P2")

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from foreign_case import elements, restart_displacements, tets, write_deck
 from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
+from quick import late
 
 from orchestrator.blackbox.codes.foreign.deck_runs import EXACT
 from orchestrator.blackbox.codes.adapter import FullModel
@@ -148,7 +149,7 @@ def pulled(solver, forces):
     return u
 
 
-@pytest.mark.parametrize("rest, slope, force", [(0.3, 3.0, 400.0), (0.2, 1.0, 400.0)])
+@pytest.mark.parametrize("rest, slope, force", [late(0.3, 3.0, 400.0), (0.2, 1.0, 400.0)])
 def test_matter_that_softens_needs_no_smaller_load_steps(rest, slope, force):
     """One load step, two and four lead to the same place, where the tangent alone leads nowhere."""
     one, two, four = (pulled(Damaged(1e-3, rest, slope), force * np.arange(1, n + 1) / n) for n in (1, 2, 4))
@@ -177,13 +178,13 @@ class Solver(Adapter):
 
 @pytest.mark.parametrize("body, words", [
     ("def commit(self, prepared): pass", "has no method advance"),
-    ("commit = None\n    def advance(self, p, f): pass", "has no method commit"),
+    late("commit = None\n    def advance(self, p, f): pass", "has no method commit"),
     ("def commit(self, p): pass\n    def advance(self, p, f): return 1.1 * self.solve(p, f[None])[0], f", None),
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], 0.999 * f",
      "advance\\(\\) returned forces that are not those it was given on free dofs"),
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], float('nan') * f",
      "advance\\(\\) returned what is no number .nan or infinite. on [0-9]+ dofs, the first at "),
-    ("def commit(self, p): pass\n    def advance(self, p, f): return f[:3], f", "returned 3 displacements"),
+    late("def commit(self, p): pass\n    def advance(self, p, f): return f[:3], f", "returned 3 displacements"),
 ], ids=["no advance", "no commit", "softer than elastic", "forces left over", "no number", "another size"])
 def test_nonlinear_solvers_that_break_their_word(tmp_path, body, words):
     """Each by its own message; a response that differs from the elastic one is no fault."""

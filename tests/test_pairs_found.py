@@ -7,6 +7,7 @@ import gmsh
 import numpy as np
 import pytest
 from mortar_case import pairs_looked_at
+from quick import late
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
@@ -62,7 +63,7 @@ def flange(tmp_path_factory) -> str:
     return path
 
 
-@pytest.mark.parametrize("sizes", [7, {"*": 9, "solid_[12]": 5}], ids=["same size", "sizes by solid"])
+@pytest.mark.parametrize("sizes", [late(7), {"*": 9, "solid_[12]": 5}], ids=["same size", "sizes by solid"])
 def test_pairs_are_those_of_the_conforming_mesh(sizes, flange):
     """All of them, and no false one: bolts in nuts that fit, of any chords; shanks in holes with room are none."""
     one, _ = make_mesh(section(step=flange, h=7))

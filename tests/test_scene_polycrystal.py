@@ -6,7 +6,7 @@ from functools import lru_cache
 import gmsh
 import numpy as np
 import pytest
-from quick import late
+from quick import late, quick_sets
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -133,7 +133,7 @@ def test_other_units_give_the_same_mesh(change, factor):
     assert np.abs(other.nodes - factor * mesh.nodes).max() < 1e-14 * factor
 
 
-@pytest.mark.parametrize("grains, h, seed", [*BAD[:-1], late(*BAD[-1])])
+@pytest.mark.parametrize("grains, h, seed", quick_sets(BAD, BAD[0], BAD[2]))
 def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     raw = []
     monkeypatch.setattr(polycrystal, "mend", lambda mesh, fitness: (raw.append(mesh), mend(mesh, fitness))[1])

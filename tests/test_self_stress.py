@@ -26,8 +26,8 @@ def test_groups_are_the_loops_at_edges_and_at_the_corner_of_all(eight):
     groups = {g.slots.shape[1]: g for g in node_loops(eight.space, eight.local.pairs)}
     assert sorted(groups) == [4, 12] and all(not g.shared.any() for g in groups.values())
     assert groups[4].states.shape[3] == 3 and groups[12].states.shape[3] == 3 * (12 - 8 + 1) and len(groups[12].slots) == 1
-    # six edges from the corner of all, of three nodes each that are not on it; bonded where both sides are prescribed
-    assert len(groups[4].slots) == 6 * 3 - 2
+    # six edges from the corner of all, of two nodes each that are not on it; bonded where both sides are prescribed
+    assert len(groups[4].slots) == 6 * 2 - 2
 
 
 def test_no_body_feels_it(eight):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
+from quick import late
 
 from orchestrator.blackbox.shared import SharedModels, representatives
 from orchestrator.blackbox.protocol import Traits
@@ -78,7 +79,7 @@ def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
     assert 300 <= len(compared) <= 310
 
 
-@pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), (METIS, 7)], ids=["slices", "cubes", "metis"])
+@pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), late(METIS, 7)], ids=["slices", "cubes", "metis"])
 def test_congruent_subdomains_share(case, factorised):
     """Slices: both ends and one for all between; a grid: one per position beside the outer faces; METIS: none."""
     plain, shared = with_skip({}, **case), with_skip({"congruent": True}, **case)
@@ -119,7 +120,7 @@ def test_a_right_hand_side_is_solved_once():
     assert savings.counts["repeated", "back-substitutions"] == before + 3
 
 
-@pytest.mark.parametrize("case", [LONG, METIS], ids=["slices", "metis"])
+@pytest.mark.parametrize("case", [LONG, late(METIS)], ids=["slices", "metis"])
 def test_repeated_right_hand_sides_change_nothing(case):
     """One macro block for all congruent slices; nothing else repeats in a run."""
     plain, spared = with_skip({"congruent": True}, **case), with_skip({"congruent": True, "repeated": True}, **case)

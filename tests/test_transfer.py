@@ -16,7 +16,7 @@ from orchestrator.scene.build import build_scene
 
 @pytest.mark.parametrize("case", [
     config(**CUBES),
-    config(**CUBES, **method(macro={"strategy": "none"}, search_direction={"kplus": "full"}, tolerance={"error": 1e-3})),
+    late(config(**CUBES, **method(macro={"strategy": "none"}, search_direction={"kplus": "full"}, tolerance={"error": 1e-3}))),
     config(subdomains=SLICES, **method(macro={"strategy": "continuity"}, sole={"kind": "layer"})),
     late(contact(0.2, mesh={"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, blackbox={**IN_PROCESS, "element": "P2"})),
     contact(law=[{"law": "perfect"}, {"law": "contact", "friction": 0.3, "between": ["block 0-0-0", "*"]}],
