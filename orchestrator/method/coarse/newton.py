@@ -1,9 +1,11 @@
-"""Semismooth Newton's method for one load step of the coarse contact problem, made to go downhill.
+"""Semismooth Newton's method for a load step of the coarse contact problem, searched along its lines.
 
-    (K₀ − ΣTᵀA L + δ) dy = −ρ(y),    y ← y + θ dy,  θ = 1, ½, ¼
+    (K₀ − ΣTᵀA L + δ) dy = −ρ(y),    y ← y + θ dy,    |dy·ρ(y + θ dy)| ≤ ½ |dy·ρ(y)|
 
-A step is taken if it brings ‖ρ‖ down by a fifth of θ; if none does, the Levenberg shift δ grows. ``Stall`` tells when
-that gains nothing any more.
+A loose body feels nothing until it touches, then more than before: ‖ρ‖ does not tell how far to go. The work of the
+imbalance along the line does (Matthies & Strang, Int. J. Numer. Meth. Engng 14, 1979): without friction it is the
+slope of a convex energy, negative up to its least value. A point of the line costs the laws at the pairs, a tenth of what the
+line costs. The shift δ is none to speak of unless friction makes a line rise from its start.
 """
 
 from __future__ import annotations
@@ -12,70 +14,102 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.coarse.load_step import Line, LoadStep
 
-LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
-RAISE, MOST = 30.0, 1e3  # by how much, and beyond what no step is tried any more
-LENGTHS = (1.0, 0.5, 0.25)
-GAIN = 0.2  # share of ‖ρ‖ that a whole step must gain
-FLAT = 1.001  # growth of ρ that still counts as standing still
-STILL = 0.99  # an accepted step that leaves this much of ρ has gained next to nothing
-SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each are a stall
+LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how much it grows, beyond what nothing is tried
+LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
+POINTS = 20  # of a line: regula falsi halves what is left in each but a few
+SHORT = 1e-2  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
+FINE, FOLLOWED = 1e-3, 4  # the same where it costs no factors, so that loose bodies stand where they stand; steps to get there
+PATIENCE, GAIN = 40, 0.9  # steps in which the least imbalance has to fall by a tenth
 
 
 class Newton:
-    """The iterates of Newton's method.
+    """The iterates.
 
     at : the load step
     direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
-    y, rho, size : (bodies, n) fields, their ρ, and ‖ρ‖
-    still : the last accepted step gained next to nothing
+    ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
+    farthest : fields (bodies, n) → how far any body moves in them at most
+    y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
     """
 
-    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray]):
-        self.at, self.direction, self.still = at, direction, False
-        self.move_to(y)
+    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
+                 ahead: Callable[[np.ndarray], np.ndarray], farthest: Callable[[np.ndarray], float]):
+        self.at, self.y, self.direction, self.ahead, self.farthest = at, y, direction, ahead, farthest
+        self._rho = at.residual(y)
+        self.start = self.size = np.linalg.norm(self._rho)
+        self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
 
-    def move_to(self, y: np.ndarray) -> None:
-        """Go on from other fields, with the first shift again."""
-        self._accept(y, self.at.residual(y))
-        self.shift = LEVENBERG
+    def solved(self, reduction: float, goal: float = 0.0) -> bool:
+        """Whether ‖ρ‖ has come down to a share of the start's, or to a goal, and bodies that all have a place hardly move any more.
 
-    def step(self) -> bool:
-        """Take a step, or raise the shift; False once no shift helps."""
-        if self.matrix is None:
-            self.matrix = self.at.matrix()
-        dy = self.direction(self.matrix, self.rho, self.shift)
-        for theta in LENGTHS:
-            trial = self.y + theta * dy
-            rho = self.at.residual(trial)
+        Where a whole step has led that far, steps by its own factors follow: they show as well that bodies have arrived.
+        """
+        if self.size > max(reduction * self.start, goal):
+            return False
+        if self.at.bodies.springs is None:
+            return True
+        if self._whole:
+            self._follow()
+        return self.start == 0 or self._last <= SHORT * self.farthest(self.y)
+
+    def _follow(self) -> None:
+        for _ in range(FOLLOWED):
+            if self._last <= FINE * self.farthest(self.y):
+                break
+            change = self.ahead(self._rho)
+            y = self.y + change
+            rho = self.at.residual(y)
             size = np.linalg.norm(rho)
-            # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
-            flat = theta == 1 and self.shift > LEVENBERG and size <= FLAT * self.size
-            if size <= (1 - GAIN * theta) * self.size or flat:
-                self.still = size > STILL * self.size
-                self._accept(trial, rho)
-                return True
-        self.still = False
-        self.shift *= RAISE
-        return self.shift <= MOST
+            if size > self.size:
+                self.at.residual(self.y)
+                break
+            self.y, self._rho, self.size, self._last = y, rho, size, self.farthest(change)
+        self._whole = False
 
-    def _accept(self, y: np.ndarray, rho: np.ndarray) -> None:
-        self.y, self.rho, self.size, self.matrix = y, rho, np.linalg.norm(rho), None
+    def step(self) -> str:
+        """Take a step; why there is no other, or nothing."""
+        matrix, shift = self.at.matrix(), LEAST
+        while True:
+            dy = self.direction(matrix, self._rho, shift)
+            work = np.vdot(dy, self._rho)
+            if work < 0:
+                break
+            shift *= SLOWER
+            if not shift <= MOST:
+                return "no direction"
+        line = Line(self.at, dy)
+        length = search(line, work)
+        self.y = self.y + length * dy
+        self._rho = line.end(length)
+        self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
+        self._whole = length == 1
+        self._waited += 1
+        if self.size <= GAIN * self._mark:
+            self._waited, self._mark = 0, self.size
+        return "stalled" if self._waited >= PATIENCE else ""
 
 
-class Stall:
-    """Notices steps in a row that gain less than a tenth each."""
+def search(work: Callable[[float], float], first: float) -> float:
+    """θ in (0, 1] where the work along a line has come down to a part of the first.
 
-    def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget what has been seen."""
-        self._slow, self._before = 0, np.inf
-
-    def seen(self, size: float) -> bool:
-        """Take in ‖ρ‖ before a step; whether the last ones have stalled."""
-        self._slow = self._slow + 1 if size > SLOW * self._before else 0
-        self._before = size
-        return self._slow >= IDLE
+    Beyond the whole step's work comes the root of a parabola: it begins with the slope that makes the whole step Newton's, and
+    bends up as pairs close on the way. Then the Illinois rule.
+    """
+    low, at_low, high, at_high, theta = 0.0, first, None, 0.0, 1.0
+    before = 0
+    for _ in range(POINTS):
+        here = work(theta)
+        if abs(here) <= LEFT * abs(first) or (here < 0 and high is None):
+            break
+        side = 1 if here > 0 else -1
+        if side > 0:
+            high, at_high, at_low = theta, here, at_low / (2 if before == side else 1)
+        else:
+            low, at_low, at_high = theta, here, at_high / (2 if before == side else 1)
+        theta = low - at_low * (high - low) / (at_high - at_low)
+        if not before:  # first + |first| θ + here θ² = 0
+            theta = 2 / (1 + np.sqrt(1 + 4 * here / abs(first)))
+        before = side
+    return theta

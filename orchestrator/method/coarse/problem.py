@@ -2,9 +2,8 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-Where contacts are stabilised every body has a place, and ``searched`` finds it. Otherwise it is solved by ``newton``.
-A body that hardly anything holds, which no Newton step brings to rest, is then settled alone (``settling``), no further
-than the radius in one solve: bodies come to rest over several iterations of the method, and their neighbours follow.
+``newton`` solves it. Where contacts are stabilised every body has a place, and it finds that. Elsewhere a body that hardly
+anything holds moves no further than the radius in a step: such bodies come to rest over several iterations of the method.
 
 Among ranks, what belongs to a body is formed by its rank; every Newton matrix goes to rank 0, which solves for all:
 right for some thousands of bodies.
@@ -18,10 +17,8 @@ from copy import copy
 import numpy as np
 
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import Newton, Stall
+from orchestrator.method.coarse.newton import Newton
 from orchestrator.method.coarse.pair_fields import PairFields
-from orchestrator.method.coarse.searched import SearchedNewton
-from orchestrator.method.coarse.settling import Body
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.parallel.team import Team
 
@@ -30,11 +27,7 @@ REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 # 1e-3 and 83 with 1e-2.
 FINELY = 1e-4
 ROUGH = 0.1  # the same for an estimate
-SERVED = 0.1  # a solve that stalls ends if ρ has been reduced that much already
-MAX_STEPS = 20
-MOST_STEPS = 60  # where contacts are stabilised: every body has a place, and it pays to find it
-DOMINATING, FEW = 0.5, 2  # a body with more of ρ is settled alone when Newton's method stalls; at most so many
-SETTLED = 0.05  # of what the whole is solved to, for one body alone
+MOST_STEPS = 60  # every body has a place, where contacts are stabilised, and it pays to find it
 
 
 class CoarseProblem:
@@ -47,8 +40,8 @@ class CoarseProblem:
     W : per own body (t, n), displacement of its traces in the fields
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
     newton_steps : Newton steps taken so far
-    ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "standing still" (the last
-        step gained next to nothing), "steps" (as many as are allowed), "no direction" (whatever the shift)
+    ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "steps" (as many
+        as are allowed), "no direction" (whatever the shift)
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
@@ -59,7 +52,6 @@ class CoarseProblem:
         self.newton_steps, self.reduction, self.goal = 0, REDUCTION if self.bodies.springs is None else FINELY, 0.0
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
-        self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
               radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +65,7 @@ class CoarseProblem:
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
         at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
-        y, size, start, end = (self._newton if self.bodies.springs is None else self._searched)(at, radius)
+        y, size, start, end = self._newton(at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
         return y, at.forces(y)
@@ -82,7 +74,7 @@ class CoarseProblem:
         """The same with springs of stabilisation as these pairs have them."""
         other = copy(self)
         other.fields = self.fields.with_springs(pairs)
-        other.bodies, other._alone = self.bodies.stabilised(other.fields), {}
+        other.bodies = self.bodies.stabilised(other.fields)
         return other
 
     def aside(self) -> CoarseProblem:
@@ -92,8 +84,8 @@ class CoarseProblem:
         other.reduction = ROUGH
         return other
 
-    def _searched(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
-        """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
+    def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+        """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended."""
         pattern, factors = self.bodies.pattern, None
 
         def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
@@ -105,45 +97,15 @@ class CoarseProblem:
         def ahead(rho: np.ndarray) -> np.ndarray:
             return self.team.share(None if factors is None else -factors.solve(rho))
 
-        run, end = SearchedNewton(at, np.zeros((self.fields.count, self.fields.size)), direction, ahead, self._farthest), ""
+        run, end = Newton(at, np.zeros((self.fields.count, self.fields.size)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
-            if run.solved(self.reduction):
-                return run.y, run.size, run.start, "tolerance"
+            if run.solved(self.reduction, self.goal):
+                end = "tolerance"
             if end or number == MOST_STEPS:
                 break
             self.newton_steps += 1
             end = run.step()
-        # with much friction the work is no energy, and its search may go round in a circle; a search on ‖ρ‖ does not
-        other = self._newton(at, radius)
-        return other if other[1] < run.size else (run.y, run.size, run.start, end or "steps")
-
-    def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
-        """The same where nothing is stabilised, or where the search has not arrived."""
-        pattern = self.bodies.pattern
-
-        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
-            return self._clipped(None if pattern is None else -pattern.factors(matrix, shift).solve(rho), radius)
-
-        newton = Newton(at, np.zeros((self.fields.count, self.fields.size)), direction)
-        stall, settled, start, end = Stall(), [], newton.size, "steps"
-        for _ in range(MAX_STEPS):
-            stalled = stall.seen(newton.size)
-            if newton.size <= max(self.reduction * start, self.goal) or newton.size == 0:
-                break
-            if stalled:
-                worst = self._dominating(newton)
-                if worst is not None and worst not in settled and len(settled) < FEW:
-                    settled.append(worst)
-                    newton.move_to(newton.y + self._settle(worst, newton, SETTLED * self.reduction * start, radius))
-                    stall.restart()
-                elif newton.size <= SERVED * start or newton.still:
-                    end = "standing still" if newton.still else "stalled"
-                    break
-            self.newton_steps += 1
-            if not newton.step():
-                end = "no direction"
-                break
-        return newton.y, newton.size, start, "tolerance" if newton.size <= self.reduction * start else end
+        return run.y, run.size, run.start, end or "steps"
 
     def _clipped(self, dy: np.ndarray | None, radius: float) -> np.ndarray:
         """(bodies, n) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
@@ -168,29 +130,6 @@ class CoarseProblem:
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
         self.newton_steps, self.ends = state["newton_steps"], dict(state["ends"])
-
-    @staticmethod
-    def _dominating(newton: Newton) -> int | None:
-        """The body that most of ρ belongs to, if there is one."""
-        each = np.linalg.norm(newton.rho, axis=1)
-        return int(each.argmax()) if each.max() > DOMINATING * newton.size else None
-
-    def _settle(self, body: int, newton: Newton, goal: float, radius: float) -> np.ndarray:
-        """(bodies, n) change of one body that settles while the others rest; its rank knows all its pairs."""
-        change, F = np.zeros((len(self.own), self.fields.size)), newton.at.forces(newton.y)
-        for e in np.flatnonzero(self.own == body):
-            if body not in self._alone:
-                self._alone[body] = self._body(body, self.W[e])
-            change[e] = self._alone[body].settle(F, newton.at.before, newton.at.number, newton.rho[body], goal, radius)
-        return self._of_all(change)
-
-    def _body(self, body: int, W: np.ndarray) -> Body:
-        bounds = self.fields.pairs.bounds
-        first, second = (np.repeat(side == body, np.diff(bounds)) for side in self.fields.ends.T)
-        chosen = np.flatnonzero(first | second)
-        first, fields = first[chosen, None, None], self.fields.some(chosen)
-        T, L = (np.where(first, x[:, :, :fields.size], x[:, :, fields.size:]) for x in (fields.T, fields.L))
-        return Body(fields.pairs, chosen, T, L, self.bodies.K0[body], W)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
         return of_all(self.team, self.fields.count, self.own, values)
