@@ -86,6 +86,10 @@ FRICTIONLESS = {
     "loose grains": lambda: case("grains"),
     "a gap": lambda: case("cubes", gap=0.002),
     "a press fit": lambda: case("blocks", gap=-0.001),
+    "springs": lambda: case("cubes", law=[{"law": "contact", "friction": 0.0}, {
+        "between": ["block 0-0-0", "block 0-0-1"], "law": "elastic", "stiffness_n": 3e5, "stiffness_t": 1e4}]),
+    "springs that are slack": lambda: case("cubes", law=[{"law": "contact", "friction": 0.0}, {
+        "between": ["block 0-0-0", "block 1-0-0"], "law": "elastic", "stiffness_n": 1e6, "stiffness_t": 1e5, "tension_only": True}]),
     "P2": lambda: case("cubes", blackbox={**IN_PROCESS, "element": "P2"}),
     "bonded beside": lambda: case("cubes", law=[
         {"law": "contact", "friction": 0.0}, {"between": ["block 0-0-0", "block 1-0-0"], "law": "perfect"}]),

@@ -103,7 +103,7 @@ class Contact(Law):
         Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1))
 
-    prices = True
+    prices, slips = True, True
 
     @property
     def convex(self) -> bool:

@@ -51,7 +51,7 @@ class Elastic(Law):
     formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
     meaning = "springs of the stiffness k per area"
     has_history = False
-    convex = True
+    convex, prices = True, True
     statuses = (SPRUNG, TAUT, SLACK, BONDED)
     measures = (Measure("spring", "spring law", "max |f − k A d| k_eq / (k_eq + k A) / A / max |f| / A",
                         "forces that do not belong to what the springs are stretched by", pressure=1),)
@@ -101,6 +101,16 @@ class Elastic(Law):
             for i in range(3):
                 answer.derivative[i, i] += across
         return answer
+
+    @staticmethod
+    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """½ (K d − f)·K⁻¹(K d − f), along the normal with what K is at d and at f."""
+        d, f, across = points.along(jump), points.along(force), points["across"]
+        here, there = _normal(points, d), _normal(points, f)
+        stretch = np.divide(f, there, out=np.zeros_like(f), where=there > 0)
+        normal = np.where(here == there, 0.5 * here * (d - stretch) ** 2, 0.5 * here * d**2 + 0.5 * there * stretch**2 - f * d)
+        apart = points.across(jump) - points.across(force) / across
+        return np.maximum(normal, 0.0) + 0.5 * across * dot(apart, apart)
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:

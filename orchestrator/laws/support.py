@@ -42,7 +42,7 @@ class Support(Law):
     formula, meaning = "f·e = k A (g − u·e), or u·e = g, in directions e", "a rigid ground: springs, or directions that are held"
     # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to be kept plane
     as_one, joins, has_history = True, True, False
-    convex = True
+    convex, prices = True, True
     statuses = (SUPPORTED, GUIDED, CARRIED, BONDED)
 
     @property
@@ -84,6 +84,17 @@ class Support(Law):
         across = (acts & ~along).sum(axis=0) > 1
         return {"frame": self.frame[:, :, chosen], "acts": acts, "softness": 1 / np.where(acts, k, 1.0), "given": self.given[:, chosen],
                 "status": np.where(held & across, SUPPORTED, np.where(held, GUIDED, CARRIED))}
+
+    @staticmethod
+    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """½ Σ (φ/k − g − d·e)² k of the springs: what is held has no price."""
+        acts, softness = points["acts"], points["softness"]
+        E = np.where(acts[:, None], points["frame"], 0.0)
+        matrix = np.linalg.pinv(np.einsum("icp,jcp->pij", E, E), hermitian=True)
+        phi = np.einsum("pij,jcp,cp->ip", matrix, E, force)
+        apart = softness * phi - points["given"] - np.einsum("icp,cp->ip", E, jump)
+        sprung = acts & (softness > 0)
+        return 0.5 * np.sum(np.where(sprung, apart**2 / np.where(sprung, softness, 1.0), 0.0), axis=0)
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:

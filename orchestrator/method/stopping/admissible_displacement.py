@@ -36,7 +36,7 @@ class Held:
     at : (r,) int, pairs; directions : (r, 3) unit vectors
     goals : (r,) what the jumps there have to be
     rigid : (r,) bool, the law does not give way, or cannot price it
-    across : (r,) bool, across the normal, where the law can price what moves
+    across : (r,) bool, across the normal, where what slips has a price
     """
 
     at: np.ndarray
@@ -99,9 +99,10 @@ class AdmissibleDisplacement:
 
     def __init__(self, pairs: Pairs, continuity: Continuity):
         self.pairs, self.continuity, self.space = pairs, continuity, continuity.space
-        self.prices, lawful = np.zeros((2, len(pairs)), dtype=bool)
+        self.prices, self.slips, lawful = np.zeros((3, len(pairs)), dtype=bool)
         for run in pairs.runs:
-            self.prices[run.part], lawful[run.part] = run.law.prices, not run.law.perfect  # perfect ones are the continuity's
+            self.prices[run.part], self.slips[run.part] = run.law.prices, run.law.slips
+            lawful[run.part] = not run.law.perfect  # perfect ones are the continuity's
         self.mine, self.B = lawful & pairs.mine, sp.csr_array(pairs.transfer.B)
         self.always = sp.csr_array(sp.vstack([continuity.rows, unit_rows(pairs.tied.dofs, pairs.transfer.total)]))
 
@@ -188,7 +189,7 @@ class AdmissibleDisplacement:
         pair, which = np.nonzero(size > FELT)
         directions, size, at = directions[pair, which], size[pair, which], at[pair]
         priced = self.prices[at]
-        across = priced & (np.abs(np.einsum("ri,ri->r", directions, normal[pair])) < 0.5)
+        across = self.slips[at] & (np.abs(np.einsum("ri,ri->r", directions, normal[pair])) < 0.5)
         held = Held(at, directions, np.zeros(len(at)), ~priced | (size > RIGID), across)
         return replace(held, goals=held.of(goal))
 
