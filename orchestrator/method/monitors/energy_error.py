@@ -40,7 +40,7 @@ class EnergyErrorCriterion(Monitor):
         if not self.due(now.number, residual, value):
             return Verdict(False, told={**told, "error_bound": np.nan})
         bound = now.problem.certificate(now.best, value)
-        error = bound.relative if np.isfinite(bound.relative) else bound.a
+        error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
         settled = residual <= LESS * self.residual or now.number >= self.at + PATIENCE > PATIENCE
         stalls = bool(error > value and settled and error > STALLED * self.error)
         self.at, self.residual, self.error = now.number, residual, error

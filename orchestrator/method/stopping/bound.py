@@ -153,6 +153,7 @@ def relative(error: float, size: float) -> float:
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
 MAX_STEPS = 100
+LONGER = 3
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
 CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
@@ -171,12 +172,13 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     negligible : sum over the steps that is not worth being told from zero
     beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
         the true one is larger
-    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added. Of slender bodies that
+        takes long: after ``LONGER`` times as many steps the geometric tail has to do
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return np.zeros(len(h)), 0
-    r, total, p, q, rz_old, steps = h.copy(), np.zeros(len(h)), None, None, None, []
+    r, total, p, q, rz_old, steps, enough = h.copy(), np.zeros(len(h)), None, None, None, [], 0
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
@@ -197,7 +199,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         if beyond(total):
             return total, sweeps
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
-        if softness is None and max(steps[-1], tail) <= RELATIVE_TAIL * worth:
+        enough = enough or (sweeps if max(steps[-1], tail) <= RELATIVE_TAIL * worth else 0)
+        if enough and (softness is None or sweeps >= LONGER * enough):
             share = gained / max(steps[-1], np.finfo(float).tiny)
             return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps
     return np.full(len(h), np.inf), MAX_STEPS

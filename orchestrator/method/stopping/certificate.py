@@ -109,8 +109,7 @@ class Certificate:
     def __call__(self, fields: Admissible, useful: float = np.inf) -> Certified:
         """The error of an iterate.
 
-        useful : where the displacement's part alone is above it, the rest, which costs back-substitutions, need not be known: the
-            error is infinite then
+        useful : an error above it need not be known: it is infinite then, and ``least`` what has been reached
         """
         space, team, pairs = self.space, self.space.team, self.pairs
         forces, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
@@ -127,9 +126,19 @@ class Certificate:
         known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, gap=gap, after=after,
                           unbalanced=unbalanced, broken=broken, guaranteed=self.guaranteed)
         if a > useful or unbalanced.any() or broken.any():
-            return known
+            return replace(known, least=a)
+        least = 0.0
+
+        def beyond(reached: np.ndarray) -> bool:
+            """Whether the error is above what is useful: the dual energy is approached from below."""
+            nonlocal least
+            least = relative(float(np.sqrt(np.maximum(rest + reached, 0.0).max())), size)
+            return least > useful
+
         # what rounding leaves of resultants has no energy
-        b2, sweeps = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, softness=self.softness())
+        b2, sweeps = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness())
+        if least > useful:
+            return replace(known, sweeps=sweeps, least=least)
         errors = np.sqrt(np.maximum(rest + b2, 0.0))
         return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps)
 
