@@ -29,6 +29,7 @@ LEAST = 1e-10
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
 # Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12.
 PATIENCE = 20
+FELT = 1e-2  # of the tolerance, what springs carry at least where it is they that the energy error stands still on
 LESS = 0.5  # of what springs carried when they became weaker last, below which that has served
 
 
@@ -79,7 +80,7 @@ class Weakening(Monitor):
         springs : ε over that at the beginning
         """
         laws, more = verdict.laws, len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
-        kept = verdict.stalls or laws.held_by_springs(self.allowed)
+        kept = verdict.stalls and laws.springs > FELT * self.allowed or laws.held_by_springs(self.allowed)
         return more and self.is_near(laws, bool(verdict.met)) or kept and laws.springs <= LESS * self.carried
 
     def change(self, now: Evaluation) -> Decomposition:
