@@ -187,7 +187,7 @@ def written(path: Path, mesh: Mesh) -> dict:
     return {"file": str(path)}
 
 
-def two_boxes(h: float = 0.3) -> Mesh:
+def two_boxes(h: float = 0.4) -> Mesh:
     """Two boxes of 1 × 1 × 0.5, one on the other, meshed irregularly; sides named bottom, top, x, y."""
     with session():
         occ, model = gmsh.model.occ, gmsh.model

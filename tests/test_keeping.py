@@ -49,7 +49,8 @@ CASES = {
     "contact": PRESSED,
     "contact, step by step": {**PRESSED, "method": {"increment": 1}},
     "contact, four differences kept": {**PRESSED, "method": {"memory": 4}},
-    "nonlinear, step by step": {**PRESSED, "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "on": "block 0-0-0"}]},
+    "nonlinear, step by step": {**PRESSED, "boundary": [PRESSED["boundary"][0], {"on": "zmax", "displacement": [
+        [0, 0, -0.005], [0.004, 0, -0.005]]}], "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "on": "block 0-0-0"}]},
     "bonded, nodes that do not match": {**TURNED, **APART, "interfaces": [{"law": "perfect"}], "boundary": [
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
     "contact, nodes that do not match": {**PRESSED, **APART, "boundary": [

@@ -41,18 +41,18 @@ class LastState(Subscriber):
 @pytest.fixture(scope="module")
 def exact():
     """The two lower blocks to many digits."""
-    return solve(stack(FAR[0], method={"tolerance": {"error": 1e-9}})).sides[:2]
+    return solve(stack(FAR[0], method={"tolerance": {"error": 1e-9}}))
 
 
 def apart(solution, exact):
-    return max(np.abs(a - b).max() for a, b in zip(solution.sides, exact)) / max(np.abs(u).max() for u in exact)
+    return max(np.abs(a - b).max() for a, b in zip(solution.sides[:2], exact.sides)) / max(np.abs(u).max() for u in exact.sides[:2])
 
 
 @pytest.mark.parametrize("far", quick(FAR, FAR[-1]))
 def test_a_body_sent_far_away_leaves_the_others_as_exact(exact, far):
     solution = solve(stack(far))
     assert solution.converged and apart(solution, exact) < 10 * TOLERANCE
-    assert solution.summary["energy"][0] == pytest.approx(solve(stack(FAR[0])).summary["energy"][0], rel=1e-5)
+    assert solution.summary["energy"][0] == pytest.approx(exact.summary["energy"][0], rel=1e-5)
 
 
 def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):

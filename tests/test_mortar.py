@@ -266,18 +266,18 @@ def test_the_undecomposed_solution_is_that_of_the_same_operators(layout):
 @pytest.mark.parametrize("young", [YOUNG, YOUNG / 1000], ids=["alike", "1:1000"])
 def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
     """Slices of sizes 1:3, and of moduli 1:1000, against matching ones of the finer size."""
-    bodies = {f"s{i}": ([0.5, 1, 1], [0.5 * i, 0, 0]) for i in range(6)}
+    bodies = {f"s{i}": ([0.5, 1, 1], [0.5 * i, 0, 0]) for i in range(4)}
     fine, coarse = ({"box": {"size": [0.5, 1, 1], "cells": cells}} for cells in ([3, 6, 6], [1, 2, 2]))
     counts = []
     for other in (fine, coarse):
         made = blocks(bodies, {name: (fine, other)[i % 2] for i, name in enumerate(bodies)}, turn=None,
-                      held=[{"on": "s0/xmin", "displacement": [0, 0, 0]}, {"on": "s5/xmax", "traction": [3, 1, 2]}],
-                      materials=[{"young": YOUNG, "poisson": POISSON}, {"young": young, "poisson": POISSON, "on": ["s0", "s2", "s4"]}],
+                      held=[{"on": "s0/xmin", "displacement": [0, 0, 0]}, {"on": "s3/xmax", "traction": [3, 1, 2]}],
+                      materials=[{"young": YOUNG, "poisson": POISSON}, {"young": young, "poisson": POISSON, "on": ["s0", "s2"]}],
                       method={"tolerance": {"error": 1e-6}})
         scene = build_scene(made)
         assert all((i.mortar is None) == (other is fine) for i in scene.interfaces)
         slaves = {scene.subdomains[i.subdomains[0]].name for i in scene.interfaces if i.mortar is not None}
-        assert slaves <= ({"s1", "s3", "s5"} if young == YOUNG else {"s0", "s2", "s4"}), "the coarser, but the softer before it"
+        assert slaves <= ({"s1", "s3"} if young == YOUNG else {"s0", "s2"}), "the coarser, but the softer before it"
         solved = solve(made, scene)
         assert solved.converged
         counts.append(solved.summary["iterations"])

@@ -26,7 +26,7 @@ AS_PROCESS = {"code": str(EXAMPLE), "options": OPTIONS, "nonlinear": True, "work
 # bent until a third of it flows, unloaded, bent the other way
 BENT = {"boundary": [CLAMP, {"on": "xmax", "traction": [0, 27, 0], "history": "both"},
                      {"on": "zmax", "traction": [0, 0, -5], "history": "both"}],
-        "histories": {"both": [0.5, 0.8, 1.0, 0.5, -0.2, -0.8, -1.0]}}
+        "histories": {"both": [0.5, 1.0, -0.2, -1.0]}}
 
 
 def in_one_piece(made):
@@ -46,19 +46,19 @@ def in_one_piece(made):
 
 
 def test_plasticity_with_reversal_against_one_run():
-    """Seven load steps, a third of the tets flowing: 1e-5 within 40 answers a step, and no bound is claimed."""
+    """Four load steps, a third of the tets flowing: 1e-5 within 40 answers a step, and no bound is claimed."""
     made = config(**BENT, method={"tolerance": {"error": 1e-6}}, blackbox=IN_PROCESS_PLASTIC)
     solution = solve(made)
     exact, flown, held = in_one_piece(made)
     assert solution.converged and 0.25 < flown < 0.35
-    assert solution.iterations <= 40 * 7  # and in each: the run counts them all
+    assert solution.iterations <= 40 * 4  # and in each: the run counts them all
     apart = np.abs(solution.displacement - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
     assert apart.max() <= 1e-5
     np.testing.assert_allclose(solution.reactions[0], held, atol=1e-5 * np.abs(held).max())
     summary = solution.summary
     assert np.isnan(summary["error_bound"]) and np.isnan(summary["energy"]).all()
     assert 1e-9 < summary["residuals"]["law_residual"] <= 1e-6
-    assert summary["nonlinear"]["answers"] == 4 * (solution.iterations + 7) and not summary["discretisation_error"]
+    assert summary["nonlinear"]["answers"] == 4 * (solution.iterations + 4) and not summary["discretisation_error"]
 
 
 @pytest.mark.long
