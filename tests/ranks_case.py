@@ -55,7 +55,7 @@ CASES = {
                      {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]},
                      {"on": {"plane": "x", "at": 2}, "foundation": {"normal": 1e4, "tangential": 1e3}},
                      {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
-        "method": {"tolerance": {"error": 1e-6}},
+        "method": {"tolerance": {"law": 1e-6}},
     },
     # sides meshed each on its own: a T in which all is bonded, and one that slides on one side; supports beside interfaces
     "parts bonded": {

@@ -19,7 +19,8 @@ ROLLERS = [{"on": {"plane": axis, "at": 0.0}, "displacement": [0.0 if axis == a 
 
 PROBLEMS = [("two blocks", mu) for mu in (0.0, 0.1, 0.3, 0.5)] \
     + [(name, mu) for name in ("eight cubes", "ten grains") for mu in (0.0, 0.1, 0.3)]
-MORE = [("two blocks", 0.1), ("two blocks", 0.3), ("two blocks", 0.5), ("eight cubes", 0.0), ("eight cubes", 0.1), ("ten grains", 0.0), ("ten grains", 0.1), ("ten grains", 0.3)]
+MORE = [("two blocks", 0.1), ("two blocks", 0.3), ("two blocks", 0.5), ("eight cubes", 0.0), ("eight cubes", 0.1),
+        ("ten grains", 0.0), ("ten grains", 0.1), ("ten grains", 0.3)]
 
 
 def reactions(one_piece, t, step):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-import pyvista
+from pyvista import read
 from ranks_case import CASES
 from threads import among
 
@@ -64,7 +64,7 @@ def test_pieces_make_up_the_whole(case, tmp_path):
         order, other = (np.lexsort(np.round(x[:, :3], 9).T) for x in (whole, parts))
         size = np.nanmax(np.abs(whole), axis=0)
         assert np.allclose(whole[order], parts[other], rtol=1e-12, atol=1e-12 * size, equal_nan=True)
-        seen = pyvista.read(tmp_path / f"three/fields/step_{step:04d}.pvtu")
+        seen = read(tmp_path / f"three/fields/step_{step:04d}.pvtu")
         assert seen.n_cells == len(scene.mesh.cells) and set(seen.cell_data) >= set(one.cell_data)
         assert seen.point_data["displacement"].shape[1] == 3 and seen.cell_data["stress"].shape[1] == 6
     assert "step_0001.pvtu" in (tmp_path / "three/fields/fields.pvd").read_text()

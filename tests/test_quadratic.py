@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 import pytest
-import pyvista
+from pyvista import CellType, read
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from blackbox_case import box, chain, difference, settings
@@ -263,8 +263,8 @@ def test_field_files(tmp_path):
     write_fields(ResultsFolder(tmp_path), fields)
     again = read_npz(tmp_path)
     assert again.cells.shape[1] == 10 and np.array_equal(again.displacement, found.displacement)
-    grid = pyvista.read(tmp_path / "fields" / "step_0001.vtu")
-    assert set(grid.celltypes) == {pyvista.CellType.QUADRATIC_TETRA}
+    grid = read(tmp_path / "fields" / "step_0001.vtu")
+    assert set(grid.celltypes) == {CellType.QUADRATIC_TETRA}
     assert grid.volume == pytest.approx(4.0) and grid.compute_cell_sizes()["Volume"].min() > 0
     assert (grid.cell_data["von_mises_max"] >= grid.cell_data["von_mises"] * (1 - 1e-12)).all()
     np.testing.assert_allclose(grid.cell_data["stress"], fields.stress(0), rtol=1e-12)
@@ -291,7 +291,7 @@ SMALL = {"two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}
          "four blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]}}}
 
 
-@pytest.mark.parametrize("name, friction", [("two blocks", 0.0), ("two blocks", 0.3), late("four blocks", 0.2)])
+@pytest.mark.parametrize("name, friction", [late("two blocks", 0.0), ("two blocks", 0.3), late("four blocks", 0.2)])
 def test_monolithic_contact_agrees(name, friction):
     """Pressed, sheared, let go: the independent formulation with its own ties, cold and from our solution.
 
