@@ -24,6 +24,7 @@ from benchmarks.problems.cases import contact_defaults, defaults, paper, paper_c
 from benchmarks.problems.error_cases import MODELS
 from benchmarks.registry import STUDIES, function_of, run_study
 from benchmarks.studies import (
+    certified,
     contact,
     falsified,
     faults,
@@ -491,6 +492,45 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
     failed = grains_study(tmp_path, counts=[4], method={"acceleration": "andersen"})
     assert failed.rows[0]["stop_reason"] == "failed" and "did you mean 'anderson'" in failed.rows[0]["failure"]
     assert [target.met for target in failed.targets] == [False]
+
+
+def test_certified_scenes_are_drawn_again_alike():
+    drawn = [certified.drawn(number, "in-process") for number in range(60)]
+    assert {labels["kind"] for _, labels in drawn} == set(certified.KINDS)
+    for key, count in (("steps", 4), ("element", 2), ("contrast", 3), ("asked", 4), ("friction", 4), ("gap", 4)):
+        assert len({labels[key] for _, labels in drawn}) == count
+    for number, (data, labels) in enumerate(drawn):
+        assert certified.drawn(number, "in-process") == (data, labels) and config_from(data).method.tolerance.error == labels["asked"]
+        moduli = [matter["young"] for matter in data["materials"]]
+        assert max(moduli) / min(moduli) == pytest.approx(labels["contrast"])
+
+
+def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
+    asked = ["scenes=3", "code=in-process", "follow=false"]
+    run_study("certified", tmp_path, asked)
+    rows = rows_of(tmp_path / "table.csv")
+    assert [row["scene"] for row in rows] == ["1", "2", "3"] and all(row["stop_reason"] == "converged" for row in rows)
+    assert all(float(row["true_error"]) <= float(row["asked"]) for row in rows if row["error_kind"] == "guaranteed")
+    assert is_drawn(tmp_path / "certified.png", saved_figures[-1])
+    run_study("certified", tmp_path, asked, resume=True)
+    assert rows_of(tmp_path / "table.csv") == rows
+
+
+def test_targets_of_certified_scenes(tmp_path):
+    def judged(*changes):
+        study = Study("certified", "judged", tmp_path)
+        row = {"iterations": 9, "stop_reason": "converged", "error_kind": "guaranteed", "asked": 1e-3, "true_error": 4e-4,
+               "effectivity": 1.5}
+        study.rows = [{**row, **change} for change in changes]
+        certified.judge(study)
+        return [target.met for target in study.targets]
+
+    assert all(judged({}, {"error_kind": "estimated", "effectivity": 0.5, "true_error": 2e-3}))
+    assert judged({}, {"effectivity": 0.99}) == [True, False, True, True]
+    assert judged({"effectivity": 2.5}) == [True, False, True, True]
+    assert judged({}, {}, {"effectivity": 6.5}) == [True, False, True, True]
+    assert judged({}, {"true_error": 1.1e-3}) == [True, True, False, True]
+    assert judged({}, {"stop_reason": "max_iterations"})[0] is False
 
 
 def test_targets_of_grains(tmp_path):
