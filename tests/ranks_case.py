@@ -133,6 +133,9 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     if solved.interfaces is not None:
         result |= {"status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
                    "resultant": solved.interfaces.resultant}
+        if solved.interfaces.shift_normal is not None:
+            result |= {"shifts": np.stack([solved.interfaces.shift_normal, solved.interfaces.shift_tangential]),
+                       "largest shifts": [summary["backward"][name] for name in ("normal", "tangential")]}
     return result
 
 

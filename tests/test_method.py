@@ -336,8 +336,8 @@ def test_dual_energy(mesh, kind, ratio):
         s = fields.f
         balanced = 0.5 * (s - d.space.across(s))
         h = d.space.loads(s - balanced)
-        estimate, sweeps = dual_energy(d.stage, h, np.zeros(1), 0.0)
-        early, spent = dual_energy(d.stage, h, np.zeros(1), 0.0, lambda total: total[0] > 0.1 * estimate[0])
+        estimate, sweeps, _ = dual_energy(d.stage, h, np.zeros(1), 0.0)
+        early, spent, _ = dual_energy(d.stage, h, np.zeros(1), 0.0, lambda total: total[0] > 0.1 * estimate[0])
         full = d.bound(fields)
         asked = 0.1 * full.relative
         part = d.bound(fields, useful=asked)

@@ -97,6 +97,8 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         for name, expected in alone(case).items():
             if name in ("status", "iterations", "sweeps", "weakened"):
                 assert np.array_equal(together[name], expected), (case, name)
+            elif "shifts" in name:  # they are solved for to a hundredth
+                assert np.abs(together[name] - expected).max() <= 0.02 * np.abs(expected).max(), (case, name)
             else:
                 off = np.abs(together[name] - expected).max()
                 # where springs of stabilisation alone hold a grain, rounding of 1e-16 is ten million times larger

@@ -13,6 +13,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, all_i
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.recovery import Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions, recover
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
+from orchestrator.method.stopping.backward import Backward, backward_error
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
@@ -27,6 +28,7 @@ class Contact:
     stabilised: Stabilised | None  # what stabilisation carried; None where there is none
     places: OpenPlaces | None  # how far those of loose bodies are determined; None where there are none
     sole_scale: float  # factor that contact's soles were given
+    backward: Backward | None  # for which surfaces the result is exact; None where that is not known
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,9 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
                        for each in recover(chosen, iterated.fields, iterated.bound))
         iterated = expanded(d, iterated, cases)
     contact = lengths = None
-    interfaces, inside = interface_fields(d, iterated), interior(d, iterated, parts)
+    with watch("bound"):
+        backward = _backward(d, iterated, parts)
+    interfaces, inside = interface_fields(d, iterated, backward and backward.shift), interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
     else:
@@ -70,13 +74,22 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
                               for t, pairs, before in iterated.by_pairing(d)], lengths, team)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
-        contact = Contact(laws, stabilised(d, iterated), open_places(iterated, scale, parts, team), d.made.sole_scale)
+        contact = Contact(laws, stabilised(d, iterated), open_places(iterated, scale, parts, team), d.made.sole_scale,
+                          backward)
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     f = iterated.fields.f
     return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f),
                      interface_resultants(d, f), of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [])
+
+
+def _backward(d: Decomposition, iterated: Iterated, parts: Parts) -> Backward | None:
+    """The shifts for which the result is exact, where an energy error is known."""
+    if d.certificate is None:
+        return None
+    boundary = [parts[s.index].reshape(d.steps, -1)[:, trace] for s, trace in zip(d.own, d.made.traces)]
+    return backward_error(d.certificate, iterated.bound, iterated.fields, np.hstack([np.zeros((d.steps, 0)), *boundary]))
 
 
 def on_whole(delivered: Delivered, whole: Scene) -> Delivered:

@@ -22,6 +22,9 @@ from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
 
+SHIFTS = ("shift_normal", "shift_tangential")
+
+
 @dataclass(frozen=True)
 class Surfaces:
     """All interfaces that are not perfect, interface after interface."""
@@ -63,6 +66,9 @@ class InterfaceFields(Surfaces):
     resultant: np.ndarray  # (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
     areas: np.ndarray  # (T, N) ``area`` at each load step; zero where nothing is opposite
     own: Mapping[str, np.ndarray] = field(default_factory=dict)  # name → (T, N) the laws' own variables; 0 at nodes of other laws
+    # (T, N) lengths, how far the sides would have to be moved apart, and across the normal, for the result to be exact; None: not known
+    shift_normal: np.ndarray | None = None
+    shift_tangential: np.ndarray | None = None
 
     @classmethod
     def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
@@ -77,7 +83,8 @@ class InterfaceFields(Surfaces):
         triangles = np.concatenate([p.triangles + a for p, a in zip(parts, starts)])
         along = dict.fromkeys(("names", "laws", "subdomains"), (order, 0)) | {"resultant": (order, 1)} | dict.fromkeys(
             ("nodes", "others", "normal", "area", "initial_gap"), (node, 0)) | dict.fromkeys(
-            ("gap", "slip", "pressure", "friction_traction", "status", "areas"), (node, 1))
+            ("gap", "slip", "pressure", "friction_traction", "status", "areas", *(
+                SHIFTS if parts[0].shift_normal is not None else ())), (node, 1))
         return replace(parts[0], offsets=np.concatenate([[0], np.cumsum(counts[order])]), triangles=place[triangles[face]],
                        owner=np.repeat(np.arange(len(order)), faces[order]),
                        own={name: np.concatenate([p.own[name] for p in parts], axis=1).take(node, axis=1) for name in parts[0].own},
@@ -103,8 +110,11 @@ def own_interfaces(d: Decomposition) -> list[Interface]:
     return [i for i in d.scene.interfaces if not i.law.perfect and i.subdomains[0] in here]
 
 
-def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | None:
-    """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are."""
+def interface_fields(d: Decomposition, iterated: Iterated, shift: np.ndarray | None = None) -> InterfaceFields | None:
+    """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are.
+
+    shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces last; None: not known
+    """
     if all(i.law.perfect for i in d.scene.interfaces):
         return None
     pairs, steps, scene = d.local.pairs, d.scene.steps, d.scene
@@ -122,6 +132,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, corners))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
     gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
+    shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))  # along the normal and across it
     own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
@@ -140,10 +151,16 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
         size = np.where(area > 0, area, np.inf)
         traction[t], pressure[t] = (force[t] - push[:, :, None] * normal) / size[:, None], -push / (length * size)
         gap[t], slip[t] = apart[t] + length * opening, jump - opening[:, :, None] * normal
+        if shifts is not None:
+            moved = np.zeros_like(jump)
+            moved[:, place[shown]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, mine][:, shown]
+            along = np.einsum("tni,ni->tn", moved, normal)
+            shifts[:, t] = length * along, np.linalg.norm(moved - along[:, :, None] * normal, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
             if i.mortar is not None:
-                _spread(i, scene.points(i), *(x[t, a:b] for x in (status, gap, slip, pressure, traction, *own.values())))
+                spread = status, gap, slip, pressure, traction, *own.values(), *(() if shifts is None else shifts)
+                _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
     nodes, others = ([x[k] for x in (_nodes(scene, i) for i in chosen)] for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
@@ -151,7 +168,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
         joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area,
         at_corners([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own)
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own, *(() if shifts is None else shifts))
 
 
 def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:

@@ -130,7 +130,7 @@ class ErrorBound:
             least = relative(self._largest(rest + reached), size)
             return least > useful
 
-        b2, sweeps = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
+        b2, sweeps, _ = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
         if least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=least)
         return replace(bound, relative=relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
@@ -160,8 +160,9 @@ SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
-                beyond: Callable[[np.ndarray], bool] = lambda total: False, softness: np.ndarray | None = None) -> tuple[np.ndarray, int]:
-    """(T,) hᵀS⁺h over all subdomains, and the back-substitutions spent.
+                beyond: Callable[[np.ndarray], bool] = lambda total: False, softness: np.ndarray | None = None,
+                share: float = LEFT) -> tuple[np.ndarray, int, np.ndarray]:
+    """(T,) hᵀS⁺h over all subdomains, the back-substitutions spent, and (T, B) S⁺h without rigid motions.
 
     The iterates approach from below; the geometric tail of the steps is added, and for the
     tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
@@ -174,18 +175,19 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         the true one is larger
     softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added. Of slender bodies that
         takes long: after ``LONGER`` times as many steps the geometric tail has to do
+    share : of the sum, what may be left where it is known from above
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
-        return np.zeros(len(h)), 0
-    r, total, p, q, rz_old, steps, enough = h.copy(), np.zeros(len(h)), None, None, None, [], 0
+        return np.zeros(len(h)), 0, np.zeros_like(h)
+    r, x, total, p, q, rz_old, steps, enough = h.copy(), np.zeros_like(h), np.zeros(len(h)), None, None, None, [], 0
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
         if softness is not None:
             left, = space.team.sum((rz * (1 + 1 / softness)).sum(axis=1))
-            if left.sum() <= LEFT * max(np.sum(total + left + rest), CANCELLED * np.sum(total + left), negligible):
-                return total + left, sweeps
+            if left.sum() <= share * max(np.sum(total + left + rest), CANCELLED * np.sum(total + left), negligible):
+                return total + left, sweeps, x
         if p is None:
             p, q = z, r.copy()
         else:
@@ -194,16 +196,17 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
-        total, r, rz_old = total + gained, r - of.spread(alpha) * s_p, rz
+        alpha = of.spread(alpha)
+        total, x, r, rz_old = total + gained, x + alpha * p, r - alpha * s_p, rz
         steps.append(float(gained.sum()))
         if beyond(total):
-            return total, sweeps
+            return total, sweeps, x
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
-        enough = enough or (sweeps if max(steps[-1], tail) <= RELATIVE_TAIL * worth else 0)
+        enough = enough or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, share) * worth else 0)
         if enough and (softness is None or sweeps >= LONGER * enough):
-            share = gained / max(steps[-1], np.finfo(float).tiny)
-            return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps
-    return np.full(len(h), np.inf), MAX_STEPS
+            each = gained / max(steps[-1], np.finfo(float).tiny)
+            return total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x
+    return np.full(len(h), np.inf), MAX_STEPS, x
 
 
 def _tail(steps: list[float]) -> float:

@@ -47,7 +47,7 @@ class Certified(Bound):
 
     errors : (T,) E, an energy norm
     size : energy norm that E is relative to
-    forces : (T, 3, P) λ̂; gap : (T,) Σγ of all ranks
+    forces, lawful : (T, 3, P) λ̂, and jumps (F − λ̂)/keq that the laws allow beside them; gap : (T,) Σγ of all ranks
     after : what the last load step leaves to the next
     unbalanced : (T, bodies) bool, those that no lawful forces balance
     broken : (T,) bool, load steps in which every displacement breaks a law
@@ -57,6 +57,7 @@ class Certified(Bound):
     errors: np.ndarray
     size: float
     forces: np.ndarray
+    lawful: np.ndarray
     gap: np.ndarray
     after: History
     unbalanced: np.ndarray
@@ -66,12 +67,12 @@ class Certified(Bound):
     @classmethod
     def joined(cls, batches: Sequence[Certified]) -> Certified:
         """The error of all load steps from batches of them, in order."""
-        errors, energy, repositioned, correction, forces, gap, unbalanced, broken = (
+        errors, energy, repositioned, correction, forces, lawful, gap, unbalanced, broken = (
             np.concatenate([getattr(b, name) for b in batches])
-            for name in ("errors", "energy", "repositioned", "correction", "forces", "gap", "unbalanced", "broken"))
+            for name in ("errors", "energy", "repositioned", "correction", "forces", "lawful", "gap", "unbalanced", "broken"))
         size = max(b.size for b in batches)
         return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
-                   sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, gap=gap, after=batches[-1].after,
+                   sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, lawful=lawful, gap=gap, after=batches[-1].after,
                    unbalanced=unbalanced, broken=broken, guaranteed=all(b.guaranteed for b in batches))
 
 
@@ -111,20 +112,16 @@ class Certificate:
 
         useful : an error above it need not be known: it is infinite then, and ``least`` what has been reached
         """
-        space, team, pairs = self.space, self.space.team, self.pairs
-        forces, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
-        w, f = fields.extended
-        change, (tied, targets, stiffness) = pairs.transfer.opposed(forces) - f, pairs.tied
-        change[:, tied] = -stiffness * (w[:, tied] - targets)  # what holds tied nodes is in balance within a body, whatever it is
-        change = change[:, : space.size]
-        h, pushed, robin = space.loads(change), space.loads(fields.f), space.loads(self.stage.robin_of(fields))
+        space, team = self.space, self.space.team
+        forces, lawful, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
+        h, pushed, robin = self.change(fields, forces), space.loads(fields.f), space.loads(self.stage.robin_of(fields))
         a2 = dots(delta, times(self.stiffness, delta))
         energy = self.stage.loading.energy_of(robin, fields.u, pushed) + 2 * dots(delta, self.external + pushed) + a2
         a2, energy, rest, gap = team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * gap, gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(float(np.sqrt(a2.max(initial=0.0))), size)
-        known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, gap=gap, after=after,
-                          unbalanced=unbalanced, broken=broken, guaranteed=self.guaranteed)
+        known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, lawful=lawful,
+                          gap=gap, after=after, unbalanced=unbalanced, broken=broken, guaranteed=self.guaranteed)
         if a > useful or unbalanced.any() or broken.any():
             return replace(known, least=a)
         least = 0.0
@@ -136,15 +133,22 @@ class Certificate:
             return least > useful
 
         # what rounding leaves of resultants has no energy
-        b2, sweeps = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness())
+        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness())
         if least > useful:
             return replace(known, sweeps=sweeps, least=least)
         errors = np.sqrt(np.maximum(rest + b2, 0.0))
         return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps)
 
-    def _pair(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, History, np.ndarray, np.ndarray]:
-        """λ̂ (T, 3, P), δ (T, B), y (T, own modes), this rank's Σγ (T,), what is left to the next load step, bodies that are not in
-        balance (T, bodies), and whether laws are broken (T,)."""
+    def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
+        """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""
+        (w, f), (tied, targets, stiffness) = fields.extended, self.pairs.tied
+        change = self.pairs.transfer.opposed(forces) - f
+        change[:, tied] = -stiffness * (w[:, tied] - targets)  # what holds tied nodes is in balance within a body, whatever it is
+        return self.space.loads(change[:, : self.space.size])
+
+    def _pair(self, fields: Admissible) -> tuple:
+        """λ̂ and d̂ (T, 3, P), δ (T, B), y (T, own modes), this rank's Σγ (T,), what is left to the next load step, bodies that are not
+        in balance (T, bodies), and whether laws are broken (T,)."""
         pairs, forces, before = self.pairs, self.forces, self.before
         F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
         radius = max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
@@ -155,10 +159,11 @@ class Certificate:
             known = None if held is None else held[t]
             placed = self.displacement(u, known, balanced.answer, balanced.F, before, number, pairs.tied.targets[t])
             before = History(placed.jump, balanced.answer.own)
-            found.append((balanced.answer.force, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,
+            lawful = pairs.masked(pairs.points.compliance(balanced.F - balanced.answer.force))
+            found.append((balanced.answer.force, lawful, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,
                           not placed.admissible))
-        force, delta, moved, gap, unbalanced, broken = (np.array(same) for same in zip(*found))
-        return force, delta, moved, gap, before, unbalanced, broken
+        force, lawful, delta, moved, gap, unbalanced, broken = (np.array(same) for same in zip(*found))
+        return force, lawful, delta, moved, gap, before, unbalanced, broken
 
 
 def _per_node(diagonal: np.ndarray, space: TraceSpace) -> np.ndarray:

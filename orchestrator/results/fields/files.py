@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.part import OwnFields
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import write_npz
@@ -119,18 +119,19 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
 
 
 def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
-    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.
+    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known.
 
     nodes : (n, 3) of the mesh
     displacement : of side 1 and side 2, (steps, N, 3) each
     """
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
+    shifts = {name: x for name in SHIFTS if (x := getattr(interfaces, name)) is not None}
     for step, name in enumerate(names):
         write_vtu(folder, f"fields/{name}", nodes[interfaces.nodes], interfaces.triangles,
                   {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
                    "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": interfaces.pressure[step],
                    "friction_traction": interfaces.friction_traction[step],
-                   "status": interfaces.status[step].astype(np.int32), **{name: x[step] for name, x in interfaces.own.items()}},
+                   "status": interfaces.status[step].astype(np.int32), **{name: x[step] for name, x in (shifts | interfaces.own).items()}},
                   {"interface": interfaces.owner.astype(np.int32)})
     write_pvd(folder, INTERFACES_PVD, names)
 

@@ -7,6 +7,7 @@
 | `part`, `parts`, `joined` | as there: parts, their names, and which nodes are one where interfaces open |
 | `displacement_sides_0`, `…_1`, … | (steps, n_E, 3) per subdomain, where interfaces open |
 | `gap`, `initial_gap`, `slip`, `pressure`, `friction_traction`, `status` | as in ``InterfaceFields``, where interfaces open |
+| `shift_normal`, `shift_tangential` | as there, where they are known |
 | `own_…` | the laws' own variables, so `own_damage`, (steps, N) |
 | `interface_…` | its other arrays, so `interface_nodes` for `nodes` |
 """
@@ -23,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import wrong
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.scene.mesh.checks import check_memory
@@ -33,7 +34,8 @@ _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
 _IF_THERE = ("discretisation_error", "part", "joined", "believed", "thermal")
 _SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
-_INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields) if f.name != "own"}
+_INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)
+              if f.name not in ("own", *SHIFTS)}
 _OWN = "own_"
 
 
@@ -44,6 +46,7 @@ def write_npz(folder: ResultsFolder, written: Fields) -> Path:
     if written.interfaces is not None:
         arrays |= {key: getattr(written.interfaces, name) for name, key in _INTERFACE.items()}
         arrays |= {_OWN + name: x for name, x in written.interfaces.own.items()}
+        arrays |= {name: x for name in SHIFTS if (x := getattr(written.interfaces, name)) is not None}
     arrays |= {name: array for name in _IF_THERE if (array := getattr(written, name)) is not None}
     arrays["parts"] = np.array(written.parts, dtype=str)
     with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
@@ -77,4 +80,5 @@ def _interfaces(data: Mapping[str, np.ndarray]) -> InterfaceFields | None:
     if _INTERFACE["nodes"] not in data:
         return None
     own = {name.removeprefix(_OWN): data[name] for name in data if name.startswith(_OWN)}
-    return InterfaceFields(**{name: data[key] for name, key in _INTERFACE.items()}, own=own)
+    return InterfaceFields(**{name: data[key] for name, key in _INTERFACE.items()}, own=own,
+                           **{name: data[name] for name in SHIFTS if name in data})

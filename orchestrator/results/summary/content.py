@@ -16,6 +16,7 @@ from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
+from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.results.summary.advice import Stopped, advice
@@ -51,7 +52,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
-        "true_error": exact.relative_error(delivered.displacement) if exact else None,
+        "backward": _backward(met and met.backward), "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
@@ -89,6 +90,12 @@ def _error_kind(bound: Bound) -> str | None:
     if not math.isfinite(bound.relative):
         return None
     return "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
+
+
+def _backward(found: Backward | None) -> dict[str, object] | None:
+    """How far surfaces are shifted at most for the result to be exact, in all load steps and in each; None where that is not known."""
+    each = found and {"normal": found.normal.tolist(), "tangential": found.tangential.tolist()}
+    return each and {name: max(steps) for name, steps in each.items()} | {"load_steps": each}
 
 
 def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:

@@ -75,6 +75,14 @@ def _error(summary: Mapping[str, object]) -> str:
     return _numbers(summary, "error_bound", f"{{:.2e}}  ({kind}, relative, energy norm)")
 
 
+def _backward(summary: Mapping[str, object]) -> str:
+    """For which surfaces the result is exact."""
+    if not (found := summary.get("backward")):
+        return ""
+    normal, tangential = (f"{found[name]:.1e}{units_of(summary)['length']}" for name in ("normal", "tangential"))
+    return f"exact for surfaces shifted by at most {normal} along the normal, {tangential} across it"
+
+
 def balance_sentences(summary: Mapping[str, object]) -> list[str]:
     """Which bodies no forces hold that the laws allow, at which load steps, in words."""
     return [f"{some(names, NAMES)}: no forces that the laws allow hold {'it' if len(names) == 1 else 'them'} at load step {steps}: no error is known"
@@ -273,7 +281,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("run", ("name", "{}")), ("result", _result), ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
     ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
-    ("error bound", _error),
+    ("error bound", _error), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),

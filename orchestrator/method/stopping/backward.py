@@ -1,0 +1,134 @@
+"""Backward error: what is delivered is exact for surfaces that are shifted a little, whatever the friction and the history.
+
+The bodies under forces λ̂ that obey the laws and keep every body in balance (``admissible_forces``),
+
+    K û = f_d − NᵀBᵀλ̂,    on the boundary û = u + R y + S⁺h,    h = Nᵀ(−Bᵀλ̂ − f),
+
+solve the scene exactly, with its loads, moduli and laws, if each pair's jump is offset by δ = d' − B û, where d' is a jump that the law
+allows beside λ̂: λ̂ = law(λ̂ + keq d'), with d' of the load step before as its history. Of such jumps one near B û is found from B û on by
+
+    d ← d + (λ̂ − law(λ̂ + keq d))/keq.
+
+Where this stands still does not depend on keq: the softer keq is beside λ̂, the nearer to B û that is, and the fewer steps it takes. No
+law is asked for its name. Where nothing is found, and always where laws have variables of their own, it is d̂ = (F − λ̂)/keq of the
+balance. Where the laws do not hold to rounding beside the jumps that are found, nothing is claimed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.laws.points import dot
+from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.stopping.bound import dual_energy, ROUNDING
+from orchestrator.method.stopping.certificate import Certificate, Certified
+
+CLOSELY = 1e-4  # of its energy, what may be left of S⁺h: a hundredth of û − u
+EXACT, LAWFUL = 1e-13, 1e-12  # of the largest force: what a jump is improved to, and what is a law's to rounding
+FAR = 8 * np.finfo(float).eps  # of what a jump is worth as a force, which is its rounding
+# keq d over λ̂, step by step: each of the first gains three digits, and stiffer ones mend what they round; what then is still at odds, as
+# what hardly sticks, takes softer ones
+STIFFER = 1e-3, 1e-3, 1e-1, 1.0
+SOFT = *[1e-3] * 3, *STIFFER, 1e-6, 1e-9, 1e-12, 1e-9, 1e-6, *STIFFER
+LEAST = 1e-15  # the same over keq, where nothing is carried
+SEEN = 1e-3  # of the force in one direction, what counts in the other: less may be rounding
+
+
+@dataclass(frozen=True)
+class Backward:
+    """Surfaces' shifts for which a solution is exact, T load steps and P points of this rank.
+
+    jump, shift : (T, 3, P) d' and δ
+    normal, tangential : (T,) largest |n·δ|, and largest δ across n, of all ranks; how far mid-edge nodes are from where ties want them counts
+        for both
+    """
+
+    jump: np.ndarray
+    shift: np.ndarray
+    normal: np.ndarray
+    tangential: np.ndarray
+
+
+def backward_error(certificate: Certificate, bound: Certified, fields: Admissible, u: np.ndarray) -> Backward | None:
+    """The shifts for a solution; None where no lawful forces balance the bodies, or no jump is found that goes with them.
+
+    fields : of the linear stage; u : (T, B) boundary displacements u + R y
+    """
+    space, pairs, points, forces = certificate.space, certificate.pairs, certificate.pairs.points, bound.forces
+    if bound.unbalanced.any():
+        return None
+    nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
+    h = certificate.beside.balanced(certificate.change(fields, forces))
+    left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), nothing, softness=certificate.softness(), share=CLOSELY)
+    w, = space.extended(certificate.stage.trace(u + x))
+    jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []
+    largest, = space.team.max(max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
+    at_odds = not np.isfinite(left).all()
+    for t, number in enumerate(pairs.numbers):
+        jump = _lawful(pairs, forces[t], jumps[t], bound.lawful[t], before, number, largest)
+        answer, off = _judged(pairs, forces[t], jump, before, number, largest)
+        at_odds, before = at_odds or bool((off > LAWFUL).any()), History(jump, answer.own)
+        found.append(jump)
+    if space.team.max(float(at_odds))[0]:
+        return None
+    shift = np.array(found) - jumps
+    along, across = np.abs(points.along(shift)), points.across(shift)
+    aside = np.abs(w[:, pairs.tied.dofs] - pairs.tied.targets)
+    normal, tangential = (np.array(space.team.max(*np.hstack([x, aside]).max(axis=1, initial=0.0)))
+                          for x in (along, _length(across)))
+    return Backward(np.array(found), shift, normal, tangential)
+
+
+def _lawful(pairs: Pairs, force: np.ndarray, jump: np.ndarray, known: np.ndarray, before: History, number: int,
+            largest: float) -> np.ndarray:
+    """(3, P) jumps that the laws allow beside forces (3, P), near those given; ``known``: where none is found.
+
+    Pairs that are lawful already stay, and those that answer together keep their weights.
+    """
+    F = force + pairs.points.stiffness(jump)
+    collective = pairs.force(F, before, number, derivative=True).collective
+    together = np.zeros(0, int) if collective is None else collective.at
+    own = np.zeros(len(pairs), dtype=bool)
+    for run in pairs.runs:
+        own[run.part] = bool(run.law.variables)
+    jump = np.where(own, known, jump)
+    for step, soft in enumerate(SOFT):
+        _, off = _judged(pairs, force, jump, before, number, largest)
+        if not (off > EXACT).any():
+            return jump
+        softer = _softer(pairs, force, jump, soft, together)
+        left = force - softer.force(force + softer.points.stiffness(jump), before, number).force
+        if not step:  # the normal alone, on which limits of friction depend
+            left = pairs.points.along(left) * pairs.points.normal
+        jump = np.where(off > EXACT, jump + pairs.masked(softer.points.compliance(left)), jump)
+    _, off = _judged(pairs, force, jump, before, number, largest)
+    return np.where(off > LAWFUL, known, jump)
+
+
+def _judged(pairs: Pairs, force: np.ndarray, jump: np.ndarray, before: History, number: int, largest: float) -> tuple:
+    """The laws' answer to forces λ̂ and jumps (3, P), and (P,) how far it is from λ̂ beyond rounding, over the largest force."""
+    worth = pairs.points.stiffness(jump)
+    answer = pairs.force(force + worth, before, number)
+    off = np.abs(answer.force - force).max(axis=0, initial=0.0) - FAR * np.abs(worth).max(axis=0, initial=0.0)
+    return answer, off / largest
+
+
+def _softer(pairs: Pairs, force: np.ndarray, jump: np.ndarray, soft: float, together: np.ndarray) -> Pairs:
+    """The same pairs with a keq so soft that jumps are worth a share ``soft`` of forces, along the normal and across it; those that answer
+    ``together`` (r,) int as they are."""
+    points = pairs.points
+    carried, moved = (np.array([np.abs(points.along(x)), _length(points.across(x))]) for x in (force, jump))
+    worth = np.array([points.stiff_n, points.stiff_t]) * moved
+    carried = np.maximum(carried, SEEN * carried[::-1])
+    share = np.divide(soft * carried, worth, out=np.ones_like(worth), where=worth > 0).clip(LEAST, 1.0)
+    share[:, together] = 1.0
+    return replace(pairs, runs=[replace(run, points=replace(run.points, stiff_n=run.points.stiff_n * share[0, run.part],
+                                                            stiff_t=run.points.stiff_t * share[1, run.part])) for run in pairs.runs])
+
+
+def _length(x: np.ndarray) -> np.ndarray:
+    """(…, P) lengths of vectors (…, 3, P)."""
+    return np.sqrt(dot(x, x))
