@@ -29,7 +29,7 @@ def sliding(path, block=(3, 1, 1), slab=(8, 2, 1), error=1e-10, **law):
         "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
         "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow", **law}],
         "boundary": [{"on": "slab/zmin", "displacement": [0, 0, 0]}, {"on": "block/zmax", "displacement": path}],
-        "blackbox": IN_PROCESS, "method": {"tolerance": {"error": error}, "max_iterations": 300}})
+        "blackbox": IN_PROCESS, "method": {"tolerance": {"law": error}, "max_iterations": 300}})
 
 
 def in_constant_stress(scene):
