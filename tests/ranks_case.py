@@ -101,7 +101,7 @@ CASES = {
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "displacement": [[0, 0, None], [0.05, 0, None]]},
                      {"on": {"plane": "z", "at": 1}, "pressure": 100.0}],
-        "method": {"tolerance": {"error": 1e-6}},
+        "method": {"tolerance": {"law": 1e-6}},
     },
     # a grain that nothing holds shows differences of rounding, ten million times larger; with the springs that auto ends with, a
     # hundredth of these, a thousand million times

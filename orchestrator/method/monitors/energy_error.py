@@ -4,7 +4,7 @@
 
 E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
 fallen so far that E may be met. Where E stands still while the residual falls, springs of stabilisation are what is left of it: they
-are to become weaker.
+are to become weaker. Where no admissible fields are found, the law residual decides, and no error is told.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 NEAR = 2.0  # law residual over the tolerance, from which E is worth knowing: E is half of it to six times as much
 LESS = 0.5  # of the residual at the last evaluation, below which E is evaluated again, whatever it was
+SETTLED, MOST = 1e-2, 3  # law residual over the tolerance, and evaluations in which E stands still beside it, that end a run
+STOPS = "error bound stands still"
 PATIENCE = 10  # iterations after which it is in any case
 STALLED = 0.7  # of the E before, above which it stands still, if the residual has halved or stands still, too
 
@@ -23,12 +25,13 @@ class EnergyErrorCriterion(Monitor):
     """The energy error.
 
     at, residual, error : iteration, law residual and E of the last evaluation; infinite before the first
+    waited : evaluations in a row in which E stood still though laws hold well
     """
 
-    name, remembered = "energy_error", ("at", "residual", "error")
+    name, remembered = "energy_error", ("at", "residual", "error", "waited")
 
     def __init__(self, case: Case):
-        self.case, self.at, self.residual, self.error = case, 0, np.inf, np.inf
+        self.case, self.at, self.residual, self.error, self.waited = case, 0, np.inf, np.inf, 0
 
     @classmethod
     def of(cls, case: Case) -> EnergyErrorCriterion | None:
@@ -42,10 +45,14 @@ class EnergyErrorCriterion(Monitor):
         bound = now.problem.certificate(now.best, value)
         error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
         settled = residual <= LESS * self.residual or now.number >= self.at + PATIENCE > PATIENCE
+        self.waited = self.waited + 1 if residual <= SETTLED * value and error > STALLED * self.error else 0
         stalls = bool(error > value and settled and error > STALLED * self.error)
         self.at, self.residual, self.error = now.number, residual, error
         share = now.problem.steps / now.problem.scene.steps
-        return Verdict(bool(bound.relative <= value), measure=bound.relative, bound=bound, sweeps=bound.sweeps * share, stalls=stalls,
+        formed = not (bound.unbalanced.any() or bound.broken.any())  # where it cannot be, laws that hold have to do
+        met = bound.relative <= value if formed else now.verdict.laws.largest <= value
+        reason = STOPS if self.waited >= MOST and not met else ""
+        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share, stalls=stalls,
                        told={**told, "error_bound": bound.relative})
 
     def due(self, number: int, residual: float, value: float) -> bool:

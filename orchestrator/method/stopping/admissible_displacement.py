@@ -4,7 +4,7 @@ Bodies stand where their forces balance, at u + R y. From there v = u + R y + δ
 norm of the stiffness's diagonal D of all those that keep what the laws hold rigidly beside λ̂: bonds closed, sides that press on
 each other in touch, what sticks where it stuck. What is held is the law's to say: at d̂ = (F − λ̂)/keq, which is lawful beside λ̂, those
 directions in which ∂f̂/∂F is as stiff as the search direction itself. Directions in which a law gives way, such as slip, are free where
-the law can price them (``Law.duality_gap``), and held elsewhere. What v then breaks is held too, until it breaks nothing. Where
+the law can price them (``Law.duality_gap``), and held elsewhere; so is what costs less than mending it, as a gap under next to no pressure. What v then breaks is held too, until it breaks nothing. Where
 a price is above what mending would cost these directions are held as well, if all of it together becomes cheaper. Where
 several interfaces meet in a node, λ̂ may hold them in ways that are at odds with each other: then what lies across their normals is
 let go, for its price.
@@ -118,20 +118,29 @@ class AdmissibleDisplacement:
         step = _Step(answer.force, before, number, known, targets, u, mean, largest or 1.0)
         told = self.pairs.force(F, before, number, derivative=True)
         felt, together = self._held(told, self.mine, lawful), self._together(told, lawful)
-        first = self._placed(step, felt.some(felt.rigid), together)
-        mending = np.zeros(len(self.pairs))
-        np.add.at(mending, felt.at, 0.5 * (felt.of(first.jump) - felt.goals) ** 2 * self.pairs.points.stiff_t[felt.at])
+        start = self._jumps(mean, known)
+        held = ~self.prices | (self._gap(step, start) > self._mending(felt, start))
+        first = self._placed(step, felt.some(felt.rigid & held[felt.at]), together, self.slips & ~held)
+        mending = self._mending(felt, first.jump)
         dear = (first.gap > mending) & (2 * team.sum(float(first.gap.sum()))[0] > WORTH * first.cost)
         if not team.max(float(dear.any()))[0]:
             return first
-        other = self._placed(step, felt.some(felt.rigid | dear[felt.at]), together)
+        other = self._placed(step, felt.some(felt.rigid & held[felt.at] | dear[felt.at]), together, self.slips & ~held & ~dear)
         return other if other.admissible and (other.cost < first.cost or not first.admissible) else first
 
-    def _placed(self, step: _Step, held: Held, together: tuple[Held, sp.csr_array]) -> Placed:
-        """The nearest v that keeps what is held, alone or together with others, and whatever it would break."""
+    def _mending(self, felt: Held, jump: np.ndarray) -> np.ndarray:
+        """(P,) about what it costs to bring jumps (3, P) to where laws feel nothing."""
+        points, result = self.pairs.points, np.zeros(len(self.pairs))
+        stiff = np.where(felt.across, points.stiff_t[felt.at], points.stiff_n[felt.at])
+        np.add.at(result, felt.at, 0.5 * stiff * (felt.of(jump) - felt.goals) ** 2)
+        return result
+
+    def _placed(self, step: _Step, held: Held, together: tuple[Held, sp.csr_array], free: np.ndarray) -> Placed:
+        """The nearest v that keeps what is held, alone or together with others, and whatever it would break; pairs that are ``free``
+        (P,) may slip."""
         pairs, continuity, team, (joint, common) = self.pairs, self.continuity, self.space.team, together
         own = np.concatenate([np.zeros(continuity.rows.shape[0]), step.targets])
-        base, let_go = step.mean, np.zeros(len(pairs), dtype=bool)
+        base, let_go = step.mean, free.copy()
         for _ in range(PASSES):
             rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), self.always]))
             lack = rows @ continuity.traces(base, step.known)[0] - np.concatenate([held.goals, joint.goals, own])

@@ -79,6 +79,13 @@ def rounding(run: Stopped) -> Iterator[str]:
            "moduli, sizes and displacements of the same order")
 
 
+def standing(run: Stopped) -> Iterator[str]:
+    """error bound stands still: laws hold, bodies that little holds keep it up."""
+    reached = run.iterated.bound.relative
+    known = f"method.tolerance.error={1.1 * reached:.1e} would be met; " if math.isfinite(reached) and reached < 0.9 else ""
+    yield f"the laws hold much better than that: {known}method.tolerance.law={run.iterated.last.law_residual * 2:.0e} asks for these alone"
+
+
 def runaway(run: Stopped) -> Iterator[str]:
     """diverged."""
     yield ("displacements grew without limit or are no numbers: look for bodies that are not held, and for loads or moduli "
@@ -168,6 +175,7 @@ CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "diverged": [settings, runaway, contact, code],
     "held by stabilisation alone": [springs],
     "stagnated at rounding": [rounding, settings, matter, code],
+    "error bound stands still": [standing],
     "guard": [code, settings, contact],
 }
 
