@@ -95,7 +95,9 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         together = dict(np.load(tmp_path / f"{case}.npz"))
         assert together.pop("ranks") == ranks
         for name, expected in alone(case).items():
-            if name in ("status", "iterations", "sweeps", "weakened"):
+            if name == "sweeps":  # how many the error takes hangs on sums that round otherwise
+                assert abs(together[name] - expected) <= 2, case
+            elif name in ("status", "iterations", "weakened"):
                 assert np.array_equal(together[name], expected), (case, name)
             elif "shifts" in name:  # they are solved for to a hundredth
                 assert np.abs(together[name] - expected).max() <= 0.02 * np.abs(expected).max(), (case, name)

@@ -4,6 +4,7 @@
 - ``diverged``: the residual is not finite, or displacements have grown beyond all that a convergent run shows
 - ``stagnated at rounding``: the residual is down at rounding level and has not halved for ``STALL`` stages
 - ``held by stabilisation alone``: all has settled, but springs carry more than the tolerance: the laws have no balance
+- ``error bound stands still``: the laws hold much better than was asked, see ``energy_error``
 - ``max_iterations``: as many as were allowed
 """
 

@@ -83,8 +83,8 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
     given = (method or {}).get("tolerance")
     for key, value in (given.items() if isinstance(given, Mapping) else ()):
         if value:
-            laws = summary.get("status_counts") is not None
-            names = {"error": "law residual" if laws else "error bound", "indicator": "indicator η"}
+            known = summary.get("status_counts") is None or summary.get("error_kind")
+            names = {"error": "error bound" if known else "law residual", "law": "law residual", "indicator": "indicator η"}
             value = summary.get("tolerance") if value == "auto" else value
             return None if value is None else (names.get(key, key), float(value))
     return None

@@ -62,8 +62,9 @@ def how_far(run: Stopped) -> Iterator[str]:
     if not pace < MOVING:
         yield "it hardly gets any better: more iterations will not do"
         return
-    more, left = "", last.law_residual / last.tolerance
-    if last.target[0] == "law_residual" and left > 1:
+    measure = last.law_residual if last.target[0] == "law_residual" else math.nan if run.bonded else run.iterated.bound.relative
+    more, left = "", measure / last.tolerance
+    if math.isfinite(left) and left > 1:
         more = f", about {math.ceil(math.log(left) / -math.log(pace))} more iterations at this pace"
     yield (f"it was still getting better, by a factor of {1 / pace:.2g} per iteration{more}: --resume goes on from here, "
            "--set method.max_iterations=… allows more")
