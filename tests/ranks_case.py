@@ -111,7 +111,7 @@ CASES = {
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1},
                       "displacement": [[0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
-        "method": {"tolerance": {"error": 1e-4}, "contact": {"stabilisation": 2.5e-5}},
+        "method": {"tolerance": {"law": 1e-4}, "contact": {"stabilisation": 2.5e-5}},
     },
 }
 
