@@ -175,7 +175,7 @@ def test_across_meshes_that_do_not_match(friction):
 
 def test_runs_end_below_the_error_that_was_asked_for():
     for asked in (1e-3, 1e-5):
-        made = case("grains", 0.1, asked)
+        made = case("cubes", 0.1, asked)
         solution = solve(made, build_scene(made))
         exact = Exact(solution.scene)
         v = np.hstack([side.reshape(len(side), -1) for side in solution.sides])
