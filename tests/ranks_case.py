@@ -85,6 +85,15 @@ CASES = {
                      {"on": {"plane": "z", "at": 1}, "displacement": [[0.7, 0, -0.005], [1.6, 0.1, -0.005]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },
+    # little friction in one load step: the error is guaranteed, with a factor
+    "a little friction": {
+        "parts": [_box("base", [1, 1, 0.5], [2, 2, 1], [0, 0, 0]), _box("block", [1, 1, 0.5], [3, 3, 1], [0, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"law": "contact", "friction": 0.1}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [0.004, 0, -0.01]}],
+        "method": {"tolerance": {"error": 1e-5}},
+    },
     "contact on ten nodes": {
         "mesh": {"box": {"size": [2, 2, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [2, 2, 1]},
         "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
@@ -125,7 +134,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         return None
     summary = solved.summary
     result = {"displacement": solved.displacement, "reactions": summary["reactions"], "energy": summary["energy"],
-              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"],
+              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"], "factor": summary["error_factor"] or 0.0,
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
     carried = solved.answers.interfaces.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],

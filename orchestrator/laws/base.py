@@ -112,7 +112,7 @@ class Law:
     measures : of its residuals
     convex : its force is the slope of a convex energy of the jump, load step by load step: the energy error is guaranteed
     prices : it has a ``duality_gap``, and directions in which it gives way are free in what the error is measured with
-    slips : what it holds across the normal may slip for a price
+    slips : what it holds across the normal may slip for a price, as Coulomb's law has it, with a parameter ``friction``
     variables : what it remembers of each pair beside its jump, such as a damage
 
     What is not overruled is on the safe side: history, a joint that holds nothing.

@@ -16,7 +16,8 @@ interface data alone, with v = u + R y + δ and h = Nᵀ(−Bᵀλ̂ − f),
 
     ‖v − û‖² = δᵀK_bb δ − 2 δᵀh + hᵀS⁺h.
 
-With Coulomb's friction the limits μ p̂ are those of λ̂, and a load step begins where v ended the one before: an estimate.
+With Coulomb's friction the limits μ p̂ are those of λ̂, and a load step begins where v ended the one before: an estimate, but where
+``friction`` finds a factor with which E is a bound. It is part of the errors told.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from orchestrator.method.stopping.admissible_displacement import AdmissibleDispl
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
 from orchestrator.method.stopping.bound import ROUNDING, Bound, dual_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
 
@@ -45,13 +47,13 @@ from orchestrator.method.stopping.softest import BesideRigid, softest
 class Certified(Bound):
     """The error of an iterate, with the admissible fields that it was measured with, T load steps.
 
-    errors : (T,) E, an energy norm
+    errors : (T,) E, an energy norm, times ``factor`` where that is known
     size : energy norm that E is relative to
     forces, lawful : (T, 3, P) λ̂, and jumps (F − λ̂)/keq that the laws allow beside them; gap : (T,) Σγ of all ranks
     after : what the last load step leaves to the next
     unbalanced : (T, bodies) bool, those that no lawful forces balance
     broken : (T,) bool, load steps in which every displacement breaks a law
-    guaranteed : whether all laws are convex; elsewhere E is an estimate
+    factor : with which E bounds the error: 1 where all laws are convex; nan where E is an estimate
     """
 
     errors: np.ndarray
@@ -62,7 +64,12 @@ class Certified(Bound):
     after: History
     unbalanced: np.ndarray
     broken: np.ndarray
-    guaranteed: bool
+    factor: float = np.nan
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether the errors are bounds."""
+        return not np.isnan(self.factor)
 
     @classmethod
     def joined(cls, batches: Sequence[Certified]) -> Certified:
@@ -73,7 +80,7 @@ class Certified(Bound):
         size = max(b.size for b in batches)
         return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
                    sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, lawful=lawful, gap=gap, after=batches[-1].after,
-                   unbalanced=unbalanced, broken=broken, guaranteed=all(b.guaranteed for b in batches))
+                   unbalanced=unbalanced, broken=broken, factor=float(np.max([b.factor for b in batches])))
 
 
 class Certificate:
@@ -97,7 +104,7 @@ class Certificate:
         imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
         work, = self.space.team.sum(float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
         self.imposed = NOTHING * float(np.sqrt(work))  # of bodies that laws carry away, and nothing strains
-        self.guaranteed = all(i.law.convex for i in pairs.interfaces)
+        self.factor = guarantee(pairs, stiffness, modes, stage, self.softness)
 
     def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
         """The same for some of the load steps; ``earlier``: what those before have ended with."""
@@ -121,7 +128,7 @@ class Certificate:
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(float(np.sqrt(a2.max(initial=0.0))), size)
         known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, lawful=lawful,
-                          gap=gap, after=after, unbalanced=unbalanced, broken=broken, guaranteed=self.guaranteed)
+                          gap=gap, after=after, unbalanced=unbalanced, broken=broken)
         if a > useful or unbalanced.any() or broken.any():
             return replace(known, least=a)
         least = 0.0
@@ -136,8 +143,9 @@ class Certificate:
         b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness())
         if least > useful:
             return replace(known, sweeps=sweeps, least=least)
-        errors = np.sqrt(np.maximum(rest + b2, 0.0))
-        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps)
+        factor = self.factor()
+        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * (1.0 if np.isnan(factor) else factor)
+        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps, factor=factor)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
         """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""

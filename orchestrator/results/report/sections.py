@@ -24,7 +24,7 @@ _BESIDE = ("on", "history", "name")  # keys of an entry that are not what it pre
 _QUANTITIES = [
     ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; "
                     "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge), γ what laws miss",
-     "guaranteed upper bound, an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
+     "guaranteed upper bound, mostly an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
     ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
      "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),

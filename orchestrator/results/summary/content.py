@@ -52,6 +52,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
+        "error_factor": _error_factor(iterated.bound),
         "backward": _backward(met and met.backward), "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
@@ -90,6 +91,12 @@ def _error_kind(bound: Bound) -> str | None:
     if not math.isfinite(bound.relative):
         return None
     return "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
+
+
+def _error_factor(bound: Bound) -> float | None:
+    """With what friction has multiplied a guaranteed error; None where nothing has."""
+    factor = getattr(bound, "factor", 1.0)
+    return factor if _error_kind(bound) == "guaranteed" and factor > 1 else None
 
 
 def _backward(found: Backward | None) -> dict[str, object] | None:

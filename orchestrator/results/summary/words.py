@@ -72,6 +72,7 @@ def _iterations(summary: Mapping[str, object]) -> str:
 def _error(summary: Mapping[str, object]) -> str:
     """How far the result is from the discrete solution."""
     kind = summary.get("error_kind") or "guaranteed"
+    kind += _numbers(summary, "error_factor", ", {:.3g} times what it is with limits of friction that are known")
     return _numbers(summary, "error_bound", f"{{:.2e}}  ({kind}, relative, energy norm)")
 
 
