@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from benchmarks.monolithic import Monolithic
 from contact_case import CASES, PATH, contact
 from in_process import IN_PROCESS
@@ -111,36 +110,7 @@ def test_the_error_is_bounded_without_friction(name):
     assert ratios and min(ratios) >= 1 and max(ratios) <= 6
 
 
-@pytest.mark.parametrize("name", ["blocks", "loose grains", "a gap", "P2"])
-def test_what_the_error_consists_of(name):
-    """E² = ‖v − u*‖² + ‖û − u*‖² + 2 Σ p* g(v) + 2 Σ p̂ g*, to rounding."""
-    made = FRICTIONLESS[name]()
-    scene = build_scene(made)
-    d, found = certified(scene, made, every=8, most=8)
-    exact, (bound, v) = Exact(scene), found[0]
-    free, K, loads = exact.monolithic.free, exact.K, np.array([exact.monolithic._loads(t) for t in range(scene.steps)])
-    jumps = exact.monolithic.pairs.D
-    normal, gap = exact.monolithic.pairs.normal, exact.monolithic.pairs.gap
-    forces = _at_pairs(d, bound.forces, exact)
-    for t, step in enumerate(exact.steps):
-        lift = np.where(free, 0.0, exact.u[t])
-        right = (loads[t] - jumps.T @ forces[t].ravel() - K @ lift)[free]
-        inner = sp.csc_array(K[free][:, free])
-        u_hat = lift.copy()
-        u_hat[free] = np.linalg.lstsq(inner.toarray(), right, rcond=1e-12)[0]
-        push, push_hat = (-np.einsum("pi,pi->p", f, normal) for f in (step.force, forces[t]))
-        open_v, open_exact = (gap + np.einsum("pi,pi->p", (jumps @ u).reshape(-1, 3), normal) for u in (v[t], exact.u[t]))
-        square = lambda x: exact.norms(x[None])[0] ** 2
-        work = 2 * (push @ open_v + push_hat @ open_exact) / exact.size**2
-        both = square(v[t] - exact.u[t]) + square(u_hat - exact.u[t]) + work
-        assert square(v[t] - u_hat) + 2 * (push_hat @ open_v) / exact.size**2 == pytest.approx(both, rel=1e-5, abs=1e-13)
-        E2 = (bound.errors[t] / exact.size) ** 2  # of the dual energy at most a tenth is added
-        # what ties mid-edge nodes to their corners is not what brings û nearest
-        assert E2 >= both - 1e-13 and (name == "P2" or E2 <= 1.12 * both + 1e-13)
-        assert push_hat.min() >= 0 and open_v.min() >= -1e-12
-
-
-def _at_pairs(d, forces, exact):
+def at_pairs(d, forces, exact):
     """(T, P, 3) at all nodes of all interfaces in the order of the scene, as the reference has them: 0 where none are ours."""
     pairs, bounds = d.certificate.pairs, exact.monolithic.pairs.bounds
     result = np.zeros((len(forces), bounds[-1].stop, 3))

@@ -1,0 +1,181 @@
+"""What the energy error consists of, as an equality, beside solutions in one piece that are exact to rounding.
+
+    E² = ‖v − û‖² + 2 Σ γ(v, λ̂)
+       = ‖v − u‖² + ‖û − u‖² + 2 Σ [p g(v) + p̂ g(u) + (μ p |Δv| − λ_t·Δv) + (μ p̂ |Δu| − λ̂_t·Δu)] − 2 Σ μ (p − p̂)(|Δv| − |Δu|)
+
+in the first load step, with slips Δ; without friction the last sum is not there, in later load steps neither may be friction. Both sides
+have a sum of their own here, of iterates that are still far from the solution, so that rounding is far below E².
+"""
+
+import pickle
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks import monolithic
+from contact_case import BOTTOM, TOP, contact
+from in_process import IN_PROCESS
+from mortar_case import TWO, blocks, free_mesh
+from quick import quick
+from test_certificate import Exact, at_pairs, case, certified
+from test_mpi import SECONDS, start
+
+from orchestrator.method.interface.pairing import lawful_nodes
+from orchestrator.method.stopping import certificate
+from orchestrator.method.stopping.bound import dual_energy
+from orchestrator.parallel.team import join
+from orchestrator.scene.build import build_scene
+from orchestrator.solving import Ranks, solve
+
+EQUAL = 1e-9
+ITERATIONS = 2
+CLOSELY = partial(dual_energy, share=1e-12)
+SIX = "six-node faces"  # what ties their middle nodes to the corners is not what brings û nearest: E is above
+ONCE = {"boundary": [BOTTOM, {"on": TOP, "displacement": [0.01, 0, -0.005]}]}
+CUBES = {"mesh": {"box": {"size": [1, 1, 1], "cells": [6, 6, 6]}}, "subdomains": {"grid": [3, 3, 3]}}
+ERROR = {"method": {"tolerance": {"error": 1e-9}}}
+BONDED = [{"law": "contact", "friction": 0.0}, {"between": ["block 0-0-0", "block 1-0-0"], "law": "perfect"}]
+
+
+def apart(friction, path):
+    held = [{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": path}]
+    return blocks(TWO, {"a": free_mesh(TWO["a"][0], 0.4), "b": free_mesh(TWO["b"][0], 0.3)}, {"law": "contact", "friction": friction},
+                  turn=None, held=held, method={"tolerance": {"error": 1e-9}})
+
+
+SCENES = {
+    "two blocks": lambda: case("blocks"),
+    "two blocks, friction": lambda: case("blocks", 0.3, **ONCE),
+    "edges where four meet, some bonded": lambda: case("cubes", law=BONDED),
+    "edges where four meet, friction": lambda: case("cubes", 0.2, gap=0.001, **ONCE),
+    "loose grains": lambda: case("grains", gap=0.002),
+    "loose grains, friction": lambda: case("grains", 0.3, **ONCE),
+    "27 cubes, nine of them loose": lambda: contact(0.0, **CUBES, **ERROR),
+    "27 cubes, friction": lambda: contact(0.3, **CUBES, **ONCE, **ERROR),
+    SIX: lambda: case("cubes", blackbox={**IN_PROCESS, "element": "P2"}, **ONCE),
+    "across meshes": lambda: apart(0.0, [[0, 0, -0.005], [0.01, 0, -0.005]]),
+    "across meshes, friction": lambda: apart(0.3, [0.01, 0, -0.005]),
+}
+
+
+def exact_to_rounding(scene):
+    """The solution in one piece, some Newton steps beyond what it is satisfied with."""
+    exact = Exact(scene)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(monolithic, "TOLERANCE", 0.0)
+        patch.setattr(monolithic, "MAX_NEWTON", 4)
+        exact.steps = exact.monolithic.solve([(step.parts, step.force) for step in exact.steps])
+    exact.u = np.array([np.concatenate([part.ravel() for part in step.parts]) for step in exact.steps])
+    return exact
+
+
+def in_balance(exact, t, forces):
+    """û, subdomain by subdomain."""
+    one, u = exact.monolithic, np.where(exact.monolithic.free, 0.0, exact.u[t])
+    right = one._loads(t) - one.pairs.D.T @ forces.ravel() - exact.K @ u
+    for a, b in zip(one.offsets[:-1], one.offsets[1:]):
+        at = a + np.flatnonzero(one.free[a:b])
+        u[at] = np.linalg.lstsq(exact.K[at][:, at].toarray(), right[at], rcond=1e-12)[0]
+    return u
+
+
+def both_sides(exact, t, v, forces):
+    """E² and what it consists of, relative."""
+    pairs, step = exact.monolithic.pairs, exact.steps[t]
+    gap, contact = pairs.at[t][0], pairs.contact
+    square = lambda x: float(exact.norms(x[None])[0] ** 2)
+
+    def split(u, force):
+        """p, λ_t, g and Δ of the pairs that may open."""
+        jump = (pairs.D @ u).reshape(-1, 3)
+        (p, g), (shear, slip) = zip(*((along, x - along[:, None] * pairs.normal) for x in (force, jump)
+                                      for along in [np.einsum("pi,pi->p", x, pairs.normal)]))
+        return tuple(x[contact] for x in (-p, shear, gap + g, slip))
+
+    def gamma(p, shear, g, slip):
+        return float(np.sum(p * g + pairs.friction[contact] * p * np.linalg.norm(slip, axis=1) - np.einsum("pi,pi->p", shear, slip)))
+
+    (p, shear, g, slip), (p_hat, shear_hat, g_v, slip_v) = split(exact.u[t], step.force), split(v, forces)
+    u_hat, unit = in_balance(exact, t, forces), 2 / exact.size**2
+    rubbed = np.sum(pairs.friction[contact] * (p - p_hat) * (np.linalg.norm(slip_v, axis=1) - np.linalg.norm(slip, axis=1)))
+    assert not t or not pairs.friction.any()
+    return (square(v - u_hat) + unit * gamma(p_hat, shear_hat, g_v, slip_v),
+            square(v - exact.u[t]) + square(u_hat - exact.u[t]) + unit * (gamma(p, shear, g_v, slip_v) + gamma(p_hat, shear_hat, g, slip) - rubbed))
+
+
+def hold_equal(scene, v, forces, errors, factor, above=False):
+    """Both sides, and what is told, (T,) E times a factor, are one; ``above``: what is told is no less."""
+    exact = exact_to_rounding(scene)
+    for t in range(scene.steps):
+        error, parts = both_sides(exact, t, v[t], forces(exact)[t])
+        assert parts == pytest.approx(error, rel=EQUAL)
+        told = (errors[t] / (factor if factor > 1 else 1.0) / exact.size) ** 2
+        assert told == pytest.approx(error, rel=EQUAL) or above and told > error
+
+
+@pytest.mark.parametrize("name", quick(SCENES, "edges where four meet, some bonded"))
+def test_what_the_error_consists_of(name, monkeypatch):
+    monkeypatch.setattr(certificate, "dual_energy", CLOSELY)
+    made = SCENES[name]()
+    scene = build_scene(made)
+    d, found = certified(scene, made, every=ITERATIONS, most=ITERATIONS)
+    bound, v = found[0]
+    hold_equal(scene, v, lambda exact: at_pairs(d, bound.forces, exact), bound.errors, bound.factor, name == SIX)
+
+
+# --- on ranks ---------------------------------------------------------------------------------------------
+
+
+def found_by(team, name):
+    """v (T, n) and forces (T, P, 3) by the two bodies of an interface, from all ranks; on rank 0. Errors (T,), and the factor."""
+    made = SCENES[name]()
+    made = made.model_copy(update={"method": made.method.model_copy(update={"max_iterations": ITERATIONS})})
+    seen, call = [], certificate.Certificate.__call__
+
+    def kept(self, *given):
+        seen.append((self, call(self, *given)))
+        return seen[-1][1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(certificate, "dual_energy", CLOSELY)
+        patch.setattr(certificate.Certificate, "__call__", kept)
+        solution = solve(made, build_scene(made) if not team.rank else None, ranks=Ranks(team))
+    (judge, bound), forces = seen[-1], {}
+    pairs, owner = judge.pairs, judge.space.owner
+    for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:]):
+        if pairs.mine[a:b].any():
+            bodies = tuple(int(owner[side[..., a:b].max()]) for side in (pairs.transfer.one, pairs.transfer.two))
+            forces[bodies] = bound.forces[:, :, a:b].transpose(0, 2, 1)
+    forces = dict(item for each in team.all_gather(forces) for item in each.items())
+    return None if team.rank else (np.hstack([side.reshape(len(side), -1) for side in solution.sides]), forces, bound.errors, bound.factor)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_what_it_consists_of_on_ranks(ranks, tmp_path):
+    names = [name for name in SCENES if name.startswith(("27", "loose") if ranks == 4 else ("two", "edges"))]
+    run = start(ranks, __file__, str(tmp_path / "found"), *names)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 0, errors
+    for name, (size, v, forces, *rest) in pickle.loads((tmp_path / "found").read_bytes()).items():
+        assert size == ranks
+
+        def everywhere(exact):
+            one = exact.monolithic
+            result = np.zeros((len(v), one.pairs.bounds[-1].stop, 3))
+            for i in scene.interfaces:
+                result[:, one.pairs.bounds[i.index].start + lawful_nodes(i)] = forces[tuple(i.subdomains)]
+            return result
+
+        scene = build_scene(SCENES[name]())
+        hold_equal(scene, v, everywhere, *rest)
+
+
+if __name__ == "__main__":
+    ranks = join()
+    with ranks.together():
+        answers = {name: found_by(ranks, name) for name in sys.argv[2:]}
+        if not ranks.rank:
+            Path(sys.argv[1]).write_bytes(pickle.dumps({name: (ranks.size, *answer) for name, answer in answers.items()}))
