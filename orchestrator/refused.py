@@ -24,6 +24,10 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
         ("method", "tolerance", "error"), "{wanted:.1e} beside a matrix whose entries have too few digits for it",
         "an error above {floor:.1e}, which its rounding alone may cause",
         "write error: {twice:.0e}, or the matrix with more digits (17 are all of a double's)"),
+    "not convex": (
+        ("interfaces",), "law {law} says convex = True, and is not: for two jumps its forces differ against their difference",
+        "convex = True only where the force is the slope of a convex energy of the jump: the error is told to be guaranteed there",
+        "leave convex out of the law's class: the error is estimated then"),
     "heat in own matter": (
         ("loads",), "a temperature on {name}, whose code has matter of its own",
         "temperatures on bodies of the YAML's young, poisson and expansion", "heat it in that model, or name other volumes under on:"),

@@ -45,9 +45,9 @@ def test_as_many_more_as_it_says():
 
 def test_a_tolerance_below_rounding():
     """The one that is named is met."""
-    _, advice = stopped(bonded(tolerance={"error": 1e-14}), "stagnated at rounding")
+    _, advice = stopped(bonded(tolerance={"error": 1.0000001e-11}), "stagnated at rounding")
     named = float(re.search(r"method\.tolerance\.error=([0-9.e-]+)", advice[0])[1])
-    assert 1e-14 < named < 1e-8 and solve(bonded(tolerance={"error": named})).converged
+    assert 1.0000001e-11 < named < 1e-8 and solve(bonded(tolerance={"error": named})).converged
 
 
 def test_settings_that_diverge():

@@ -37,6 +37,7 @@ WRONG = {
     "poisson 0.5": ({"materials": "materials: [{young: 1, poisson: 0.5}]"}, ["poisson", "< 0.5"], "materials"),
     "young 0": ({"materials": "materials: [{young: 0, poisson: 0.3}]"}, ["young", "> 0"], "materials"),
     "friction negative": ({"interfaces": "interfaces: [{law: contact, friction: -1}]"}, ["friction", ">= 0"], "interfaces"),
+    "error below rounding": ({"method": "method: {tolerance: {error: 1e-11}}"}, ["1e-11", "rounding alone", "error: 1e-8"], "method"),
     "relaxation 0": ({"method": "method: {relaxation: 0}"}, ["relaxation", "> 0"], "method"),
     "missing mesh": ({"mesh": "mesh: {file: none.msh}"}, ["none.msh"], "mesh"),
     "unreadable mesh": ({"mesh": "mesh: {file: unreadable.msh}"}, ["unreadable.msh"], "mesh"),

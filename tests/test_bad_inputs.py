@@ -58,6 +58,7 @@ BAD = {
     "next to nothing": ({"materials": "materials: [{young: 1e-320, poisson: 0.3}]"}, "1e-320"),
     "decimal comma": ({"materials": "materials: [{young: 200e3, poisson: 0,3}]"}, "write poisson: 0.3"),
     "decimal comma in a text": ({"materials": "materials:\n  - young: 2,1e5\n    poisson: 0.3"}, "write 2.1e5"),
+    "below rounding": ({"method": "method: {tolerance: {error: 1e-12}}"}, "rounding alone"),
     "unit": ({"materials": "materials: [{young: 200 GPa, poisson: 0.3}]"}, "200 GPa"),
     "poisson -1": ({"materials": "materials: [{young: 1, poisson: -1}]"}, "> -1"),
     "material of no volume": ({"materials": "materials: [{young: 1, poisson: 0.3, on: steel}]"}, "'steel'"),

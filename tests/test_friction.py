@@ -10,7 +10,11 @@ from quick import late
 from test_certificate import GRAINS, NOISE, Exact, certified
 from test_law_cohesive import bar
 
+from orchestrator.errors import InputError
+from orchestrator.laws.base import Law
+from orchestrator.laws.contact import Contact
 from orchestrator.method.stopping.friction import OPEN, Friction
+from orchestrator.registry import LAWS
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -118,6 +122,27 @@ def test_the_summary_says_with_what_factor():
     assert summary["error_kind"] == "guaranteed" and 1.01 < summary["error_factor"] < 1.2
     assert summary["error_bound"] == solution.error_bound <= 1e-3
     assert f"guaranteed, {summary['error_factor']:.3g} times" in dict(summary_rows(summary))["error bound"]
+
+
+class Believed(Contact):
+    """Says that it is convex whatever its friction."""
+
+    name, convex = "believed", True
+
+
+def test_a_law_that_says_that_it_is_convex_is_tried(request):
+    LAWS.add("believed", Believed)
+    request.addfinalizer(lambda: LAWS.remove("believed"))
+    solve(made := pressed(0.0, law=[{"law": "believed", "friction": 0.0}], error=1e-3), build_scene(made))
+    made = pressed(0.0, law=[{"law": "believed", "friction": 0.05}])
+    with pytest.raises(InputError, match="believed says convex = True, and is not") as told:
+        solve(made, build_scene(made))
+    assert told.value.problems[0].path == ("interfaces",)
+
+
+def test_a_law_prices_what_it_knows_the_price_of():
+    with pytest.raises(TypeError, match="prices = True and has no duality_gap"):
+        type("Free", (Law,), {"name": "free", "prices": True})
 
 
 @pytest.mark.long

@@ -101,8 +101,9 @@ def both_sides(exact, t, v, forces):
     u_hat, unit = in_balance(exact, t, forces), 2 / exact.size**2
     rubbed = np.sum(pairs.friction[contact] * (p - p_hat) * (np.linalg.norm(slip_v, axis=1) - np.linalg.norm(slip, axis=1)))
     assert not t or not pairs.friction.any()
+    crossed = gamma(p, shear, g_v, slip_v) + gamma(p_hat, shear_hat, g, slip) - rubbed
     return (square(v - u_hat) + unit * gamma(p_hat, shear_hat, g_v, slip_v),
-            square(v - exact.u[t]) + square(u_hat - exact.u[t]) + unit * (gamma(p, shear, g_v, slip_v) + gamma(p_hat, shear_hat, g, slip) - rubbed))
+            square(v - exact.u[t]) + square(u_hat - exact.u[t]) + unit * crossed)
 
 
 def hold_equal(scene, v, forces, errors, factor, above=False):

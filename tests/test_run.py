@@ -179,7 +179,7 @@ def test_the_shipped_example(tmp_path, temporary):
 # --- runs that do not converge ----------------------------------------------------------------------------
 
 # A tolerance out of reach and steps so small that the end is far away.
-ENDLESS = method(tolerance={"error": 1e-15}, acceleration="none", relaxation=0.02, max_iterations=100000)
+ENDLESS = method(tolerance={"indicator": 1e-20}, acceleration="none", relaxation=0.02, max_iterations=100000)
 SHORTEN = ["--set", "output.figures=false"]
 
 

@@ -12,6 +12,7 @@ from orchestrator.registry import ACCELERATIONS
 RATIO_RANGE = (1e-3, 1e2)
 STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
 FRACTION = 0.1  # of the mesh's error, for the iterations'
+ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 
 AutoPositive = auto_or(Positive, "a number > 0")
 AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")

@@ -13,7 +13,7 @@ from typing import Any
 
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
-from orchestrator.config.method import RATIO_RANGE
+from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
 from orchestrator.config.paths import dotted, find, get, is_number, law_of, shown
 from orchestrator.errors import KeyPath, Problem
@@ -79,6 +79,13 @@ def sole_ratio(data: Any) -> Iterator[Problem]:
     if is_number(ratio) and ratio > 0 and not low <= ratio <= high and not extreme:
         yield Problem(("method", "sole", "modulus_ratio"), f"{ratio:g}", f"a number from {low:g} to {high:g}",
                       "take 0.5; outside the range rounding spoils the result (allow_extreme: true permits it for studies)")
+
+
+def above_rounding(data: Any) -> Iterator[Problem]:
+    error = get(data, "method", "tolerance", "error")
+    if is_number(error) and 0 < error <= ROUNDING:
+        yield Problem(("method", "tolerance", "error"), f"{error:g}", f"a number > {ROUNDING:g}: rounding alone leaves as much",
+                      "write error: 1e-8, or law: with interfaces that open, which compares residuals")
 
 
 def following(data: Any) -> Iterator[Problem]:
@@ -230,7 +237,7 @@ def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterato
             yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
 
 
-RULES = [following, magnitudes, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
+RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
          what_histories_multiply, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts,
          directions, probes_fit]
 

@@ -143,6 +143,13 @@ class Law:
     [True, True]
     """
 
+    def __init_subclass__(cls) -> None:
+        """Raises TypeError: it prices what it cannot tell the price of, and the error would be too small."""
+        super().__init_subclass__()
+        if cls.prices and cls.duality_gap is Law.duality_gap:
+            name = getattr(cls, "name", cls.__name__)
+            raise TypeError(f"law {name} says prices = True and has no duality_gap: write one, or leave prices out")
+
     name: ClassVar[str]
     Parameters: ClassVar[type[Entry]]
     formula: ClassVar[str] = ""

@@ -34,6 +34,7 @@ from orchestrator.method.local_stage import Exchange, LawStage
 from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate
+from orchestrator.method.stopping.convexity import check_convex
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
@@ -136,7 +137,7 @@ class _SetUp:
             direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
             guarded = GuardedTraces(blackbox, direction, guarded.names)
             macro = self._macro(direction, guarded, bases)
-        self._check_floor(bound)
+        floor = self._floor()
         with watch("linear_stage"):
             load = partial(apply_loads, scene, direction, self.models, self.traces, rims, blackbox, self.carried)
             loading = load()
@@ -148,7 +149,11 @@ class _SetUp:
         spent += coarse.sweeps if coarse is not None else 0
         made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
+        if certified:
+            check_convex(pairs, space.team)
         certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness, *self._freedom(modes), stage) if certified else None
+        for judge in filter(None, (bound, certificate)):
+            judge.floor = floor
         return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following,
                              None if coarse is None else cache(partial(SelfStress.of, space, local)))
 
@@ -209,8 +214,8 @@ class _SetUp:
             return None
         return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
 
-    def _check_floor(self, bound: ErrorBound | None) -> None:
-        """Tell the bound what relative energy error the codes' own matrices leave.
+    def _floor(self) -> float:
+        """What relative energy error the codes' own matrices leave.
 
         Raises Refusal: a tolerance below it; heat in matter of a code's own
         """
@@ -222,8 +227,7 @@ class _SetUp:
         for s in self.own:
             if s.heated and traits[s.code].own_matter:
                 raise Refusal("heat in own matter", name=s.name)
-        if bound is not None:
-            bound.floor = float(floor)
+        return float(floor)
 
 
 def _own_copy(scene: Scene) -> Scene:

@@ -25,13 +25,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.config.method import ROUNDING
 from orchestrator.method.interface.rows import Segments, dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
 
-ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 
 
 @dataclass(frozen=True)

@@ -92,11 +92,13 @@ class Certificate:
     external : (T, B) external nodal forces on the boundary dofs
     stage : linear stage of these load steps
     before : what the load step before the first one has left, and the largest energy norm until then
+
+    floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
     def __init__(self, pairs: Pairs, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage):
         self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
-        self.space, self.before, self.reached = stage.space, History.none(len(pairs)), 0.0
+        self.space, self.before, self.reached, self.floor = stage.space, History.none(len(pairs)), 0.0, 0.0
         self.forces = AdmissibleForces(stage.direction, pairs, modes)
         self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, _per_node(stiffness.diagonal(), self.space)))
         self.beside = BesideRigid(stage, self.forces.u)
@@ -144,7 +146,7 @@ class Certificate:
         if least > useful:
             return replace(known, sweeps=sweeps, least=least)
         factor = self.factor()
-        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * (1.0 if np.isnan(factor) else factor)
+        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * (1.0 if np.isnan(factor) else factor) + self.floor * size
         return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps, factor=factor)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:

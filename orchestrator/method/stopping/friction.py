@@ -169,10 +169,11 @@ def guarantee(pairs: Pairs, stiffness: sp.csr_array, modes: list[np.ndarray], st
     modes : per own subdomain (boundary dofs, r) rigid motions that its supports leave; else as for ``Friction`` and its ``factor``
     """
     laws, team = [i.law for i in pairs.interfaces], stage.space.team
-    curved, unlike, loose = team.max(*(float(any(x)) for x in (
-        (not law.convex for law in laws), (not (law.convex or law.slips) for law in laws), (mode.size for mode in modes))))
+    follows, curved, unlike, loose = team.max(*(float(any(x)) for x in (
+        (law.has_history and len(pairs.numbers) > 1 for law in laws), (not law.convex for law in laws),
+        (not (law.convex or law.slips) for law in laws), (mode.size for mode in modes))))
+    if follows or unlike or curved and loose:  # what a load step begins with is known of the first alone
+        return lambda: np.nan
     if not curved:
         return lambda: 1.0
-    if unlike or loose or len(pairs.numbers) > 1:  # what a load step begins with is known of the first alone
-        return lambda: np.nan
     return cache(lambda: Friction(pairs, stiffness, stage).factor(softness()))
