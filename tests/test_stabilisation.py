@@ -263,7 +263,7 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
 
     def now(number, rest):
         laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
-        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws, stalls=False))
+        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws, excess=0.0))
 
     changed = {}
     for number in range(1, 80):  # near at first, then lost for good

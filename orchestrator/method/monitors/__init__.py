@@ -31,7 +31,7 @@ class Verdict:
     reason : why this iteration is the last one; empty where another follows
     changes : names of the monitors that change the problem before the next iteration
     anew : the acceleration begins anew with this iteration's state
-    stalls : the error stands still while the laws come to hold
+    excess : the error over its tolerance, where it stands still while the laws come to hold; 0: it does not
     measure : what has been compared with the tolerance; nan where it is not known
     bound : error bound and energy of the best fields, as far as they are known
     laws : measures of the interface laws; lengths : what these are relative to
@@ -44,7 +44,7 @@ class Verdict:
     reason: str = ""
     changes: tuple[str, ...] = ()
     anew: bool = False
-    stalls: bool = False
+    excess: float = 0.0
     measure: float = math.nan
     bound: Bound | None = None
     laws: LawResiduals | None = None
@@ -56,7 +56,7 @@ class Verdict:
     def and_then(self, later: Verdict) -> Verdict:
         """Both together; of what both speak of, the later word counts."""
         return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.changes + later.changes,
-            self.anew or later.anew, self.stalls or later.stalls, self.measure if math.isnan(later.measure) else later.measure,
+            self.anew or later.anew, max(self.excess, later.excess), self.measure if math.isnan(later.measure) else later.measure,
             later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
             {**self.told, **later.told}, self.warnings + later.warnings)
 

@@ -29,7 +29,6 @@ LEAST = 1e-10
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
 # Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12.
 PATIENCE = 20
-FELT = 1e-2  # of the tolerance, what springs carry at least where it is they that the energy error stands still on
 LESS = 0.5  # of what springs carried when they became weaker last, below which that has served
 
 
@@ -74,28 +73,30 @@ class Weakening(Monitor):
         """Whether everything but the springs is near the tolerance; ``met``: the stopping criterion holds."""
         return met or laws.largest_other <= NEAR * self.allowed
 
-    def due(self, verdict: Verdict, springs: float) -> bool:
-        """Whether springs are to become weaker; all ranks see the same.
+    def due(self, verdict: Verdict, springs: float) -> int:
+        """How many times springs are to become weaker; all ranks see the same.
 
         springs : ε over that at the beginning
         """
         laws, more = verdict.laws, len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
-        kept = verdict.stalls and laws.springs > FELT * self.allowed or laws.held_by_springs(self.allowed)
-        return more and self.is_near(laws, bool(verdict.met)) or kept and laws.springs <= LESS * self.carried
+        if verdict.excess and laws.springs <= LESS * self.carried:  # the error falls with ε
+            return math.ceil(math.log(1 / verdict.excess, WEAKER))
+        return int(more and self.is_near(laws, bool(verdict.met)) or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried)
 
     def change(self, now: Evaluation) -> Decomposition:
         if self.lost(now.number):
             self.withdrawn = now.number
-            return now.problem.weakened(1 / WEAKER)
-        self.at.append(now.number)
+            return now.problem.weakened(WEAKER ** -self.at.count(self.at[-1]))
+        times = self.due(now.verdict, now.problem.springs)
+        self.at += [now.number] * times
         self.carried = now.verdict.laws.springs
-        return now.problem.weakened(WEAKER)
+        return now.problem.weakened(WEAKER ** times)
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         super().restore(state, problem)
         for _ in self.at:
             problem = problem.weakened(WEAKER)
-        return problem.weakened(1 / WEAKER) if self.withdrawn else problem
+        return problem.weakened(WEAKER ** -self.at.count(self.at[-1])) if self.withdrawn else problem
 
     def found(self, problem: Decomposition) -> list[dict[str, Any]]:
         return [{"after": self.at, "springs": problem.springs, "withdrawn": self.withdrawn}]

@@ -119,10 +119,11 @@ class AdmissibleDisplacement:
         told = self.pairs.force(F, before, number, derivative=True)
         felt, together = self._held(told, self.mine, lawful), self._together(told, lawful)
         start = self._jumps(mean, known)
-        held = ~self.prices | (self._gap(step, start) > self._mending(felt, start))
+        pressed = np.abs(step.force).max(axis=0)
+        held = ~self.prices | (self._gap(step, start) + EXACT * step.scale * pressed >= self._mending(felt, start)) & (pressed > 0)
         first = self._placed(step, felt.some(felt.rigid & held[felt.at]), together, self.slips & ~held)
-        mending = self._mending(felt, first.jump)
-        dear = (first.gap > mending) & (2 * team.sum(float(first.gap.sum()))[0] > WORTH * first.cost)
+        priced, = team.sum(float(np.count_nonzero(first.gap)))
+        dear = first.gap > np.maximum(self._mending(felt, first.jump), WORTH * first.cost / (2 * max(priced, 1.0)))
         if not team.max(float(dear.any()))[0]:
             return first
         other = self._placed(step, felt.some(felt.rigid & held[felt.at] | dear[felt.at]), together, self.slips & ~held & ~dear)
