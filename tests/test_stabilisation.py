@@ -200,16 +200,17 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
 
 
 def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
-    """A block that under light pressure slides four times as far as springs of a third stage allow, on laws that have a balance."""
+    """A block that under light pressure slides farther than springs of the first stage allow, the last that rounding leaves at this
+    tolerance, on laws that have a balance."""
     far = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 4]}},
            "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-1, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
     made = with_stabilisation("auto", **far)
     one = converged(made)
     told, weakened = one.summary["stabilised"], one.summary["stabilised"]["weakened"]
-    assert len(weakened) > STAGES and told["epsilon"] == pytest.approx(SHARE * 1e-6 * WEAKER ** len(weakened)) and told["force"] < 1e-6
+    assert len(weakened) > 1 and told["epsilon"] == pytest.approx(SHARE * 1e-6 * WEAKER ** len(weakened)) and told["force"] < 1e-6
     assert f"weaker from iteration {', '.join(str(after + 1) for after in weakened)} on" in dict(summary_rows(one.summary))["stabilised"]
     carried = [event.laws["stabilisation"] for event in one.iterated.history]
-    assert carried[weakened[STAGES] - 1] > 2e-6 and max(carried[weakened[-1]:]) < 1e-6
+    assert carried[weakened[1] - 1] > 1e-6 and max(carried[weakened[-1]:]) < 1e-6
     lawful = converged(with_stabilisation(0, **far))
     largest = max(np.abs(u).max() for u in lawful.parts)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, lawful.parts)) <= 2e-6 * largest
@@ -223,7 +224,7 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     far["boundary"][1] = {"on": TOP, "displacement": steps}
     each = contact(0.2, method=method(increment=1), **far)
     one = converged(each)
-    assert len(one.summary["stabilised"]["weakened"]) > 3
+    assert len(one.summary["stabilised"]["weakened"]) > 1
     stops = sorted({one.summary["stabilised"]["weakened"][-1], one.iterations - 1})
     resumed, heard = stopped_and_resumed(tmp_path / "each", each, one.scene, stops)
     assert [event.iteration for event in heard] == list(range(1, one.iterations + 1))
@@ -243,19 +244,20 @@ def test_springs_become_weaker_when_nothing_else_is_left():
     def laws(springs, rest=1e-6):
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
-    def due(watch, laws, met=False):
-        answer = watch.due(Verdict(met, laws=laws), WEAKER ** len(watch.at))
-        if answer:
-            watch.at, watch.carried = [*watch.at, 0], laws.springs
-        return answer
+    def due(watch, laws, met=False, excess=0.0):
+        times = watch.due(Verdict(met, laws=laws, excess=excess), WEAKER ** len(watch.at))
+        if times:
+            watch.at, watch.carried = [*watch.at, *[0] * times], laws.springs
+        return times
 
-    one = Weakening(1e-6)
-    seen = [laws(2e-6, 1e-4), laws(2e-6, 9e-6), laws(1e-7, 1e-4), laws(1e-7, 9e-7), laws(1e-8, 9e-6), laws(1e-8, 1e-9)]
-    assert [due(one, found) for found in seen] == [False, True, False, True, True, False]
+    one = Weakening(1e-4)
+    seen = [laws(2e-4, 1e-2), laws(2e-4, 9e-4), laws(1e-5, 1e-2), laws(1e-5, 9e-5), laws(1e-6, 9e-4), laws(1e-6, 1e-7)]
+    assert [due(one, found) for found in seen] == [0, 1, 0, 1, 0, 0]
     assert due(Weakening(1e-6), laws(0.0, 2e-5), met=True)
     loaded = Weakening(1e-6)
-    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), *2 * [laws(9e-3, 9e-6)], laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [
-        True, True, True, False, True]
+    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 0, 1]
+    # where the error stands still: as often as it is too large, once springs carry less than when they became weaker last
+    assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in ((1e-6, 20.0), (9e-7, 20.0), (1e-8, 300.0))] == [1, 0, 2]
 
 
 def test_weaker_springs_that_lead_nowhere_are_withdrawn():
