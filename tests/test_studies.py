@@ -22,6 +22,7 @@ from benchmarks.problems import cases
 from benchmarks.problems.alternating import alternating_beam
 from benchmarks.problems.cases import contact_defaults, defaults, paper, paper_contact, with_method
 from benchmarks.problems.error_cases import MODELS
+from benchmarks.problems.hard_scenes import blocks
 from benchmarks.registry import STUDIES, function_of, run_study
 from benchmarks.studies import (
     certified,
@@ -36,6 +37,7 @@ from benchmarks.studies import (
     polycrystals,
     prediction,
     scaling,
+    stability,
     stages,
     ten_grains,
     time_vs_error,
@@ -503,13 +505,14 @@ def test_certified_scenes_are_drawn_again_alike():
         assert certified.drawn(number, "in-process") == (data, labels) and config_from(data).method.tolerance.error == labels["asked"]
         moduli = [matter["young"] for matter in data["materials"]]
         assert max(moduli) / min(moduli) == pytest.approx(labels["contrast"])
+    assert {certified.held(number)[1]["kind"] for number in range(20)} == {"held", "held apart"}
 
 
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
-    asked = ["scenes=3", "code=in-process", "follow=false"]
+    asked = ["scenes=3", "held=1", "code=in-process", "follow=false"]
     run_study("certified", tmp_path, asked)
     rows = rows_of(tmp_path / "table.csv")
-    assert [row["scene"] for row in rows] == ["1", "2", "3"] and all(row["stop_reason"] == "converged" for row in rows)
+    assert [row["scene"] for row in rows] == ["1", "2", "3", "held-1"] and all(row["stop_reason"] == "converged" for row in rows)
     assert all(float(row["true_error"]) <= float(row["asked"]) for row in rows if row["error_kind"] == "guaranteed")
     assert is_drawn(tmp_path / "certified.png", saved_figures[-1])
     run_study("certified", tmp_path, asked, resume=True)
@@ -520,17 +523,36 @@ def test_targets_of_certified_scenes(tmp_path):
     def judged(*changes):
         study = Study("certified", "judged", tmp_path)
         row = {"iterations": 9, "stop_reason": "converged", "error_kind": "guaranteed", "asked": 1e-3, "true_error": 4e-4,
-               "effectivity": 1.5}
+               "error_bound": 6e-4, "effectivity": 1.5, "friction": 0.0}
         study.rows = [{**row, **change} for change in changes]
         certified.judge(study)
         return [target.met for target in study.targets]
 
     assert all(judged({}, {"error_kind": "estimated", "effectivity": 0.5, "true_error": 2e-3}))
+    little = {"friction": 0.05}
+    assert all(judged({}, {**little, "effectivity": 7.0}))
+    assert judged({}, {**little, "effectivity": 0.99})[3] is False and judged({}, {**little, "true_error": 2e-3})[4] is False
     assert judged({}, {"effectivity": 0.99}) == [True, False, True, True]
     assert judged({"effectivity": 2.5}) == [True, False, True, True]
     assert judged({}, {}, {"effectivity": 6.5}) == [True, False, True, True]
     assert judged({}, {"true_error": 1.1e-3}) == [True, True, False, True]
+    assert judged({}, {"true_error": 1.1e-3, "error_bound": 1.2e-3})[2]  # it is told
     assert judged({}, {"stop_reason": "max_iterations"})[0] is False
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_hard_cases_with_contact_are_judged_by_their_energy_error(friction):
+    made = {**blocks([[0, 0, -0.002]], friction=friction), "blackbox": IN_PROCESS, **UNDRAWN}
+    row = stability._judged(solve(config_from(made)), made)
+    assert row["outcome"] == "converged" and not row["silent_wrong"]
+    assert row["error_kind"] == ("estimated" if friction else "guaranteed") and row["true_error"] <= row["error_bound"] <= 1e-6
+
+
+def test_errors_beyond_what_hard_cases_tell():
+    assert not stability.beyond("guaranteed", 1e-4, 1e-4) and not stability.beyond("guaranteed", 0.0, stability.NOISE)
+    assert not stability.beyond("estimated", 1e-4, 2e-4)
+    assert stability.beyond("guaranteed", 1e-4, 1.01e-4) == ["true error 1.0e-04 above the guaranteed 1.0e-04"]
+    assert stability.beyond("estimated", 1e-4, 2.1e-4)
 
 
 def test_targets_of_grains(tmp_path):

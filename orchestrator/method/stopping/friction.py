@@ -88,9 +88,10 @@ class Friction:
         one, two = along(G1), np.where(matched, along(G2), np.inf)
         with np.errstate(invalid="ignore"):
             first = np.where(np.isinf(two), 1.0, np.where(np.isinf(one), 0.0, two / (one + two)))
-        one = np.where(matched, one, along(E))
+            one = np.where(matched, one, along(E))
+            weight = np.where(first > 0, first * one, two)
         rows = [sp.diags_array(np.tile(share, 3)) for share in (matched * first, matched * (first - 1), ~matched * 1.0)]
-        return sp.csr_array(rows[0] @ G1 + rows[1] @ G2 + rows[2] @ E), np.where(first > 0, first * one, two)
+        return sp.csr_array(rows[0] @ G1 + rows[1] @ G2 + rows[2] @ E), np.where(weight > 0, weight, np.inf)  # nothing of the normal is free
 
     def _of_pressures(self) -> float:
         """λ_N, of pairs: those of two ranks are with both."""
