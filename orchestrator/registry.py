@@ -91,6 +91,7 @@ MONITORS = Registry({
     "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
     "true_error": "orchestrator.method.monitors.error_bound:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",
+    "limit_load": "orchestrator.method.monitors.limit_load:LimitLoadMonitor",
     "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",

@@ -112,6 +112,13 @@ CASES = {
                      {"on": {"plane": "z", "at": 1}, "pressure": 100.0}],
         "method": {"tolerance": {"law": 1e-6}},
     },
+    # a block that is pushed beyond what friction holds: what each rank knows of the contact goes into one cone problem
+    "pushed off": {
+        "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [1, 1, 2]}, "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.2}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "traction": [30, 0, -100]}],
+    },
     # a grain that nothing holds shows differences of rounding, ten million times larger; with the springs that auto ends with, a
     # hundredth of these, a thousand million times
     "loose grains": {
@@ -136,6 +143,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     result = {"displacement": solved.displacement, "reactions": summary["reactions"], "energy": summary["energy"],
               "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"], "factor": summary["error_factor"] or 0.0,
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
+    if summary["limit_load"]:
+        result["limit"] = [[limit["lacking"], *limit["motions"][0]["shift"]] for limit in summary["limit_load"]]
     carried = solved.answers.interfaces.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
                "stresses": solved.answers.extremes.value[:, :, 4:]}

@@ -9,6 +9,7 @@ from contact_case import BOTTOM, TOP, contact
 from orchestrator import Subscriber
 from orchestrator.method.monitors import Verdict
 from orchestrator.method.monitors.far_bodies import FarBodies, PATIENCE
+from orchestrator.method.stopping.law_residuals import Lengths
 from orchestrator.results.progress import Progress
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -46,6 +47,8 @@ def test_a_block_that_slides_away_is_told_while_it_runs():
     found, = solved.summary["far_bodies"]
     assert found["body"] == UPPER and found["load_step"] == 2 and found["iteration"] <= iteration and found["shift"] > 0.1
     assert found["along"][0] > 0.99
+    limit, = solved.summary["limit_load"]  # friction holds 20 of 50
+    assert solved.stop_reason == "limit load" and limit["load_step"] == 2 and limit["factor"] == pytest.approx(0.4, rel=1e-6)
     assert found["sliding"] == [LOWER] and not found["sticking"] and not found["apart"]
     moved = np.abs(solved.parts[1][1]).max()
     assert found["shift"] == pytest.approx(moved / np.linalg.norm([1, 1, 0.5]), rel=0.05)
@@ -69,13 +72,13 @@ def watch(bodies=3, steps=2):
     team = SimpleNamespace(max=lambda *values: values)
     problem = SimpleNamespace(steps=steps, local=SimpleNamespace(pairs=pairs), scene=SimpleNamespace(interfaces=interfaces),
                         space=SimpleNamespace(team=team))
-    lengths = SimpleNamespace(count=bodies, size=np.full(bodies, 2.0), names=list("abc"), body=np.arange(bodies))
+    lengths = SimpleNamespace(count=bodies, names=list("abc"), body=np.arange(bodies))
     status = np.array([[int(OPEN)] * (bodies - 1), [int(STICK)] * (bodies - 1)])
     monitor, local = FarBodies(lengths, [4, 7]), SimpleNamespace(status=status)
 
     def judge(iteration, rigid, ended=False):
         """Bodies that are warned of."""
-        said = Verdict(reason="converged" if ended else "", lengths=SimpleNamespace(rigid=rigid))
+        said = Verdict(reason="converged" if ended else "", lengths=Lengths(1.0, 1.0, rigid, np.full(bodies, 2.0)))
         warned = monitor.judge(SimpleNamespace(number=iteration, problem=problem, local=local, verdict=said)).warnings
         return [body for body in monitor.far if str(body) in warned]
 

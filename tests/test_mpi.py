@@ -99,6 +99,8 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
                 assert abs(together[name] - expected) <= 2, case
             elif name in ("status", "iterations", "weakened"):
                 assert np.array_equal(together[name], expected), (case, name)
+            elif name == "limit":  # an interior point method ends as near
+                assert np.abs(together[name] - expected).max() <= 1e-6, case
             elif "shifts" in name:  # they are solved for to a hundredth
                 assert np.abs(together[name] - expected).max() <= 0.02 * np.abs(expected).max(), (case, name)
             else:

@@ -193,10 +193,12 @@ def test_what_is_known_of_places_is_told_and_taken_back():
 def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
     """A block pulled by 1.2 times what friction holds: springs carry the fifth that is left over."""
     found = solve(slider(1.2 * 0.2 * 100.0, method=method())).summary
-    assert found["stop_reason"] == "held by stabilisation alone" and found["iterations"] < 100
-    assert any("block 0-0-1: more acts there" in sentence for sentence in found["advice"])
-    top = np.array(found["reactions"])[0].sum(axis=0)  # of the lower block's support
-    assert top[0] == pytest.approx(-1.2 * 20.0 * 16, rel=1e-3)
+    assert found["stop_reason"] == "limit load" and found["iterations"] < 20
+    limit, = found["limit_load"]
+    assert limit["load_step"] == 1 and [motion["body"] for motion in limit["motions"]] == ["block 0-0-1"] and not limit["pressures"]
+    x, y, z = limit["motions"][0]["shift"]
+    assert z / x == pytest.approx(0.2, rel=0.1) and abs(y) < 1e-6 * x and limit["factor"] == pytest.approx(0.0, abs=1e-6)
+    assert any("block 0-0-1 moves along" in sentence for sentence in found["advice"])
 
 
 def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
@@ -233,7 +235,7 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # what has no balance loads them as before
     beyond = solve(slider(1.00002 * 0.2 * 100.0, method=method()))
-    assert beyond.summary["stop_reason"] == "held by stabilisation alone" and beyond.summary["stabilised"]["weakened"]
+    assert beyond.summary["stop_reason"] == "limit load" and not beyond.converged
     # a number is what it is
     held = solve(with_stabilisation(2.5e-9, **{**far, "boundary": made.boundary}), one.scene)
     assert held.stop_reason == "held by stabilisation alone" and held.summary["stabilised"]["force"] > 2e-6
@@ -255,7 +257,7 @@ def test_springs_become_weaker_when_nothing_else_is_left():
     assert [due(one, found) for found in seen] == [0, 1, 0, 1, 0, 0]
     assert due(Weakening(1e-6), laws(0.0, 2e-5), met=True)
     loaded = Weakening(1e-6)
-    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 0, 1]
+    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 1, 1]
     # where the error stands still: as often as it is too large, once springs carry less than when they became weaker last
     assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in ((1e-6, 20.0), (9e-7, 20.0), (1e-8, 300.0))] == [1, 0, 2]
 
@@ -265,7 +267,7 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
 
     def now(number, rest):
         laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
-        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws, excess=0.0))
+        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, reason="", changes=(), laws=laws, excess=0.0))
 
     changed = {}
     for number in range(1, 80):  # near at first, then lost for good

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from orchestrator.config.boundary import Entry
-from orchestrator.laws.points import Answer, BONDED, Points, Status
+from orchestrator.laws.points import Answer, BONDED, Carries, Points, Status
 
 
 @dataclass(frozen=True)
@@ -243,6 +243,11 @@ class Law:
         derivative : also return ∂f̂/∂F, wherever it is not zero
         """
         raise NotImplementedError
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """The forces that the law allows at points, for the limit load of rigid bodies; what is not overruled carries anything."""
+        return Carries.anything(len(points))
 
     @staticmethod
     def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Variable, Written
-from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
 
 INTACT = Status(9, "intact", "#66A61E", Hold.ALWAYS, Hold.ALWAYS)
 DAMAGED = Status(10, "damaged", "#E7298A", Hold.ALWAYS, Hold.ALWAYS)
@@ -113,6 +113,14 @@ class Cohesive(Law):
             at = grows[damage[grows] < 1]
             answer.derivative[..., at] += _softening(points.some(at), kappa[at], np.where(F_n > 0, F_n, 0.0)[at], F_t[:, at])
         return answer
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Any pressure, and a pull or a shear up to what the damage of the load step before has left."""
+        result = Carries.anything(len(points))
+        result.side = np.full(len(points), -1.0)
+        result.limit = _falls(points) * (points["last"] - _reached(points, points["damage"]))
+        return result
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -24,7 +24,7 @@ from orchestrator.compiled import compiled, in_parts
 from orchestrator.config.base import Positive, either
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
 
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
@@ -155,6 +155,11 @@ class Contact(Law):
         slope = np.empty((3, 3, len(active)))
         in_parts(slopes, len(active), *given, active, slope, part=WORTH)
         return Answer(force, status, active, slope)
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Any pressure, as gaps may close, and friction that goes with it."""
+        return Carries.pressed(points.normal, points["friction"], apart=points["gap"])
 
     @staticmethod
     def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:

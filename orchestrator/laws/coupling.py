@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, BONDED, Collective, Hold, Points, Status
+from orchestrator.laws.points import Answer, BONDED, Carries, Collective, Hold, Points, Status
 
 COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 
@@ -84,6 +84,14 @@ class Coupling(Law):
         count = len(chosen)
         return {"motions": self.motions[:, :, chosen], "given": np.repeat(self.given[:, None], count, axis=1),
                 "prescribed": np.repeat(self.prescribed[:, None], count, axis=1), "rigid": np.full(count, self.rigid)}
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Anything in the motions that are prescribed, and in the others the force and moment that are given."""
+        result, loaded = Carries.anything(len(points)), ~points["prescribed"]
+        result.motions = np.where(loaded[:, None], points["motions"], 0.0)
+        result.works = np.where(loaded, points["given"], 0.0)
+        return result
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:

@@ -19,7 +19,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
 
 SPRUNG = Status(4, "sprung", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 TAUT = Status(5, "taut", "#56B4E9", Hold.PULLED, Hold.ALWAYS)
@@ -101,6 +101,15 @@ class Elastic(Law):
             for i in range(3):
                 answer.derivative[i, i] += across
         return answer
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Anything, but no push where springs are slack."""
+        pulls, anything = Carries.pressed(points.normal, side=1.0, limit=np.inf), Carries.anything(len(points))
+        slack = points["loosens"] & (points["slack"] == 0)
+        anything.directions = np.where(slack, pulls.directions, anything.directions)
+        anything.side = np.where(slack, pulls.side, 0.0)
+        return anything
 
     @staticmethod
     def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:

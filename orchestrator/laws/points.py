@@ -170,6 +170,47 @@ class Collective:
             yield self.at[own], self.given[:, own], self.taken[:, own]
 
 
+@dataclass
+class Carries:
+    """The forces λ on side 1 that a law allows at P points, whatever the sides do, as far as rigid bodies are concerned:
+
+        λ = q s n + x,    q ≥ 0,    x along ``directions``,    |x| ≤ limit + friction q
+
+    directions : (3, 3, P) at [which, component, P], orthonormal or zero; where the limit is infinite they need not be
+    side : (P,) s: −1 where sides push each other, 1 where they pull, 0 where there is neither beside x
+    limit : (P,) force; infinite: any
+    friction : (P,)
+    motions : (m, 3, P) jumps that all points of an interface together make freely, beside x of no limit: a bolt's shortening
+    works : (m, P) what the law's force does in each, at all points together; the same at all points of an interface
+    apart : (P,) how far apart sides that push each other are before loading, a length
+    """
+
+    directions: np.ndarray
+    side: np.ndarray
+    limit: np.ndarray
+    friction: np.ndarray
+    motions: np.ndarray
+    works: np.ndarray
+    apart: np.ndarray
+
+    @classmethod
+    def anything(cls, count: int) -> Carries:
+        """Any force, at so many points."""
+        return cls(np.repeat(np.eye(3)[:, :, None], count, axis=2), np.zeros(count), np.full(count, np.inf), np.zeros(count),
+                   np.zeros((0, 3, count)), np.zeros((0, count)), np.zeros(count))
+
+    @classmethod
+    def pressed(cls, normal: np.ndarray, friction: np.ndarray | float = 0.0, side: np.ndarray | float = -1.0,
+                limit: np.ndarray | float = 0.0, apart: np.ndarray | float = 0.0) -> Carries:
+        """A push (or pull) along normals (3, P), and what goes across them."""
+        count = normal.shape[1]
+        first = np.cross(normal.T, np.eye(3)[np.argmin(np.abs(normal), axis=0)]).T
+        first = first / np.sqrt(dot(first, first))
+        across = np.stack([first, np.cross(normal.T, first.T).T, np.zeros_like(first)])
+        side, limit, friction, apart = (np.broadcast_to(np.asarray(x, float), count).copy() for x in (side, limit, friction, apart))
+        return cls(across, side, limit, friction, np.zeros((0, 3, count)), np.zeros((0, count)), apart)
+
+
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(…, P) products of vectors (…, 3, P)."""
     return a[..., 0, :] * b[..., 0, :] + a[..., 1, :] * b[..., 1, :] + a[..., 2, :] * b[..., 2, :]

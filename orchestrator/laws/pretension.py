@@ -22,7 +22,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages
-from orchestrator.laws.points import Answer, BONDED, Collective, Hold, Points, Status
+from orchestrator.laws.points import Answer, BONDED, Carries, Collective, Hold, Points, Status
 
 TIGHTENED = Status(7, "tightened", "#D55E00", Hold.NEVER, Hold.ALWAYS)
 LOCKED = Status(8, "locked", "#009E73", Hold.ALWAYS, Hold.ALWAYS)
@@ -107,6 +107,14 @@ class Pretension(Law):
             share = (points.stiff_n / stiffness[group])[at]
             answer.collective = Collective(group[at], at, share * points.normal[:, at], points.normal[:, at])
         return answer
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Anything across the axis, and along it the force that is given, or any once the bolt is locked."""
+        result, by_force = Carries.anything(len(points)), points["tightened"]
+        result.motions = np.where(by_force, points.normal, 0.0)[None]
+        result.works = np.where(by_force, points["pull"], 0.0)[None]
+        return result
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:

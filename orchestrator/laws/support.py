@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, BONDED, Hold, Points, Status
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
 
 SUPPORTED = Status(9, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 GUIDED = Status(10, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)
@@ -84,6 +84,13 @@ class Support(Law):
         across = (acts & ~along).sum(axis=0) > 1
         return {"frame": self.frame[:, :, chosen], "acts": acts, "softness": 1 / np.where(acts, k, 1.0), "given": self.given[:, chosen],
                 "status": np.where(held & across, SUPPORTED, np.where(held, GUIDED, CARRIED))}
+
+    @staticmethod
+    def carries(points: Points) -> Carries:
+        """Anything in the directions that are held or sprung."""
+        result = Carries.anything(len(points))
+        result.directions = np.where(points["acts"][:, None], points["frame"], 0.0)
+        return result
 
     @staticmethod
     def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:

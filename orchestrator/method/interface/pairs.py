@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Collective, Points, Status, table
+from orchestrator.laws.points import Answer, Carries, Collective, Points, Status, table
 from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
@@ -135,6 +135,10 @@ class Pairs:
             answer.derivative = np.where(free[:, None] & free, all_of(np.zeros((3, 3, 0)), "derivative"), 0.0)
             answer.collective = self._collective([(part, a.collective) for part, a in parts if a.collective is not None])
         return answer
+
+    def carries(self, before: History, step: int) -> list[tuple[slice, Carries]]:
+        """What the laws allow points to carry, those of one law after those of the other; as for ``force``."""
+        return [(run.part, run.law.carries(run.points.at(step, self._own(run, before)))) for run in self.runs]
 
     @staticmethod
     def _own(run: Run, before: History) -> dict[str, np.ndarray]:

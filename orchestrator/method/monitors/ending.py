@@ -3,7 +3,8 @@
 - ``converged``: the stopping criterion holds
 - ``diverged``: the residual is not finite, or displacements have grown beyond all that a convergent run shows
 - ``stagnated at rounding``: the residual is down at rounding level and has not halved for ``STALL`` stages
-- ``held by stabilisation alone``: all has settled, but springs carry more than the tolerance: the laws have no balance
+- ``limit load``: no forces that the laws allow balance the loads, see ``limit_load``
+- ``held by stabilisation alone``: all has settled, but springs carry more than the tolerance, however weak they are
 - ``error bound stands still``: the laws hold much better than was asked, see ``energy_error``
 - ``max_iterations``: as many as were allowed
 """
@@ -12,6 +13,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Evaluation, Monitor, Verdict
 
 DIVERGED = "diverged"
@@ -27,16 +31,18 @@ class Ending(Monitor):
     name, remembered = "ending", ("reach", "residuals")
 
     def __init__(self) -> None:
-        self.reach = 0.0  # largest interface displacement of the first stage that moved
+        self.reach = 0.0  # largest interface displacement of the first stage that moved, or of what laws ask for
         self.residuals: list[float] = []
         self.problem, self.runaway = None, RUNAWAY
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, residual, moved = now.verdict, now.measures.residual, now.measures.moved
+        if verdict.reason:
+            return Verdict()
         if now.problem is not self.problem:  # its springs may have become weaker
             self.problem, loose = now.problem, not now.problem.all_perfect
             self.runaway = max(RUNAWAY, LOOSE / now.problem.local.pairs.weakest(now.problem.space.team) if loose else 0.0)
-        self.reach = self.reach or moved
+        self.reach = self.reach or (max(moved, self.asked(now.problem)) if moved > 0 else 0.0)
         self.residuals.append(residual)
         if verdict.anew:  # of another fixed point from here on
             self.residuals.clear()
@@ -49,6 +55,12 @@ class Ending(Monitor):
         if self._stalled():
             return Verdict(reason="stagnated at rounding")
         return Verdict(reason="max_iterations" if now.last else "")
+
+    @staticmethod
+    def asked(problem: Decomposition) -> float:
+        """How far laws send bodies whatever the loads: press fits and jumps that they impose, and gaps that may close."""
+        laws = [i.law for i in problem.scene.interfaces]
+        return problem.space.team.max(max((max(law.imposed, float(np.abs(law.distance).max(initial=0.0))) for law in laws), default=0.0))[0]
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

@@ -18,7 +18,7 @@ from orchestrator.laws.points import table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
-from orchestrator.method.stopping.law_residuals import LengthScale
+from orchestrator.method.stopping.law_residuals import Lengths, LengthScale
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 
 PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleration
@@ -97,21 +97,18 @@ class FarBodies(Monitor):
         return None if case.problem.all_perfect else cls(case.lengths, case.numbers)
 
     def judge(self, now: Evaluation) -> Verdict:
-        new = self._new(now.number, now.verdict.lengths.rigid, now, bool(now.verdict.reason))
+        new = self._new(now.number, now.verdict.lengths, now, bool(now.verdict.reason))
         return Verdict(told={"far_bodies": len(self.far)}, warnings=tuple(sentences(new)))
 
     def found(self, problem: Decomposition) -> list[FarBody]:
         return self.far
 
-    def _new(self, iteration: int, rigid: np.ndarray, now: Evaluation, ended: bool) -> list[FarBody]:
+    def _new(self, iteration: int, lengths: Lengths, now: Evaluation, ended: bool) -> list[FarBody]:
         """Those that are to be told now.
 
-        rigid : (bodies, T, 6) as ``Lengths`` has it
         ended : this is the last iteration
         """
-        size = self.lengths.size[:, None]
-        shift, turn = np.linalg.norm(rigid[..., :3], axis=2) / (2 * size), np.linalg.norm(rigid[..., 3:], axis=2) / size
-        excess = np.maximum(shift / DISPLACEMENT, turn / ROTATION)
+        rigid, shift, turn, excess = lengths.rigid, lengths.shift, lengths.turn, lengths.excess
         far = excess > 1  # not a number: the run ends as diverged
         self.since = np.where(far, np.where(self.since > 0, self.since, iteration), 0)
         lasting = far & ((iteration - self.since >= PATIENCE - 1) | ended)

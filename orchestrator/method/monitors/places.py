@@ -25,7 +25,8 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.method.monitors.ending import DIVERGED
-from orchestrator.method.stopping.law_residuals import LengthScale, RIGID
+from orchestrator.method.stopping.bodies import RIGID
+from orchestrator.method.stopping.law_residuals import LengthScale
 
 SEEN = 5  # iterations: single ones may stand still, and a digit takes seven to ten
 BENT = 2.0  # what affine fields move by, as bodies bend as well: measured 0.5 … 1.5 times as far in all

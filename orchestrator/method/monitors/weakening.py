@@ -4,10 +4,10 @@ Stiff springs let loose bodies find their places quickly and carry what contacts
 many iterations from afar. So ``auto`` begins with ε of a quarter of what the tolerance allows, and goes on with a hundredth of it
 each time that everything but the springs is within ``NEAR`` of the tolerance, ``STAGES`` times. Where springs alone then keep a
 run from its end, they become weaker again: a body that goes far in a load step needs it, or the energy error stands still on them,
-which falls with ε. What has no balance loads them as before, however weak they are: then they stay, and the run ends as held by them.
+which falls with ε. What has no balance loads them as before, however weak they are; it is ``monitors.limit_load`` that ends such a run.
 
 Where many bodies are loose the coarse contact problem may lose its way once springs are weak. What is not as near again after
-``PATIENCE`` iterations goes on with the springs before, to the end; the summary tells what they carry.
+``PATIENCE`` iterations goes on with the springs before; the summary tells what they carry.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from orchestrator.method.stopping.law_residuals import LawResiduals
 WEAKER, STAGES = 0.01, 2
 # The least ε that springs are given where they do not keep a run from its end: rounding kept a block from its place that 2.5e-11 alone held.
 LEAST = 1e-10
+FAINTEST = 1e-14  # the least ε where they do: what such springs carry is rounding of what points do
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
 # Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12.
 PATIENCE = 20
-LESS = 0.5  # of what springs carried when they became weaker last, below which that has served
+LESS = 0.5  # of what springs carried when they became weaker last, below which that has served the energy error
 
 
 class Weakening(Monitor):
@@ -38,7 +39,7 @@ class Weakening(Monitor):
     allowed : law residual that the tolerance stands for
     at : iterations after which springs have become weaker
     near : the last iteration that was near the tolerance
-    withdrawn : iteration after which the last step has been taken back; 0: none has
+    withdrawn : iteration after which the last step until then has been taken back, which is done once; 0: none has
     """
 
     name, remembered = "weakening", ("at", "carried", "near", "withdrawn")
@@ -59,7 +60,7 @@ class Weakening(Monitor):
         verdict = now.verdict
         if self.is_near(verdict.laws, bool(verdict.met)):
             self.near = now.number
-        if verdict.changes or now.last or self.withdrawn:
+        if verdict.changes or verdict.reason or now.last:
             return Verdict()
         if self.lost(now.number) or self.due(verdict, now.problem.springs):
             return Verdict(False, changes=(self.name,), anew=True)
@@ -67,7 +68,7 @@ class Weakening(Monitor):
 
     def lost(self, number: int) -> bool:
         """Whether weaker springs have led away from the tolerance for good."""
-        return bool(self.at) and self.near <= self.at[-1] and number - self.at[-1] >= PATIENCE
+        return not self.withdrawn and bool(self.at) and self.near <= self.at[-1] and number - self.at[-1] >= PATIENCE
 
     def is_near(self, laws: LawResiduals, met: bool) -> bool:
         """Whether everything but the springs is near the tolerance; ``met``: the stopping criterion holds."""
@@ -78,15 +79,19 @@ class Weakening(Monitor):
 
         springs : ε over that at the beginning
         """
-        laws, more = verdict.laws, len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
+        laws, weaker = verdict.laws, WEAKER * springs * SHARE * self.allowed
+        if laws.held_by_springs(self.allowed):
+            return int(weaker >= FAINTEST)
+        if self.withdrawn:
+            return 0
         if verdict.excess and laws.springs <= LESS * self.carried:  # the error falls with ε
             return math.ceil(math.log(1 / verdict.excess, WEAKER))
-        return int(more and self.is_near(laws, bool(verdict.met)) or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried)
+        return int(len(self.at) < STAGES and weaker >= LEAST and self.is_near(laws, bool(verdict.met)))
 
     def change(self, now: Evaluation) -> Decomposition:
         if self.lost(now.number):
             self.withdrawn = now.number
-            return now.problem.weakened(WEAKER ** -self.at.count(self.at[-1]))
+            return now.problem.weakened(WEAKER ** -self.taken_back)
         times = self.due(now.verdict, now.problem.springs)
         self.at += [now.number] * times
         self.carried = now.verdict.laws.springs
@@ -96,7 +101,12 @@ class Weakening(Monitor):
         super().restore(state, problem)
         for _ in self.at:
             problem = problem.weakened(WEAKER)
-        return problem.weakened(WEAKER ** -self.at.count(self.at[-1])) if self.withdrawn else problem
+        return problem.weakened(WEAKER ** -self.taken_back) if self.withdrawn else problem
+
+    @property
+    def taken_back(self) -> int:
+        """How many times springs had become weaker in the step that is withdrawn."""
+        return self.at.count(max(after for after in self.at if after < self.withdrawn))
 
     def found(self, problem: Decomposition) -> list[dict[str, Any]]:
         return [{"after": self.at, "springs": problem.springs, "withdrawn": self.withdrawn}]

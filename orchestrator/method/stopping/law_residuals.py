@@ -35,16 +35,13 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.local_stage import LocalState
+from orchestrator.method.stopping.bodies import Bodies, FREE, RIGID
 from orchestrator.parallel.team import Team
-from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 
-FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
 ROUNDING = 1e-12  # of the largest length that a scene was told, what counts as none
 # Forces are differences of k u: below this share of it they count as none, as where all contacts are open.
 REST = 1e-4
-RIGID = 6
-
 
 @dataclass(frozen=True)
 class Lengths:
@@ -52,13 +49,29 @@ class Lengths:
 
     deformation : largest displacement beside rigid motions
     told : by the loads, supports and laws
-    rigid : (bodies, T, 6) rigid motion of each body that its supports leave: of its centre, and its rotation times its
-        size, half the diagonal of the box around it
+    rigid : (bodies, T, 6) rigid motion of each body that its supports leave: of its centre, and its rotation times its size
+    size : (bodies,) half the diagonal of the box around each
     """
 
     deformation: float
     told: float
     rigid: np.ndarray
+    size: np.ndarray
+
+    @property
+    def shift(self) -> np.ndarray:
+        """(bodies, T) how far centres have moved, over the diagonal."""
+        return np.linalg.norm(self.rigid[..., :3], axis=2) / (2 * self.size[:, None])
+
+    @property
+    def turn(self) -> np.ndarray:
+        """(bodies, T) by how much bodies have turned, in radians."""
+        return np.linalg.norm(self.rigid[..., 3:], axis=2) / self.size[:, None]
+
+    @property
+    def excess(self) -> np.ndarray:
+        """(bodies, T) both over the largest that count as small displacements."""
+        return np.maximum(self.shift / DISPLACEMENT, self.turn / ROTATION)
 
     @property
     def of_displacements(self) -> float:
@@ -71,30 +84,17 @@ class Lengths:
         return REST * max(self.deformation, self.told)
 
 
-class LengthScale:
-    """The lengths of one decomposition, for some or all of its load steps.
+class LengthScale(Bodies):
+    """The lengths of one decomposition, for some or all of its load steps, and its bodies.
 
-    count, size, names : of the bodies; of what is joined, the first one's name
-    body : (subdomains,) int, the body of each
-
+    fit : (bodies, 6, 6) makes of products with all motions the free ones that fit best
     """
 
     def __init__(self, d: Decomposition):
-        self.team, self.boundary = d.space.team, d.space.boundary
-        subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
-        joined = np.array([i.subdomains for i in d.scene.interfaces if i.law.joins]).reshape(-1, 2)
-        self.count, self.body = components(*joined.T, len(subdomains))
-        self.own = self.body[d.space.subdomains]
-        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]
-        low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
-        for s, body in zip(d.own, self.own):
-            x = nodes[s.nodes]
-            low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
-        ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, self.count, 3))
-        low, high = -ends[0], ends[1]
-        self.size = np.linalg.norm(high - low, axis=1) / 2
+        super().__init__(d, lambda law: law.joins)
         self.carried, self.strained = d.loading.carried, d.loading.strained.max(initial=0.0)
-        self._held(d, (low + high) / 2)
+        self.fit = self.loose @ np.linalg.pinv(self.loose.swapaxes(1, 2) @ self.gram @ self.loose, rcond=FREE,
+                                               hermitian=True) @ self.loose.swapaxes(1, 2)
         told = np.zeros((2, self.count))
         for body, part, lift in zip(self.own, self.boundary, d.loading.lift):
             for kind, values in enumerate((lift, d.loading.working[:, part])):  # and what strains its supports: rigid motions are none
@@ -102,25 +102,6 @@ class LengthScale:
         told = np.concatenate([self.team.max(*told.ravel()), [i.law.imposed for i in d.scene.interfaces]])
         told = told[told > ROUNDING * told.max(initial=0.0)]
         self.told = float(told.min(initial=np.inf)) if len(told) else 0.0
-
-    def _held(self, d: Decomposition, centre: np.ndarray) -> None:
-        """Find the motions that supports leave: ``fit`` (bodies, 6, 6) makes of products with all the free ones that fit best.
-        Bodies turn about their centres (bodies, 3)."""
-        self.motions: list[np.ndarray] = []
-        gram, held = np.zeros((2, self.count, RIGID, RIGID))
-        nodes = d.scene.mesh.nodes
-        for s, body, part in zip(d.own, self.own, self.boundary):
-            about, dof = (centre[body], self.size[body]), d.space.global_dof[part]
-            self.motions.append(motions_about(nodes[dof // 3], *about)[np.arange(len(dof)), dof % 3])
-            gram[body] += self.motions[-1].T @ self.motions[-1]
-            fixed = np.flatnonzero(s.fixed)
-            rows = motions_about(nodes[s.nodes[fixed // 3]], *about)[np.arange(len(fixed)), fixed % 3]
-            held[body] += rows.T @ rows
-        gram, held = self.team.sum(gram, held)
-        values, vectors = np.linalg.eigh(held)
-        loose = vectors * (values <= FREE * values[:, -1:])[:, None, :]
-        gram = np.linalg.pinv(loose.swapaxes(1, 2) @ gram @ loose, rcond=FREE, hermitian=True)
-        self.fit = loose @ gram @ loose.swapaxes(1, 2)
 
     def __call__(self, u: np.ndarray) -> Lengths:
         """The lengths for displacements (T, B) of the boundary dofs."""
@@ -133,7 +114,7 @@ class LengthScale:
         largest = max((np.abs(left - loose[body] @ rows.T).max(initial=0.0)
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
         deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
-        return Lengths(deformation, self.told, loose)
+        return Lengths(deformation, self.told, loose, self.size)
 
 
 STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"

@@ -156,11 +156,19 @@ def springs(run: Stopped) -> Iterator[str]:
     if found is None:
         return
     names = list(dict.fromkeys(name for step in found.bodies for name in step))
+    yield (f"no limit load: forces that the laws allow balance every body; springs that hold {some(names or [found.most])} still carry "
+           f"{found.force:.1e} of the largest contact force")
     if asked != "auto":
         yield (f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: lower it in proportion, or "
                "method.contact.stabilisation=auto")
-    yield (f"{some(names or [found.most])}: more acts there than contact and friction can carry (limit load, or a body that is pushed "
-           f"away): springs hold {found.force:.1e} of the largest contact force; lower the load, raise friction, or hold these bodies")
+    if run.scene.steps > 1:
+        yield "what friction holds may depend on the way there: smaller load steps, or method.increment=1"
+
+
+def limit(run: Stopped) -> Iterator[str]:
+    """No forces balance the loads."""
+    for found in run.iterated.found.get("limit_load", []):
+        yield f"{found}. Lower the load, raise friction, or hold {some([motion.body for motion in found.motions])}"
 
 
 def code(run: Stopped) -> Iterator[str]:
@@ -174,6 +182,7 @@ def code(run: Stopped) -> Iterator[str]:
 CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "max_iterations": [how_far, settings, matter, shape, contact],
     "diverged": [settings, runaway, contact, code],
+    "limit load": [limit],
     "held by stabilisation alone": [springs],
     "stagnated at rounding": [rounding, settings, matter, code],
     "error bound stands still": [standing],

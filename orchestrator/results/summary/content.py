@@ -62,6 +62,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
         "reactions": delivered.reactions[:, :, :3].tolist(), **contact,
+        "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),

@@ -85,9 +85,10 @@ def _backward(summary: Mapping[str, object]) -> str:
 
 
 def balance_sentences(summary: Mapping[str, object]) -> list[str]:
-    """Which bodies no forces hold that the laws allow, at which load steps, in words."""
-    return [f"{some(names, NAMES)}: no forces that the laws allow hold {'it' if len(names) == 1 else 'them'} at load step {steps}: no error is known"
-            for steps, names in _alike(summary.get("unbalanced") or ())]
+    """Where no energy error is known for want of balanced forces near the run's, in words; a limit load says more."""
+    return [f"{some(names, NAMES)}: near the forces of load step {steps} none were found that the laws allow and that balance "
+            f"{'it' if len(names) == 1 else 'them'}: no error is known"
+            for steps, names in _alike(summary.get("unbalanced") or ()) if not summary.get("limit_load")]
 
 
 def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], str]:

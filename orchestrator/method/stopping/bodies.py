@@ -1,0 +1,59 @@
+"""Bodies, what joining laws make of subdomains, and the rigid motions that their supports leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from orchestrator.laws.base import Law
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.mesh.faces import components
+
+FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
+RIGID = 6
+
+
+class Bodies:
+    """The bodies of one decomposition, the same on all ranks.
+
+    joins : whether a law makes one body of both sides
+
+    count, names : of the bodies; of what is joined, the first one's name
+    body : (subdomains,) int, the body of each; own : of this rank's subdomains
+    size, centre : (count,) half the diagonal of the box around each, and (count, 3) its middle
+    motions : per own subdomain (boundary dofs, 6) of the body's translations, and of its rotations about the centre over its size
+    gram : (count, 6, 6) products of these over all boundary dofs
+    loose : (count, 6, 6) combinations of these that supports leave; zero columns for the others
+    """
+
+    def __init__(self, d: Decomposition, joins: Callable[[Law], bool]):
+        self.team, self.boundary = d.space.team, d.space.boundary
+        subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
+        joined = np.array([i.subdomains for i in d.scene.interfaces if joins(i.law)]).reshape(-1, 2)
+        self.count, self.body = components(*joined.T, len(subdomains))
+        self.own = self.body[d.space.subdomains]
+        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]
+        low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
+        for s, body in zip(d.own, self.own):
+            x = nodes[s.nodes]
+            low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
+        ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, self.count, 3))
+        low, high = -ends[0], ends[1]
+        self.size, self.centre = np.linalg.norm(high - low, axis=1) / 2, (low + high) / 2
+        self.motions: list[np.ndarray] = []
+        self.gram, held = np.zeros((2, self.count, RIGID, RIGID))
+        for s, body, part in zip(d.own, self.own, self.boundary):
+            dof, fixed = d.space.global_dof[part], np.flatnonzero(s.fixed)
+            self.motions.append(self.of(body, nodes[dof // 3])[np.arange(len(dof)), dof % 3])
+            self.gram[body] += self.motions[-1].T @ self.motions[-1]
+            rows = self.of(body, nodes[s.nodes[fixed // 3]])[np.arange(len(fixed)), fixed % 3]
+            held[body] += rows.T @ rows
+        self.gram, held = self.team.sum(self.gram, held)
+        values, vectors = np.linalg.eigh(held)
+        self.loose = vectors * (values <= FREE * values[:, -1:])[:, None, :]
+
+    def of(self, body: int, points: np.ndarray) -> np.ndarray:
+        """(n, 3, 6) a body's motions at points (n, 3)."""
+        return motions_about(points, self.centre[body], self.size[body])

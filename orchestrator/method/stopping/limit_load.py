@@ -1,0 +1,157 @@
+"""Which load steps of a scene no forces balance that its laws allow, and the motion of bodies that shows it.
+
+Bodies are what perfect interfaces join; they move as rigid ones, as far as their supports let them. What every interface between them
+may carry its law says (``Law.carries``): the second-order cone problem of ``cone_problem`` decides. It knows nothing of the
+iterations, but for two things: where sides that slide are paired anew, and what damage the load steps before have left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.errors import SHOWN, some
+from orchestrator.laws.points import Carries, dot
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.stopping.bodies import Bodies, RIGID
+from orchestrator.method.stopping.cone_problem import failing, Motion, Reach
+from orchestrator.scene.conditions.rigid import DISPLACEMENT
+
+ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
+TAKES_PART = 1e-2  # of the farthest body's way, from which a body is named
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """How a body moves, relative to the farthest.
+
+    body : its name
+    shift : (3,) of its centre
+    turn : (3,) rotation times half its size
+    """
+
+    body: str
+    shift: list[float]
+    turn: list[float]
+
+    def __str__(self) -> str:
+        turns = np.linalg.norm(self.turn) > np.linalg.norm(self.shift)
+        along = np.array(self.turn if turns else self.shift)
+        along = np.round(along / np.linalg.norm(along), 2) + 0.0
+        return f"{self.body} {'turns about' if turns else 'moves along'} ({', '.join(f'{x:.2g}' for x in along)})"
+
+
+@dataclass(frozen=True)
+class LimitLoad:
+    """What shows that the loads of a load step cannot be carried.
+
+    load_step : from 1
+    motions : of the bodies, the farthest first, in which loads do more work than anything resists
+    lacking : force that balance lacks at least, over the largest load on a body
+    factor : share of what this load step adds that is carried; None where that is not known
+    pressures : friction was taken at the pressures of the run's last state; else at any
+    """
+
+    load_step: int
+    motions: list[BodyMotion]
+    lacking: float
+    factor: float | None
+    pressures: bool
+
+    def __str__(self) -> str:
+        how = "at the pressures that are there, friction and contact resist" if self.pressures else "contact and friction can resist"
+        moves = "; ".join(map(str, self.motions[:SHOWN]))
+        rest = [motion.body for motion in self.motions[SHOWN:]]
+        return (f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: the loads do more work in that motion than "
+                f"{how}{self._how_far}")
+
+    @property
+    def _how_far(self) -> str:
+        if self.factor is None:
+            return ""
+        if self.factor < 1e-3:
+            return "; no part of what this load step adds is carried, however small"
+        return f"; {self.factor:.1%} of what this load step adds is carried"
+
+
+class LimitLoads:
+    """Those of the load steps of a case.
+
+    loads : (scene's steps, bodies, 6) in the motions that supports leave, forces, and moments over the body's size
+    noise : (bodies,) what rounding leaves of them
+    """
+
+    def __init__(self, d: Decomposition):
+        self.team, self.bodies = d.space.team, Bodies(d, lambda law: law.perfect)
+        self.loads = np.zeros((d.scene.steps, self.bodies.count, RIGID))
+        self.noise = np.zeros(self.bodies.count)
+        boundary = np.zeros((RIGID, len(d.space.global_dof)))
+        for s, b, rows, part in zip(d.own, self.bodies.own, self.bodies.motions, self.bodies.boundary):
+            loose, load = self.bodies.loose[b], np.where(s.fixed, 0.0, s.loads).reshape(d.scene.steps, -1)
+            moved = self.bodies.of(b, d.scene.mesh.nodes[s.nodes]).reshape(-1, RIGID) @ loose
+            self.loads[:, b] += load @ moved
+            self.noise[b] += ROUNDING * float(np.abs(load).sum(axis=1).max())
+            boundary[:, part] = (rows @ loose).T
+        self.loads, self.noise = self.team.sum(self.loads, self.noise)
+        self.everywhere, = d.space.extended(d.space.trace(boundary))
+
+    @property
+    def loose(self) -> bool:
+        """Whether any body can move."""
+        return bool(self.bodies.loose.any())
+
+    def reach(self, pairs: Pairs, before: History, number: int, state: tuple[np.ndarray, np.ndarray] | None = None) -> Reach:
+        """What this rank's points may carry at a load step of the scene; parameters as of ``__call__``."""
+        first, second = (side(self.everywhere).transpose(2, 1, 0) for side in (pairs.transfer.first, pairs.transfer.second))
+        J = np.concatenate([-first, second], axis=2)
+        ends = self.bodies.body[np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)]
+        counts = np.diff(pairs.bounds)
+        ends, group = np.repeat(ends, counts, axis=0), np.repeat([i.index for i in pairs.interfaces], counts).astype(int)
+        apart = [np.zeros(0)]
+        parts = [Reach.of(J[:0], ends[:0], group[:0], np.zeros((3, 0)), Carries.anything(0))]
+        for at, carries in pairs.carries(before, number):
+            parts.append(Reach.of(J[at], ends[at], group[at], pairs.points.normal[:, at], carries))
+            apart.append(carries.apart)
+        reach = Reach.joined(parts)
+        if state is not None:
+            force, jump = state
+            push, opened = -pairs.points.along(force), np.concatenate(apart) + pairs.points.along(jump)
+            way = 2 * DISPLACEMENT * self.bodies.size[ends].max(axis=1)
+            reach = reach.at_pressures(np.maximum(push, 0.0), np.where(push > 0, 0.0, np.maximum(opened, 0.0) / way))
+        return reach.some(pairs.mine)
+
+    def __call__(self, pairs: Pairs, before: History, number: int,
+                 state: tuple[np.ndarray, np.ndarray] | None = None) -> LimitLoad | None:
+        """The limit load of a load step ``number`` of the scene, from 0; None where there are forces that balance all.
+
+        pairs : those that are not perfect, as they meet now; before : what the load steps before have left
+        state : forces and jumps (3, P) whose friction and whose gaps count; None: any pressure, and no gap
+        """
+        parts, found = self.team.gather(self.reach(pairs, before, number, state)), None
+        if parts is not None:
+            loads = self.loads[number]
+            earlier = self.loads[number - 1] if number else np.zeros_like(loads)
+            found = failing(Reach.joined(parts), loads, earlier, self.noise)
+        found = self.team.share(found)
+        return None if found is None else self._told(found, number, state is not None)
+
+    def missing(self, pairs: Pairs, before: History, number: int, force: np.ndarray) -> np.ndarray:
+        """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all forces on the body, in magnitude."""
+        reach, size = self.reach(pairs, before, number), np.sqrt(dot(force, force))[pairs.mine]
+        left, carried = np.zeros((self.bodies.count, RIGID)), np.zeros(self.bodies.count)
+        for k, columns in enumerate((slice(0, RIGID), slice(RIGID, 2 * RIGID))):
+            np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force[:, pairs.mine]))
+            np.add.at(carried, reach.ends[:, k], size)
+        left, carried = self.team.sum(left, carried)
+        lost, most = (np.linalg.norm(x, axis=1) for x in (self.loads[number] - left, self.loads[number]))
+        most = np.maximum(most, carried)
+        return np.where(lost > self.noise, lost / np.where(most > 0, most, 1.0), 0.0)
+
+    def _told(self, found: Motion, number: int, pressures: bool) -> LimitLoad:
+        """In words and numbers."""
+        way = np.linalg.norm(found.y, axis=1)
+        chosen = [b for b in np.argsort(-way, kind="stable") if way[b] > TAKES_PART]
+        motions = [BodyMotion(self.bodies.names[b], (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist()) for b in chosen]
+        return LimitLoad(number + 1, motions, found.lacking, None if np.isnan(found.factor) else max(found.factor, 0.0), pressures)

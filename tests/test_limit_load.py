@@ -1,0 +1,126 @@
+"""Limit loads: the cone problem beside closed forms and a linear program, and what runs make of it."""
+
+import numpy as np
+import pytest
+from contact_case import BOTTOM, TOP, contact
+from scipy.optimize import linprog
+
+from orchestrator.laws.points import Carries
+from orchestrator.method.stopping.cone_problem import failing, Reach
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.rigid import motions_about
+
+CORNERS = np.array([[x, y, -0.5] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
+UP = np.repeat(np.array([[0.0], [0.0], [1.0]]), 4, axis=1)
+
+
+def standing(carries: Carries, normal: np.ndarray = UP, points: np.ndarray = CORNERS) -> Reach:
+    """A cube, body 1, that touches the ground, body 0, at some points."""
+    J = np.concatenate([np.zeros((len(points), 3, 6)), motions_about(points, np.zeros(3), 1.0)], axis=2)
+    return Reach.of(J, np.tile([0, 1], (len(points), 1)), np.zeros(len(points), int), normal, carries)
+
+
+def load(*components: float) -> np.ndarray:
+    return np.array([np.zeros(6), np.pad(np.array(components, float), (0, 6 - len(components)))])
+
+
+def motion(reach: Reach, loads: np.ndarray, before: np.ndarray = load(0)):
+    return failing(reach, loads, before, np.zeros(2))
+
+
+@pytest.mark.parametrize("share", [0.9, 0.999, 1.001, 2.0])
+def test_a_box_on_an_incline_slides_where_it_is_steeper_than_friction(share):
+    friction, steep = 0.3, np.arctan(share * 0.3)
+    reach, weight = standing(Carries.pressed(UP, friction)), load(np.sin(steep), 0, -np.cos(steep))
+    found, pulled = motion(reach, weight), motion(reach, weight, load(0, 0, -np.cos(steep)))
+    if share < 1:
+        assert found is None and pulled is None
+        return
+    assert found.factor == pytest.approx(0, abs=1e-8)  # no weight stays, however small
+    assert pulled.factor == pytest.approx(1 / share, rel=1e-7)  # pressed first, then pulled
+    assert pulled.y[1] / pulled.y[1, 0] == pytest.approx([1, 0, friction, 0, 0, 0], abs=1e-6)
+    assert not motion(reach, 1e6 * weight) is None and motion(reach, 1e6 * weight).lacking == pytest.approx(found.lacking, rel=1e-6)
+
+
+def test_what_tips_over_tips_over():
+    """A cube pulled at height h above its middle tips at W/2 / (1/2 + h) if friction holds."""
+    reach, height = standing(Carries.pressed(UP, 5.0)), 0.25
+    limit = 0.5 / (0.5 + height)
+    assert motion(reach, load(0.999 * limit, 0, -1, 0, 0.999 * limit * height)) is None
+    found = motion(reach, load(1.5 * limit, 0, -1, 0, 1.5 * limit * height), load(0, 0, -1))
+    assert found.factor == pytest.approx(1 / 1.5, rel=1e-6) and found.y[1, 4] > 0.5 * np.linalg.norm(found.y[1])
+
+
+def test_every_kind_of_law_has_its_limit():
+    anything, pull = Carries.anything(4), load(0.3, 0, 1.0)
+    assert motion(standing(anything), pull) is None
+    glue = Carries.anything(4)  # up to a force of 0.2 at each corner, pushed any
+    glue.limit, glue.side = np.full(4, 0.2), np.full(4, -1.0)
+    assert motion(standing(glue), load(0, 0, -50.0)) is None
+    assert motion(standing(glue), load(0, 0, 1.0)).factor == pytest.approx(0.8, rel=1e-6)
+    assert motion(standing(glue), load(2.0, 0, -1.0), load(0, 0, -1)).factor == pytest.approx(0.4, rel=1e-6)
+    strings = Carries.pressed(UP, side=1.0, limit=np.inf)  # pull alone, and anything across
+    assert motion(standing(strings), load(0.3, 0, 1.0)) is None and motion(standing(strings), load(0, 0, -1.0)) is not None
+    bolt = Carries.anything(4)  # pulls with a force of 3, no more and no less, and holds across
+    bolt.motions, bolt.works = UP[None], np.full((1, 4), 3.0)
+    assert motion(standing(bolt), load(0.5, 0, 3.0)) is None
+    assert motion(standing(bolt), load(0, 0, 4.0)).factor == pytest.approx(0.75, rel=1e-6)
+    assert motion(standing(Carries.pressed(UP)), load(1e-3, 0, -1.0)).factor == pytest.approx(0, abs=1e-8)
+
+
+def test_friction_of_pressures_that_are_there():
+    """Whatever presses, friction is that of the pressures; an open gap holds nothing that is not near it."""
+    pressed = standing(Carries.pressed(UP, 0.3)).at_pressures(np.full(4, 0.25), np.zeros(4))
+    assert motion(pressed, load(0.299, 0, -7.0)) is None
+    assert motion(pressed, load(0.6, 0, -7.0), load(0, 0, -7.0)).factor == pytest.approx(0.5, rel=1e-6)
+    points, normal = np.vstack([CORNERS, [[0.5, 0.0, 0.0]]]), np.column_stack([UP, [-1.0, 0.0, 0.0]])
+    for apart, held in ((0.01, True), (1.5, False)):  # a stop in the way, of what may move by 1
+        beside = standing(Carries.pressed(normal, 0.3), normal, points).at_pressures(np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart])
+        found = motion(beside, load(0.6, 0, -1.0))
+        assert (found.lacking < 0.02 if held else found.lacking > 0.1), apart
+
+
+def test_no_friction_is_a_linear_program():
+    """Bodies at random that touch at random: balanced where a linear program finds forces, and the motion shows it where not."""
+    rng, seen = np.random.default_rng(5), set()
+    for _ in range(40):
+        bodies, count = 4, rng.choice([12, 24, 36])
+        ends = np.array([rng.choice(bodies, 2, replace=False) for _ in range(count)])
+        normal = rng.normal(size=(3, count))
+        normal /= np.linalg.norm(normal, axis=0)
+        J = np.concatenate([s * np.array([motions_about(rng.normal(size=(1, 3)), np.zeros(3), 1.0)[0] * (e > 0) for e in side])
+                            for s, side in zip((-1, 1), ends.T)], axis=2)
+        loads = rng.normal(size=(bodies, 6)) * (np.arange(bodies) == 1)[:, None]
+        loads[0] = 0
+        found = failing(Reach.of(J, ends, np.zeros(count, int), normal, Carries.pressed(normal)), loads, 0 * loads, np.zeros(bodies))
+        along = np.einsum("cp,pcj->pj", normal, J)
+        matrix = np.zeros((bodies, 6, count))
+        for p, (one, two) in enumerate(ends):
+            matrix[one, :, p] -= along[p, :6]
+            matrix[two, :, p] -= along[p, 6:]
+        there = linprog(np.zeros(count), A_eq=matrix.reshape(-1, count), b_eq=loads.ravel()).status == 0
+        assert (found is None) == there
+        seen.add(there)
+        if found is not None:
+            d = np.einsum("pj,pj->p", along, np.concatenate([found.y[ends[:, 0]], found.y[ends[:, 1]]], axis=1))
+            assert d.min() >= -1e-6 and np.sum(loads * found.y) > 0
+    assert seen == {True, False}
+
+
+def test_a_press_fit_with_its_own_weight_does_not_diverge():
+    """The first stage moves by the weight alone, a millionth of what the fit asks for."""
+    made = contact(0.2, boundary=[BOTTOM, {"on": TOP, "displacement": [0, 0, 0]}], gap=-1e-3,
+                   loads=[{"body_force": [0, 0, -1e-6]}], method={"tolerance": {"error": 1e-4}})
+    assert solve(made, build_scene(made)).converged
+
+
+def test_a_run_that_obeys_the_laws_to_its_tolerance_is_no_balance_where_a_light_body_slides_off():
+    """Two stacks on an incline, tan a = 2 μ: what holds the heavy one, whose top is held, is no measure of the light one."""
+    parts = [{"name": name, "mesh": {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 1]}}, "move": {"translate": at}}
+             for name, at in (("base", [0, 0, 0]), ("pressed", [0, 0, 0.5]), ("ground", [3, 0, 0]), ("box", [3, 0, 0.5]))]
+    made = contact(0.2, mesh=None, parts=parts, subdomains="groups",
+                   boundary=[BOTTOM, {"on": {"box": [[0, 0, 1], [1, 1, 1]]}, "displacement": [0, 0, -1e-2]}],
+                   loads=[{"body_force": [0.4e-3, 0, -1e-3]}], method={"tolerance": {"error": 1e-2}})
+    found = solve(made, build_scene(made))
+    assert found.stop_reason == "limit load" and [m["body"] for m in found.summary["limit_load"][0]["motions"]] == ["box"]
