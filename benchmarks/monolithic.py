@@ -106,12 +106,9 @@ class Monolithic:
     def __init__(self, scene: Scene):
         self.scene = scene
         self.offsets = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
-        self.R, tied = self._tied()
-        K = sp.block_diag([_stiffness(scene, s) for s in scene.subdomains])
-        self.K = sp.csr_array(self.R.T @ K @ self.R)
+        self.K = sp.csr_array(sp.block_diag([_stiffness(scene, s) for s in scene.subdomains]))
         self.free = ~np.concatenate([s.fixed.ravel() for s in scene.subdomains])
         self.supported = ~self.free
-        self.free[tied] = False
         self.pairs = self._pairs()
         self.inner = sp.csc_array(self.K[self.free][:, self.free])
         self.proximal = sp.diags_array(PROXIMAL * self.inner.diagonal())
@@ -265,7 +262,7 @@ class Monolithic:
                 count += len(i.mortar)
                 continue
             n = len(i.global_nodes)
-            free = i.free if i.law.as_one else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
+            free = i.free
             dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
             row = 3 * count + np.arange(3 * n).reshape(-1, 3)
             for side, sign in ((0, -1.0), (1, 1.0)):
@@ -285,7 +282,7 @@ class Monolithic:
             bounds.append(slice(count, count + n))
             count += n
         D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-                         shape=(3 * count, self.offsets[-1])) @ self.R
+                         shape=(3 * count, self.offsets[-1]))
         at = [(np.concatenate([g[t] for g in gaps]), np.concatenate([j[t] for j in jumps])) for t in range(scene.steps)]
         return Pairs(D, bounds=bounds, at=at, **{k: np.concatenate(v) for k, v in found.items()})
 
@@ -317,30 +314,9 @@ class Monolithic:
         _say_law(i, np.ones(n, bool), np.ones(n, bool), np.ones(n), m.area, found)
 
     def _loads(self, t: int) -> np.ndarray:
-        return self.R.T @ np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
-
-    def _tied(self) -> tuple[sp.csr_array, np.ndarray]:
-        """R, and the dofs that follow others."""
-        size, middle, ends = int(self.offsets[-1]), [], []
-        for i in self.scene.interfaces:
-            if not i.tied:
-                continue
-            for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
-                triangles = i.triangles_on(side)
-                for column, pair in ((3, (0, 1)), (4, (1, 2)), (5, (2, 0))):
-                    middle.append((self.offsets[e] + 3 * nodes[triangles[:, column], None] + np.arange(3)).ravel())
-                    ends.append([(self.offsets[e] + 3 * nodes[triangles[:, c], None] + np.arange(3)).ravel()
-                                 for c in pair])
-        tied, first = np.unique(np.concatenate(middle or [np.empty(0, int)]), return_index=True)
-        ends = np.concatenate(ends, axis=1)[:, first] if ends else np.empty((2, 0), int)
-        R = sp.lil_array(sp.eye_array(size))
-        R[tied, tied] = 0.0
-        for end in ends:
-            R[tied, end] = 0.5
-        return sp.csr_array(R), tied
+        return np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
 
     def _parts(self, u: np.ndarray) -> list[np.ndarray]:
-        u = self.R @ u
         return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
 
 

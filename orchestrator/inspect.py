@@ -133,7 +133,7 @@ def _parts_alone(config: Config) -> list[str]:
 
 def _pairs(scene: Scene, config: Config) -> list[str]:
     """Pairs that have been found rather than named, and those whose meshes do not match."""
-    if not any(entry.found for entry in config.interfaces) and all(i.mortar is None for i in scene.interfaces):
+    if not any(entry.found for entry in config.interfaces) and all(i.paired for i in scene.interfaces):
         return []
     return pair_table(pairs_of_scene(scene), PAIRS)
 

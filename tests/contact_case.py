@@ -6,6 +6,8 @@ from pathlib import Path
 import gmsh
 import meshio
 import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
 from in_process import IN_PROCESS
 from benchmarks.monolithic import OPEN, Monolithic, free_normals
 
@@ -103,7 +105,7 @@ class Contacts:
 
 
 def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Per interface the forces (T, n, 3) on either side; zero where prescribed, and on tied mid-edge nodes."""
+    """Per interface the forces (T, n, 3) on either side at its nodes, zero where prescribed, or at its points."""
     scene = solved.scene
     sides = sides_by_subdomain(scene)
     space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
@@ -111,9 +113,11 @@ def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
     for interface, traces in zip(scene.interfaces, space.sides):
         pair = np.zeros((2, scene.steps, *interface.free.shape))
         for side, own in enumerate(traces):
-            pair[side][:, interface.free] = solved.iterated.fields.f[:, own]
-        if not interface.law.perfect:
-            pair[:, :, ~np.isin(np.arange(len(interface.free)), interface.triangles[:, :3])] = 0.0  # tied
+            pair[side][:, interface.traced(side)] = solved.iterated.fields.f[:, own]
+        if interface.mortar is not None:
+            m = interface.mortar
+            pair = [sla.spsolve(sp.csc_array(m.own.T), m.hats.T @ f.reshape(len(f), -1).T).reshape(len(m), 3, -1).transpose(2, 0, 1)
+                    for f in pair]
         result.append((pair[0], pair[1]))
     return result
 
@@ -123,7 +127,7 @@ def contacts(solved: Solution) -> Contacts:
     scene, found, start = solved.scene, [], 0
     both = forces(solved)
     for i in sorted((i for i in scene.interfaces if not i.law.perfect), key=lambda i: (i.law.name, i.index)):
-        mobile = i.free.any(axis=1) & np.isin(np.arange(len(i.free)), i.triangles[:, :3])
+        mobile = i.free.any(axis=1) if i.mortar is None else np.isin(np.arange(len(i.free)), i.mortar.points)
         end = start + int(mobile.sum())
         status = solved.iterated.local.status[:, start:end]
         start = end
@@ -135,7 +139,13 @@ def contacts(solved: Solution) -> Contacts:
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
         force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
         normal, length = free_normals(scene, i)
-        found.append(((force[0][:, mobile], force[1][:, mobile], np.where(i.free, two - one, 0.0)[:, mobile], status),
+        jump = np.where(i.free, two - one, 0.0)[:, mobile]
+        if i.mortar is None:
+            force = tuple(f[:, mobile] for f in force)
+        else:
+            normal[mobile], length = i.mortar.normal, np.ones(len(length))
+            jump = np.stack([(i.mortar.second @ b.ravel() - i.mortar.first @ a.ravel()).reshape(-1, 3) for a, b in zip(one, two)])
+        found.append(((*force, jump, status),
                       (normal[mobile], np.bincount(corners.ravel(), share, len(x))[mobile],
                        (i.law.gap / length)[mobile], (i.law.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),

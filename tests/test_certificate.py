@@ -110,12 +110,17 @@ def test_the_error_is_bounded_without_friction(name):
     assert ratios and min(ratios) >= 1 and max(ratios) <= 6
 
 
+def rows_of(interface):
+    """(p,) where the pairs or points of an interface are among those that the reference has of it."""
+    return lawful_nodes(interface) if interface.mortar is None else np.arange(len(interface.mortar))
+
+
 def at_pairs(d, forces, exact):
     """(T, P, 3) at all nodes of all interfaces in the order of the scene, as the reference has them: 0 where none are ours."""
     pairs, bounds = d.certificate.pairs, exact.monolithic.pairs.bounds
     result = np.zeros((len(forces), bounds[-1].stop, 3))
     for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
-        result[:, bounds[i.index].start + lawful_nodes(i)] = forces[:, :, a:b].transpose(0, 2, 1)
+        result[:, bounds[i.index].start + rows_of(i)] = forces[:, :, a:b].transpose(0, 2, 1)
     return result
 
 

@@ -47,7 +47,7 @@ def surfaces(n, m, shape=lambda p: p, seeds=(1, 2), move=(0, 0, 0), reach=0.5) -
                        find_segments(*(Facets.of(x[side]) for side in sides), room))
 
 
-def mortar_of(two: Surfaces, held=0, crossed=0, quadratic=True):
+def mortar_of(two: Surfaces, held=0, crossed=0):
     """Its operators; every so many of the slave's nodes prescribed in a component, or crossed by other interfaces."""
     free = tuple(np.ones((len(x), 3), bool) for x in two.points)
     cross = np.zeros(len(two.points[0]), bool)
@@ -55,7 +55,7 @@ def mortar_of(two: Surfaces, held=0, crossed=0, quadratic=True):
         free[0][::held, 1] = False
     if crossed:
         cross[1::crossed] = True
-    return make_mortar(two, quadratic, free, cross)
+    return make_mortar(two, free, cross)
 
 
 def test_overlaps_fill_the_square():

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.points import Answer, BONDED, Carries, Points, Status
@@ -101,8 +102,7 @@ class Law:
     formula, meaning : in the report
     perfect : the sides move as one: its local stage is an exchange, the error bound holds where all laws are so
     as_one : the jump is given, whatever the force: the sides deform as one
-    presses : what passes depends on whether sides are pressed or pulled. On faces of six nodes displacements then stay linear:
-        uniform pressure pulls at the corners of quadratic ones
+    presses : what passes depends on whether sides are pressed or pulled
     axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, see ``docs/laws.md``
@@ -179,6 +179,10 @@ class Law:
             and they share no faces
         """
         raise NotImplementedError
+
+    def averaged(self, weights: sp.sparray) -> Law:
+        """The same where points see the mean of what is around them, with weights (n, n) of nodes."""
+        return self
 
     @property
     def distance(self) -> np.ndarray | float:

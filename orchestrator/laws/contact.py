@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+import scipy.sparse as sp
 from pydantic import Field
 
 from orchestrator.compiled import compiled, in_parts
@@ -120,6 +121,9 @@ class Contact(Law):
     @property
     def imposed(self) -> float:
         return float(np.max(-self.gap, initial=0.0))
+
+    def averaged(self, weights: sp.sparray) -> Contact:
+        return replace(self, gap=weights @ self.gap)
 
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """Where all that the normal has is prescribed, how far the sides are inside each other."""

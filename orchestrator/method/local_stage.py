@@ -17,8 +17,6 @@ alone: the linear stage stays parallel over the load steps. At points with the j
 ``point_traces`` has it:
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
-
-Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
 
 from __future__ import annotations
@@ -187,11 +185,8 @@ class LawStage:
 
     @cached_property
     def perfect(self) -> np.ndarray:
-        """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
-        pairs = self.pairs
-        rest = ~pairs.nodes.there
-        rest[pairs.tied.dofs] = False
-        return np.flatnonzero(rest[: self.direction.space.size])
+        """(q,) int, trace dofs of this rank that no law deals with: those of perfect interfaces."""
+        return np.flatnonzero(~self.pairs.nodes.there[: self.direction.space.size])
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Local stage for the fields of all steps."""
@@ -210,9 +205,6 @@ class LawStage:
             before = History(jump[t], answer.own)
             own.append(answer.own)
         w_hat, f_hat = at.hats(force)
-        tied, targets, stiffness = pairs.tied
-        w_hat[:, tied] = targets
-        f_hat[:, tied] = f[:, tied] - stiffness * (w[:, tied] - targets)
         alone = self.perfect
         if len(alone):
             exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))

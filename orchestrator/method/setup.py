@@ -22,7 +22,6 @@ from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.interface.stabilisation import stabilisation
-from orchestrator.method.interface.ties import make_ties
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
@@ -80,7 +79,7 @@ class Part:
             return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
 
         part = team.hand_out(made)
-        part.space.link.team, part.space.ties = team, make_ties(part.scene, part.space.transfer)
+        part.space.link.team = team
         return part
 
 
@@ -117,7 +116,7 @@ class _SetUp:
         certified = not (perfect or remembers or method.tolerance.error is None or any(i.law.follows for i in scene.interfaces))
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox, method.skip.congruent, savings)
-            rims, stiffness = self._rims(perfect or certified or space.ties is not None, savings)
+            rims, stiffness = self._rims(perfect or certified, savings)
         factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
@@ -160,7 +159,7 @@ class _SetUp:
     def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.
 
-        whole : stiffness on interfaces is needed, as for the error bound and for ties; reactions always need the supports'
+        whole : stiffness on interfaces is needed, as for the error; reactions always need the supports'
         """
         scene, own, share = self.scene, self.own, self.method.skip.congruent
         sides = self.sides if whole else [[] for _ in self.sides]
@@ -168,8 +167,6 @@ class _SetUp:
         of_bodies = own_stiffness(scene, own, self.blackbox, share, savings)
         check_own_matter(scene, own, of_bodies, rims, self.traces if whole else [trace[:0] for trace in self.traces])
         stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
-        if self.space.ties is not None:
-            self.space.ties.stiffen(self.space.gathered(stiffness.diagonal()[None])[0])
         return rims, stiffness
 
     def _meeting(self, direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:

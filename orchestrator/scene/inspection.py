@@ -55,7 +55,7 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
         if one.body == two.body or not len(interface.triangles):
             continue
         sizes, areas = zip(*(_measures(scene, interface, side) for side in (0, 1)))
-        if interface.mortar is not None:
+        if not interface.paired:
             points, area, slave = interface.mortar.points, float(interface.mortar.area.sum()), one.name
             read = interface.law.distance
             distance, meshes = read[points] if np.ndim(read) else interface.mortar.gap, APART

@@ -120,14 +120,23 @@ class Interface(FacePatch):
 
     @property
     def matching(self) -> bool:
-        """Whether its nodes are paired."""
+        """Whether its points are pairs of nodes."""
         return self.mortar is None and self.surfaces is None
 
     @property
-    def tied(self) -> bool:
-        """Whether its sides' traces are kept linear on faces of six nodes: where a law asks which way forces point, and for
-        springs between common nodes, whose stretch and force are to belong together at every corner."""
-        return self.triangles.shape[1] == 6 and (not self.law.as_one if self.matching else self.law.presses)
+    def paired(self) -> bool:
+        """Whether its nodes are paired, if not its points, see ``mortar.paired``."""
+        return self.matching or self.mortar is not None and self.mortar.paired
+
+    @property
+    def weighed(self) -> bool:
+        """Whether its points, at the corners of six-node faces, see the mean of the jump around them."""
+        return self.triangles.shape[1] == 6 and not self.law.as_one
+
+    def traced(self, side: int) -> np.ndarray:
+        """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where points are no pairs, all of them,
+        so that the other side meets what is prescribed."""
+        return self.free if self.mortar is None else np.ones((len(self.nodes[side]), 3), dtype=bool)
 
     def distances(self, steps: int) -> np.ndarray:
         """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""
@@ -302,7 +311,7 @@ class Scene:
 
         Where they do not match it is on side 1.
         """
-        if interface.mortar is not None:
+        if not interface.paired:
             return self.side_points(interface, 0)
         return 0.5 * (self.side_points(interface, 0) + self.side_points(interface, 1))
 

@@ -76,9 +76,7 @@ class CoarseCorrection:
         self.bodies, own = len(scene.subdomains), space.owner[: space.size]
         self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
         k = stage.direction.k
-        fields = space.changed(_affine_fields(scene, space, self.parts))
-        if space.ties is not None:
-            fields[:, space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
+        fields = _affine_fields(scene, space, self.parts)
         R = self._independent(fields, times(k, fields), FIELDS[kind])
         each = np.arange(R.shape[2])
         U = np.zeros((len(each), space.size))

@@ -97,9 +97,9 @@ class SelfStress:
 
     @classmethod
     def of(cls, space: TraceSpace, local: LawStage) -> SelfStress | None:
-        """Where nodes match everywhere and none is tied to others; None where there is no self-stress."""
+        """Where points are pairs of nodes everywhere; None where there is no self-stress."""
         pairs = local.pairs
-        if not pairs.transfer.picks or space.ties is not None:
+        if not pairs.transfer.picks:
             return None
         groups = node_loops(space, pairs)
         anywhere, = space.team.max(bool(groups))

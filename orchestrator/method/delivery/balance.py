@@ -27,7 +27,6 @@ from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
-from orchestrator.method.interface.ties import traced
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
@@ -56,7 +55,6 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     centre, area = np.zeros((count, 3)), np.zeros(count)
     total, weighted = np.zeros((steps, count, 6)), np.zeros((steps, count, 3))
     pressed, size = np.zeros((2, steps, count))
-    f = space.at_nodes(f)
     for k, i in enumerate(scene.interfaces):
         if i.subdomains[0] not in here or not len(i.nodes[0]):
             continue
@@ -65,7 +63,7 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
         area[k] = each.sum()
         centre[k] = each @ points[i.triangles[:, :3]].mean(axis=1) / area[k] if area[k] else points.mean(axis=0)  # of nodes alone
         forces, arm = np.zeros((steps, len(points), 3)), points - centre[k]
-        forces[:, traced(i, 0)] = f[:, space.sides[k][0]]
+        forces[:, i.traced(0)] = f[:, space.sides[k][0]]
         push = np.einsum("tni,ni->tn", forces, node_normals(points, i.triangles) if i.normals is None else i.normals)
         total[:, k] = wrench(arm, forces)
         pressed[:, k], size[:, k], weighted[:, k] = push.sum(axis=1), np.abs(push).sum(axis=1), push @ arm
@@ -139,9 +137,11 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
         for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
             if i.moving is None:
                 x1, x2 = nodes[interfaces.nodes[own]], nodes[interfaces.others[own]]
-                if i.mortar is not None:  # a point's force is spread over its node and merged ones; a rigid link carries it beyond
-                    x1[np.searchsorted(i.corners, i.mortar.points)] = (i.mortar.first @ scene.side_points(i, 0).ravel()).reshape(-1, 3)
-                    x2 = x1
+                if i.mortar is not None:  # a point's force is spread over nodes around; a rigid link carries it to a side that is apart
+                    at = np.searchsorted(i.corners, i.mortar.points)
+                    x1[at], x2[at] = ((G @ scene.side_points(i, side).ravel()).reshape(-1, 3) for side, G in enumerate(
+                        (i.mortar.first, i.mortar.second)))
+                    x2 = x2 if i.paired else x1
                 for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
                     add(e, x, sign * forces[:, own])
     for t, i, carried in () if d.following is None else _slid_on(d, iterated):

@@ -119,7 +119,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, shift: np.ndarray | N
         return None
     pairs, steps, scene = d.local.pairs, d.scene.steps, d.scene
     chosen = own_interfaces(d)
-    corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
+    corners = [i.corners for i in chosen]
     offsets = np.cumsum([0] + [len(c) for c in corners])
     start = {i.index: a for i, a in zip(chosen, offsets)}
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
@@ -186,7 +186,7 @@ def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFi
 def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
     """(n,) global ids of an interface's nodes on side 1, and of those opposite: where nodes do not match, the nearest."""
     one, two = (scene.side_nodes(interface, side) for side in (0, 1))
-    if interface.mortar is None:
+    if interface.paired:
         return one, two
     from scipy.spatial import cKDTree  # only scenes of several parts need it
 

@@ -84,11 +84,11 @@ def on_mesh(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:
 def support_forces(d: Decomposition, parts: Parts, f: np.ndarray) -> list[np.ndarray | None]:
     """Per own subdomain (T, n_E, 3) what the supports exert on its nodes: K u less the loads and the interfaces' forces f (T, D).
 
-    None where nothing is prescribed. Prescribed corners take half of what tied mid-edge nodes beside them need, see ``ties``.
+    None where nothing is prescribed.
     """
     steps, space, result = d.scene.steps, d.space, []
     subdomain, dof = space.held_at.T
-    pushed = space.at_nodes(f)[:, space.held]
+    pushed = f[:, space.held]
     for s, rim in zip(d.own, d.made.rims):
         if not s.fixed.any():
             result.append(None)
@@ -99,9 +99,6 @@ def support_forces(d: Decomposition, parts: Parts, f: np.ndarray) -> list[np.nda
         forces[:, rim.nodes] = np.where(s.fixed[rim.nodes], internal - s.loads[:, rim.nodes], 0.0)
         flat, mine = forces.reshape(steps, -1), subdomain == s.index
         np.subtract.at(flat, (slice(None), dof[mine]), pushed[:, mine])
-        if (ties := space.ties) is not None:
-            at, _, node, component = ties.supports[ties.supports[:, 1] == s.index].T
-            np.add.at(flat, (slice(None), 3 * node + component), 0.5 * f[:, ties.dofs[at]])
         result.append(forces)
     return result
 

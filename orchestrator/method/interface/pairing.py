@@ -15,7 +15,6 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Points
 from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
-from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_normals
@@ -53,8 +52,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
-    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation,
-                 space.ties.prescribed if space.ties else Prescribed.nothing(scene.steps), np.arange(scene.steps))
+    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation, np.arange(scene.steps))
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:
@@ -87,8 +85,6 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
         if i.mortar is not None:
             for side, own in enumerate(space.sides[i.index]):
                 at = own.reshape(-1, 3)
-                if i.tied:  # mid-edge nodes follow their corners
-                    at = at[np.unique(i.triangles_on(side)[:, :3])]
                 nodes.append((at, inverses(node_blocks(k, at), ~held[at])))
     result = NodeCompliance.of(nodes, transfer)
     if at_mortars.any():
@@ -142,14 +138,9 @@ def _over_steps(parts: list[tuple[np.ndarray | None, np.ndarray]]) -> np.ndarray
 
 
 def lawful_nodes(interface: Interface) -> np.ndarray:
-    """(p,) int, ascending, which of an interface's nodes a law answers for: none that is prescribed altogether or tied in the
-    middle of an edge, and where nodes do not match those that carry points."""
-    if interface.mortar is not None:
-        return interface.mortar.points
-    mobile = interface.free.any(axis=1)
-    if interface.tied:
-        mobile &= np.isin(np.arange(len(mobile)), interface.corners)
-    return np.flatnonzero(mobile)
+    """(p,) int, ascending, which of an interface's nodes a law answers for: none that is prescribed altogether, and where points
+    are no pairs of nodes those that carry points."""
+    return interface.mortar.points if interface.mortar is not None else np.flatnonzero(interface.free.any(axis=1))
 
 
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
@@ -173,8 +164,8 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
 
 
 def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
-    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied. Where nodes do
-    not match that of the points; none for other nodes, whose share they have."""
+    """(n,) a third of the area of the facets around each corner; none for nodes amid edges. Where points are no pairs of nodes
+    that of the points; none for other nodes, whose share they have."""
     if interface.mortar is not None:
         area = np.zeros(len(points))
         area[interface.mortar.points] = interface.mortar.area
@@ -187,7 +178,7 @@ def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
     Infinite where there are no facets: what such nodes carry, which are bonded, is no pressure."""
     if not len(interface.triangles):
         return np.full(len(points), np.inf)
-    if interface.tied or not interface.matching or interface.triangles.shape[1] == 3:
+    if not interface.matching or interface.triangles.shape[1] == 3:
         return point_areas(points, interface)
     area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)
     return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))

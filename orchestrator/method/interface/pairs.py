@@ -11,7 +11,6 @@ import numpy as np
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Carries, Collective, Points, Status, table
 from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
-from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Interface
@@ -65,7 +64,6 @@ class Pairs:
     mine: np.ndarray  # (P,) bool, points of interfaces whose first side is on this rank
     laws: list[type[Law]]  # all laws of the scene, by name
     stabilisation: np.ndarray | None  # (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
-    tied: Prescribed  # this rank's trace dofs that follow the points'
     numbers: np.ndarray  # (T,) int, which load steps of the scene these are
     slid: np.ndarray | None = None  # (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
 
@@ -188,13 +186,13 @@ class Pairs:
     # ---- parts ---------------------------------------------------------------------------------
 
     def some(self, chosen: np.ndarray) -> Pairs:
-        """Some of the points (Q,) int, ascending, of the same interfaces, without ties."""
+        """Some of the points (Q,) int, ascending, of the same interfaces."""
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
         stabilisation, slid = (x if x is None else x[..., chosen] for x in (self.stabilisation, self.slid))
         return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs, stabilisation=stabilisation,
-                       slid=slid, tied=self.tied.none)
+                       slid=slid)
 
     @cached_property
     def lawful(self) -> Pairs:
@@ -208,13 +206,12 @@ class Pairs:
                 traces[side] = True
         some = self.some(first)
         return replace(some, interfaces=self.interfaces[:count], transfer=replace(some.transfer, bounds=self.bounds[: count + 1]),
-                       nodes=self.nodes.some(traces, first, len(self)), runs=[run for run in some.runs if not run.law.perfect],
-                       tied=self.tied)
+                       nodes=self.nodes.some(traces, first, len(self)), runs=[run for run in some.runs if not run.law.perfect])
 
     def batch(self, steps) -> Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
-        return replace(self, tied=self.tied.batch(steps), numbers=self.numbers[steps])
+        return replace(self, numbers=self.numbers[steps])
 
     def at_steps_of(self, other: Pairs) -> Pairs:
         """The same pairs for the load steps of others."""
-        return replace(self, tied=other.tied, numbers=other.numbers)
+        return replace(self, numbers=other.numbers)

@@ -18,7 +18,6 @@ from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import placed, times
-from orchestrator.method.interface.ties import traced
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
@@ -83,7 +82,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     requests = sole_models(scene, soles)
     found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, share, savings), {}, [], []
     for stiffness, (_, (index, side)) in zip(found, requests):
-        free = traced(scene.interfaces[index], side).ravel()
+        free = scene.interfaces[index].traced(side).ravel()
         key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
         number = different.setdefault(key, (len(different), stiffness, np.flatnonzero(free)))[0]  # the outer nodes are clamped
         both = both_alike(scene, index, soles[index])
@@ -91,10 +90,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
             numbers.append(number)
             slots.append(slot)
     blocks = [stiffness[chosen][:, chosen] for _, stiffness, chosen in different.values()]
-    k = placed([blocks[number] for number in numbers], slots, len(space.owner))
-    if space.ties is not None:
-        k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
-    return SearchDirection(k, space)
+    return SearchDirection(placed([blocks[number] for number in numbers], slots, len(space.owner)), space)
 
 
 class Nearest:

@@ -7,8 +7,7 @@ Two numberings are used throughout the method:
 - *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
-The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
-tets are in contact, a change of basis follows (see ``ties``). A component that is prescribed on one side of an opening
+The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component that is prescribed on one side of an opening
 interface is no unknown of its body: *held* trace dofs have no boundary dof, their displacement is ``known``, and their
 force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
 
@@ -27,7 +26,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import joined, narrow, times
-from orchestrator.method.interface.ties import Ties, make_ties, traced
 from orchestrator.method.interface.transfer import Sides, Transfer
 from orchestrator.parallel.team import ALONE, Borders, Team
 from orchestrator.scene.model import Scene, Subdomain
@@ -60,7 +58,6 @@ class TraceSpace:
     transfer: Transfer  # how the two sides of all interfaces meet, with a point for every component that is free on both
     label: np.ndarray  # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
     labels: np.ndarray  # (classes,) int, ascending, what these are called in the numbering of the whole scene
-    ties: Ties | None  # mid-edge nodes tied to their corners, if there are any
     link: Link  # what other parts have of it
 
     @classmethod
@@ -72,7 +69,7 @@ class TraceSpace:
         """
         subdomains, ends = scene.subdomains, np.cumsum([0] + [len(t) for t in traces])
         listed = [(e, scene.interfaces[index], side) for e, pairs in enumerate(sides) for index, side in pairs]
-        free = joined([traced(i, side) for _, i, side in listed], (0, 3)).astype(bool)
+        free = joined([i.traced(side) for _, i, side in listed], (0, 3)).astype(bool)
         nodes, counts = joined([i.nodes[side] for _, i, side in listed]), [len(i.nodes[side]) for _, i, side in listed]
         at = np.repeat([e for e, _, _ in listed], counts).astype(int)
         dofs, owner = (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free]
@@ -94,10 +91,10 @@ class TraceSpace:
         return cls(list(range(len(sides))), _slices(ends), global_dof, gather,
                    3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs % 3, owner,
                    np.column_stack([owner[held], dofs[held]]), transfer, label, np.arange(label.max(initial=-1) + 1),
-                   make_ties(scene, transfer), Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
+                   Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
 
     def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> TraceSpace:
-        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team`` and makes its ``ties``.
+        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team``.
 
         rank_of : (subdomains,) int, the rank of each
         this : which rank
@@ -125,7 +122,7 @@ class TraceSpace:
         return TraceSpace(mine.tolist(), _slices(np.cumsum([0, *counts[mine]])), _on_nodes(self.global_dof[chosen], nodes),
                           position[self.gather[own]], _on_nodes(self.dof[own], nodes), self.owner[here],
                           self.held_at[np.isin(self.held, own)], self.transfer.renumbered(place, len(own), len(here)),
-                          label, labels, None, link)
+                          label, labels, link)
 
     @property
     def size(self) -> int:
@@ -195,24 +192,16 @@ class TraceSpace:
         """(B, D) transpose of the trace operator: sums trace forces into boundary forces; held ones load no body."""
         loose = np.flatnonzero(self.gather >= 0)
         sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), self.size))
-        return narrow(sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T))
+        return narrow(sums)
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
         """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest."""
-        return self.changed(self.gathered(boundary))
-
-    def gathered(self, boundary: np.ndarray) -> np.ndarray:
-        """(T, D) at every trace dof what its boundary dof has, of (T, B); zero where it is held."""
         if not boundary.shape[1]:
             return np.zeros((len(boundary), self.size))
         traces = boundary.take(self.gather, axis=1)
         if len(self.held):
             traces[:, self.held] = 0.0
         return traces
-
-    def changed(self, traces: np.ndarray) -> np.ndarray:
-        """(T, D) traces of the nodes in the basis of the ties, if there are any."""
-        return traces if self.ties is None else times(self.ties.change, traces)
 
     def known(self, subdomains: Sequence[Subdomain]) -> np.ndarray | None:
         """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where none is held.
@@ -226,11 +215,7 @@ class TraceSpace:
         for e in np.unique(self.held_at[:, 0]):
             mine = self.held_at[:, 0] == e
             traces[:, self.held[mine]] = subdomains[e].prescribed.reshape(steps, -1)[:, self.held_at[mine, 1]]
-        return self.changed(traces)
-
-    def at_nodes(self, forces: np.ndarray) -> np.ndarray:
-        """(T, D) what trace forces (T, D) do at the nodes."""
-        return forces if self.ties is None else times(sp.csr_array(self.ties.change.T), forces)
+        return traces
 
     def loads(self, forces: np.ndarray) -> np.ndarray:
         """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""

@@ -44,17 +44,24 @@ class Products(NamedTuple):
 
     @classmethod
     def of_mortar(cls, mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> Products:
-        """Of an interface whose nodes do not match; E is own⁻ᵀ hatsᵀ, empty rows where a point carries nothing now."""
+        """Of an interface with points of its own; E is own⁻ᵀ hatsᵀ of the first side, or half of it on either side where their nodes are
+        paired; empty rows where a point carries nothing now."""
         own = mortar.own
         if mortar.diagonal:
             share = own.diagonal()
             inverse = sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0))
         else:
-            dense = np.linalg.inv(own[::3, ::3].toarray()).T  # the same for every component
+            carries = np.flatnonzero(mortar.carrying)
+            own = own[::3, ::3][carries][:, carries]  # the same for every component
+            dense = np.linalg.inv(own.toarray()).T
             dense[np.abs(dense) < FADED * np.abs(dense).max()] = 0.0
-            inverse = sp.kron(dense, sp.eye_array(3), format="csr")
-        return cls(*(sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size)) for G, dofs in (
-            (mortar.first, one), (mortar.second, two), (sp.csr_array(inverse @ mortar.hats.T), one))))
+            there = unit_rows(carries, len(mortar))
+            inverse = sp.kron(there.T @ sp.csr_array(dense) @ there, sp.eye_array(3), format="csr")
+        def on(dofs: np.ndarray, G: sp.csr_array) -> sp.csr_array:
+            return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
+
+        read = sp.csr_array(inverse @ mortar.hats.T)
+        return cls(on(one, mortar.first), on(two, mortar.second), 0.5 * (on(one, read) - on(two, read)) if mortar.paired else on(one, read))
 
     @classmethod
     def stacked(cls, blocks: Sequence[Products]) -> Products:
@@ -115,7 +122,7 @@ class Transfer:
 
     def carried(self, f: np.ndarray) -> np.ndarray:
         """(…, Q) forces of the points that stand behind forces (…, D + G): the mean of both sides where nodes match, else what
-        the first side's say, which is right wherever forces come from points."""
+        the first side's say, or both where nodes are paired, which is right wherever forces come from points."""
         return 0.5 * (self.first(f) - self.second(f)) if self.picks else self._times(self.products.E, f)
 
     def opposed(self, q: np.ndarray) -> np.ndarray:

@@ -202,15 +202,7 @@ def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
     dofs = [np.concatenate(sides) for sides in space.sides]
     fields = block_diagonal([np.concatenate([basis, basis]) if match else basis for basis, match in zip(bases, transfer.matched)],
                             [len(at) for at in dofs])
-    both = sp.csr_array((unit_rows(np.concatenate([np.empty(0, int), *dofs]), transfer.total).T @ fields)[: space.size])
-    if space.ties is None:
-        return both
-    both = sp.csr_array(space.ties.change @ both)
-    if not transfer.picks:  # points follow the other side, mid-edge nodes their corners
-        loose = np.ones(space.size)
-        loose[space.ties.dofs] = 0.0
-        both = sp.csr_array(sp.diags_array(loose) @ both)
-    return both
+    return sp.csr_array((unit_rows(np.concatenate([np.empty(0, int), *dofs]), transfer.total).T @ fields)[: space.size])
 
 
 def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray]) -> sp.csr_array:
@@ -227,8 +219,7 @@ def pushing(space: TraceSpace, bases: list[np.ndarray], k: sp.csr_array | None =
     """(D, size) forces Bᵀ k W of the points' fields W, (points, m) of every interface, on both sides; k: 1 unless given."""
     transfer = space.transfer
     fields = block_diagonal(bases, np.diff(transfer.bounds))
-    both = sp.csr_array(transfer.B[:, : space.size].T @ (fields if k is None else k @ fields))
-    return both if space.ties is None else sp.csr_array(space.ties.change @ both)
+    return sp.csr_array(transfer.B[:, : space.size].T @ (fields if k is None else k @ fields))
 
 
 def _numbers(space: TraceSpace, bases: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -90,6 +90,11 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
 
     (3 n₁ + 3 n₂, m) float
     """
+    if mortar.paired:
+        basis = interface_basis(points[0], free & mortar.free, kind)
+        both = np.zeros((*free.shape, basis.shape[1]))
+        both[free & mortar.free] = basis
+        return np.tile(both.reshape(free.size, -1), (2, 1)) / np.sqrt(2)
     fields, slave = macro_fields(np.vstack(points), kind), 3 * len(points[0])
     everything = np.concatenate([free.ravel(), mortar.free.ravel()])
     fields = np.where(everything[:, None], fields.reshape(len(everything), -1), 0.0)

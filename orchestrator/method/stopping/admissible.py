@@ -56,7 +56,7 @@ class RigidModes:
     @property
     def traces(self) -> sp.csr_array:
         """(D + G, modes of all ranks), formed whenever asked: twice in a run at most. All ranks have to ask."""
-        traces, = self._space.extended(self._space.gathered(self._dense))
+        traces, = self._space.extended(self._space.trace(self._dense))
         return self._sparse(traces, self._space.owner)
 
     def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
@@ -110,7 +110,7 @@ class Balancing:
     def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
         self.space, self.modes, self._fields = direction.space, modes, None
         transfer = self.space.transfer
-        trace_weight, = self.space.extended(self.space.gathered(weight[None]))
+        trace_weight, = self.space.extended(self.space.trace(weight[None]))
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
         softness = sp.diags_array(np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY)))

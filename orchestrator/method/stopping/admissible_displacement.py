@@ -19,7 +19,6 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import unit_rows
 from orchestrator.method.stopping.continuity import Continuity
 
 RIGID = 1 - 1e-9  # singular value of ∂f̂/∂F from which a direction is held
@@ -77,14 +76,13 @@ class Placed:
 
 @dataclass(frozen=True)
 class _Step:
-    """What v is sought from: λ̂ (3, P), history, number of the load step, prescribed traces, targets of tied dofs, u + R y (B,)
-    and its means, and the largest jump, which rounding is relative to."""
+    """What v is sought from: λ̂ (3, P), history, number of the load step, prescribed traces, u + R y (B,) and its means,
+    and the largest jump, which rounding is relative to."""
 
     force: np.ndarray
     before: History
     number: int
     known: np.ndarray | None
-    targets: np.ndarray
     u: np.ndarray
     mean: np.ndarray
     scale: float
@@ -104,18 +102,17 @@ class AdmissibleDisplacement:
             self.prices[run.part], self.slips[run.part] = run.law.prices, run.law.slips
             lawful[run.part] = not run.law.perfect  # perfect ones are the continuity's
         self.mine, self.B = lawful & pairs.mine, sp.csr_array(pairs.transfer.B)
-        self.always = sp.csr_array(sp.vstack([continuity.rows, unit_rows(pairs.tied.dofs, pairs.transfer.total)]))
 
     def __call__(self, u: np.ndarray, known: np.ndarray | None, answer: Answer, F: np.ndarray, before: History,
-                 number: int, targets: np.ndarray) -> Placed:
+                 number: int) -> Placed:
         """v of one load step.
 
         u : (B,) u + R y; known : (D,) prescribed traces; answer : λ̂ at predicted forces F (3, P)
-        before : what the load step before has left; number : of the load step; targets : (tied,) of tied dofs
+        before : what the load step before has left; number : of the load step
         """
         team, lawful, mean = self.space.team, self._worth(F - answer.force), self.continuity.means(u[None])
         largest, = team.max(max(np.abs(x).max(initial=0.0) for x in (self._jumps(mean, known), self._worth(F))))
-        step = _Step(answer.force, before, number, known, targets, u, mean, largest or 1.0)
+        step = _Step(answer.force, before, number, known, u, mean, largest or 1.0)
         told = self.pairs.force(F, before, number, derivative=True)
         felt, together = self._held(told, self.mine, lawful), self._together(told, lawful)
         start = self._jumps(mean, known)
@@ -140,10 +137,10 @@ class AdmissibleDisplacement:
         """The nearest v that keeps what is held, alone or together with others, and whatever it would break; pairs that are ``free``
         (P,) may slip."""
         pairs, continuity, team, (joint, common) = self.pairs, self.continuity, self.space.team, together
-        own = np.concatenate([np.zeros(continuity.rows.shape[0]), step.targets])
+        own = np.zeros(continuity.rows.shape[0])
         base, let_go = step.mean, free.copy()
         for _ in range(PASSES):
-            rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), self.always]))
+            rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), continuity.rows]))
             lack = rows @ continuity.traces(base, step.known)[0] - np.concatenate([held.goals, joint.goals, own])
             if pairs.slid is not None:
                 lack[: len(held.at)] += held.of(pairs.slid)

@@ -42,8 +42,7 @@ class Backward:
     """Surfaces' shifts for which a solution is exact, T load steps and P points of this rank.
 
     jump, shift : (T, 3, P) d' and δ
-    normal, tangential : (T,) largest |n·δ|, and largest δ across n, of all ranks; how far mid-edge nodes are from where ties want them counts
-        for both
+    normal, tangential : (T,) largest |n·δ|, and largest δ across n, of all ranks;
     """
 
     jump: np.ndarray
@@ -76,9 +75,7 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
         return None
     shift = np.array(found) - jumps
     along, across = np.abs(points.along(shift)), points.across(shift)
-    aside = np.abs(w[:, pairs.tied.dofs] - pairs.tied.targets)
-    normal, tangential = (np.array(space.team.max(*np.hstack([x, aside]).max(axis=1, initial=0.0)))
-                          for x in (along, _length(across)))
+    normal, tangential = (np.array(space.team.max(*x.max(axis=1, initial=0.0))) for x in (along, _length(across)))
     return Backward(np.array(found), shift, normal, tangential)
 
 

@@ -151,9 +151,7 @@ class Certificate:
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
         """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""
-        (w, f), (tied, targets, stiffness) = fields.extended, self.pairs.tied
-        change = self.pairs.transfer.opposed(forces) - f
-        change[:, tied] = -stiffness * (w[:, tied] - targets)  # what holds tied nodes is in balance within a body, whatever it is
+        change = self.pairs.transfer.opposed(forces) - fields.extended[1]
         return self.space.loads(change[:, : self.space.size])
 
     def _pair(self, fields: Admissible) -> tuple:
@@ -167,7 +165,7 @@ class Certificate:
             balanced = forces(F[t], fields.f[t], before, number, radius)
             u = fields.u[t] + forces.displacement(balanced.y)
             known = None if held is None else held[t]
-            placed = self.displacement(u, known, balanced.answer, balanced.F, before, number, pairs.tied.targets[t])
+            placed = self.displacement(u, known, balanced.answer, balanced.F, before, number)
             before = History(placed.jump, balanced.answer.own)
             lawful = pairs.masked(pairs.points.compliance(balanced.F - balanced.answer.force))
             found.append((balanced.answer.force, lawful, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,

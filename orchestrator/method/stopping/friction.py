@@ -65,7 +65,7 @@ class Friction:
         rubbing, unread = self.space.team.max(float(rubs.any()), float(np.isinf(self.weight[rubs]).any()))
         if not rubbing:
             return 1.0
-        if unread or self.space.ties is not None:  # what ties mid-edge nodes to their corners has forces of its own
+        if unread:
             return np.nan
         q2 = self._of_pressures() * self._of_slips(softness)
         return float(1 / np.sqrt(1 - q2)) if q2 < 1 else np.nan
@@ -76,7 +76,7 @@ class Friction:
         gather, there = space.gather, space.gather >= 0
         interfaces = np.bincount(gather[there], minlength=len(space.global_dof))  # that a boundary dof is on
         alone = there & (interfaces.take(gather) == 1 if len(interfaces) else there)
-        diagonal, = space.gathered(self.stiffness.diagonal()[None])
+        diagonal, = space.trace(self.stiffness.diagonal()[None])
         (diagonal, alone), = space.extended(np.array([diagonal, alone]))
 
         def along(G: sp.csr_array) -> np.ndarray:
@@ -100,7 +100,7 @@ class Friction:
 
         def read(loads: np.ndarray) -> np.ndarray:
             """(P,) pressures of forces (B,), scaled."""
-            traces, = space.extended(space.gathered(loads[None]))
+            traces, = space.extended(space.trace(loads[None]))
             return np.sum(scale * times(self.read, traces).reshape(3, -1), axis=0)
 
         def product(y: np.ndarray) -> np.ndarray:

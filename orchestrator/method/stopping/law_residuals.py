@@ -3,7 +3,7 @@
 The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
 set of fields does both. Each measure is taken on the linear stage's fields, which are delivered.
 
-- residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
+- residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
 - stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where contacts are stabilised
 - fixed_point  ‖F(s) − s‖ / ‖F(s)‖ in the same norm, on all interfaces, where matter is nonlinear: then nothing else tells
@@ -191,10 +191,9 @@ def _measured(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, bef
     at, local.at = local.at, None  # it is large
     if at is None or at.w is not w or at.f is not f:
         at = pairs.traces(w, f)
-    points, tied, largest = pairs.points, pairs.tied.dofs, []
+    points, largest = pairs.points, []
     top, bottom, unbalanced = at.squares(local.force)
     stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
-    top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tied.stiffness))
     here = {run.law: run for run in pairs.runs}
     for law in pairs.laws:
         largest += _of_law(pairs, here[law], at, local, before) if law in here else [0.0] * (2 + len(law.measures))

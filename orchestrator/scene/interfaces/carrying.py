@@ -68,7 +68,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            i.mortar = make_mortar(i.surfaces, not i.law.presses, free, crossed, vectors[group[number]][nodes])
+            i.mortar = make_mortar(i.surfaces, free, crossed, vectors[group[number]][nodes])
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:

@@ -71,7 +71,7 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.n
     if deep.any():
         off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
         _refuse(search, name, key, x1, np.where(deep, inside, 0.0), off)
-    facets = node_gaps(surfaces, weights_of(surfaces, quadratic=False), point_normals(x1, one))
+    facets = node_gaps(surfaces, weights_of(surfaces), point_normals(x1, one))
     gap = facets - _between(surfaces, bulge)
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)
@@ -92,7 +92,7 @@ def _between(surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray]) -> np.nda
         nodes.append(np.hstack([triangles[:, :3], middles]))
         ends.append(len(points) + own.size)
         values.append(np.concatenate([np.zeros(len(points)), own.ravel()]))
-    weights = multipliers(surfaces.segments, *nodes, surfaces.area, tuple(ends))
+    weights = multipliers(surfaces.segments, *nodes, surfaces.area, tuple(ends), dual=surfaces.triangles[0].shape[1] == 3)
     filled = weights.own @ values[0] + weights.other @ values[1]
     count = len(surfaces.points[0])
     return (filled / np.where(weights.area > 0, weights.area, 1.0))[:count]
@@ -146,4 +146,4 @@ def _apart(search: Search, interface: Interface, points: np.ndarray) -> np.ndarr
     normal = node_normals(points, interface.triangles)
     if np.abs(normal - normal[0]).max() > PLANE:
         return np.zeros(len(points))
-    return node_gaps(interface.surfaces, weights_of(interface.surfaces, quadratic=False), normal)
+    return node_gaps(interface.surfaces, weights_of(interface.surfaces), normal)

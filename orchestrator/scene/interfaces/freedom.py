@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
+from orchestrator.scene.interfaces.mortar.paired import means, paired_mortar
 from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, node_normals
@@ -62,7 +63,22 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     _number_patches(kept)
     if len(set(bodies)) < len(bodies):
         _share_normals(mesh, numbering, kept, bodies)
+    for interface in kept:
+        if interface.matching and interface.weighed:
+            _weigh(mesh, numbering, interface, fixed)
     return kept
+
+
+def _weigh(mesh: Mesh, numbering: SplitNumbering, interface: Interface, fixed: np.ndarray) -> None:
+    """Give an interface whose nodes are paired points at the corners of its six-node faces; laws there see the mean gap around."""
+    one, two = numbering.sides(interface)
+    points = (mesh.nodes[numbering.nodes[one]] + mesh.nodes[numbering.nodes[two]]) / 2
+    normals = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
+    apart = np.broadcast_to(interface.law.distance, len(points))
+    interface.mortar = paired_mortar(points, interface.triangles, interface.cells, normals, apart, (fixed[one], fixed[two]))
+    weights, _ = means(points, interface.triangles)
+    interface.law, interface.law_at_steps = interface.law.averaged(weights), [law.averaged(weights) for law in interface.law_at_steps]
+    interface.free = ~fixed[one]
 
 
 def _number_patches(found: list[Interface]) -> None:

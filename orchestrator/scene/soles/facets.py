@@ -70,7 +70,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
     Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006); springs are ``stiffer`` at some nodes. ν_S is the smaller ratio, at most
     0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
-    half the facets', which is the distance of nodes, unless mid-edge nodes are tied to the corners.
+    half the facets', which is the distance of nodes, but where points are at the corners and see the mean around.
     Where nodes do not match, bonded sides whose facets differ get soles of one thickness, see ``thickness_between``.
     """
     cells, triangles = interface.cells_on(side), interface.triangles_on(side)
@@ -103,9 +103,9 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
 
 
 def size_at(scene: Scene, interface: Interface, side: int) -> np.ndarray:
-    """(n,) distance of the nodes that count on a side: half the facets' size with ten-node tets, unless these are tied."""
+    """(n,) distance of the nodes that count on a side: half the facets' size with ten-node tets whose nodes are points."""
     triangles = interface.triangles_on(side)
-    half = triangles.shape[1] == 6 and not interface.tied
+    half = triangles.shape[1] == 6 and interface.law.as_one
     return local_size(scene.side_points(interface, side), triangles) / (2 if half else 1)
 
 

@@ -33,7 +33,7 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None) -> 
             continue
         kind = settings.contact if not interface.law.perfect else kind_for(hard, interface) if hard else settings.kind
         kind = kind if len(interface.triangles) else "overlap"  # of nodes alone, where there are no facets to put a layer on
-        paired = interface.mortar is None
+        paired = interface.paired
         together = paired and np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
             soles[index] = (overlap(scene, interface, settings.modulus_ratio),) * 2

@@ -6,8 +6,11 @@ On each slave facet, over the part of it that the master covers,
 
 so that each multiplier meets one node alone (Wohlmuth, SIAM J. Numer. Anal. 38, 2000) and linear fields of the master
 arrive unchanged also where facets are covered in part (Cichosz & Bischoff, Comput. Methods Appl. Mech. Eng. 200, 2011).
-Ten-node faces that nothing presses, as bonded ones, have ψ = N, the linear functions of the corners, instead: they alone hold
-linear tractions, without which quadratic displacements lose half an order.
+Faces of six nodes have ψ = N, the linear functions of the corners, instead: they alone hold linear tractions, without which
+quadratic displacements lose half an order; and they are nowhere negative, so that ∫ N g ≥ 0 says what g ≥ 0 does, and pressures
+that are ≥ 0 at corners are so everywhere. Nodal forces of quadratic faces are not: a constant pressure has none at corners, a
+linear one may pull there. The solution of a contact problem is no smoother than H^(5/2−ε) (Moussaoui & Khodja 1992), for which
+linear multipliers beside quadratic displacements lose no order (Hild & Laborde, Appl. Numer. Math. 41, 2002).
 """
 
 from __future__ import annotations

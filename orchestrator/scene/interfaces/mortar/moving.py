@@ -63,7 +63,7 @@ class Moving:
         return replace(self.at(moved), triangles=now.triangles, cells=now.cells)
 
     def _embedded(self, surfaces: Surfaces) -> Mortar:
-        mortar = make_mortar(surfaces, False, self.free, self.crossed)
+        mortar = make_mortar(surfaces, self.free, self.crossed)
         all_points, count = self.points, len(self.points)
         place = np.searchsorted(all_points, mortar.points)
         into = sp.csr_array((np.ones(len(place)), (place, np.arange(len(place)))), shape=(count, len(place)))

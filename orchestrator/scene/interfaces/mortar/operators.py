@@ -46,9 +46,7 @@ class Mortar:
     points : (p,) int, ascending, which of the slave nodes carry a point. The others are prescribed, lie on several
         such interfaces or are hardly covered; their share of the force goes to neighbours
     first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are there: times what is
-        prescribed, they give the known part of the jump. On ten-node faces whose traces are linear, columns belong to
-        corners, in the basis of ``ties``; mid-edge nodes have none. On ten-node faces that are, they belong to the nodes
-        as they are
+        prescribed, they give the known part of the jump
     area : (p,) that each point stands for; they sum to the area that the sides have in common
     normal : (p, 3) unit, from side 1 to side 2
     gap : (p,) distance of the sides along it as they are meshed, negative inside each other; whether it counts is the
@@ -58,7 +56,7 @@ class Mortar:
     cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own in side 2
     free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
     hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
-        alone, or, on quadratic ten-node faces, along its linear function, by half in the middle of edges
+        alone, or, on faces of six nodes, along its linear function, by half in the middle of edges
     """
 
     points: np.ndarray
@@ -79,8 +77,8 @@ class Mortar:
     def own(self) -> sp.csr_array:
         """(3p, 3p) G₁ times ``hats``: forces f₁ = G₁ᵀ q come from q = own⁻ᵀ hatsᵀ f₁.
 
-        Diagonal, and the identity where no neighbour has been merged; on quadratic ten-node faces a mass matrix of
-        P1 functions, which conditions well.
+        Diagonal, and the identity where no neighbour has been merged; on faces of six nodes a mass matrix of P1 functions,
+        which conditions well.
         """
         return (self.first @ self.hats).tocsr()
 
@@ -88,6 +86,11 @@ class Mortar:
     def dofs(self) -> np.ndarray:
         """(3p,) columns of G₁ that belong to the points' own nodes."""
         return (3 * self.points[:, None] + np.arange(3)).ravel()
+
+    @property
+    def paired(self) -> bool:
+        """Whether both sides have the same faces, node by node."""
+        return self.second is self.first
 
     @property
     def carrying(self) -> np.ndarray:
@@ -106,17 +109,16 @@ ROUNDING = 1e-12
 TURNED = [0, 2, 1, 5, 4, 3]
 
 
-def make_mortar(surfaces: Surfaces, quadratic: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
+def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
                 vectors: np.ndarray | None = None) -> Mortar:
     """Points and transfer operators.
 
     surfaces : slave and master
-    quadratic : whether ten-node faces keep their quadratic functions: under laws that nothing presses by
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
     crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that have no point here
     vectors : (n₁, 3) along the normals, where more facets than these shape them
     """
-    weights = weights_of(surfaces, quadratic)
+    weights = weights_of(surfaces)
     triangles = surfaces.triangles
     normal = unit(corner_vectors(surfaces.points[0], triangles[0]) if vectors is None else vectors)
     gap = node_gaps(surfaces, weights, normal)
@@ -137,25 +139,25 @@ def make_mortar(surfaces: Surfaces, quadratic: bool, free: tuple[np.ndarray, np.
     turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
     return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
                   linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap[points], turned,
-                  surfaces.behind[1], free[1], _hats(points, triangles[0], quadratic))
+                  surfaces.behind[1], free[1], hats(points, triangles[0]))
 
 
-def _hats(points: np.ndarray, triangles: np.ndarray, quadratic: bool) -> sp.csr_array:
-    """(3n, 3p) linear functions of the points at the nodes of the facets, if these are of six nodes and quadratic, else picks."""
+def hats(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
+    """(3n, 3p) linear functions of the points at the nodes of the facets: picks where these have three."""
     count = int(triangles.max(initial=-1)) + 1
     nodes = sp.eye_array(count, format="csr")
-    if quadratic and triangles.shape[1] == 6:
+    if triangles.shape[1] == 6:
         pairs = np.unique(np.concatenate([np.c_[triangles[:, 3:].ravel(), triangles[:, ends].ravel()]
                                           for ends in TRIANGLE_EDGES.T]), axis=0)
         nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T), shape=nodes.shape))
     return sp.csr_array(sp.kron(nodes[:, points], sp.eye_array(3), format="csr"))
 
 
-def weights_of(surfaces: Surfaces, quadratic: bool) -> Weights:
-    """What the multipliers integrate to; on ten-node faces that are not to be quadratic, with the corners alone."""
-    quadratic = quadratic and surfaces.triangles[0].shape[1] == 6
-    return multipliers(surfaces.segments, *(t if quadratic else t[:, :3] for t in surfaces.triangles), surfaces.area,
-                       tuple(len(x) for x in surfaces.points), dual=not quadratic)
+def weights_of(surfaces: Surfaces) -> Weights:
+    """What the multipliers integrate to; beside a slave of three-node faces, with the master's corners alone."""
+    six = surfaces.triangles[0].shape[1] == 6
+    return multipliers(surfaces.segments, *(t if six else t[:, :3] for t in surfaces.triangles), surfaces.area,
+                       tuple(len(x) for x in surfaces.points), dual=not six)
 
 
 def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:

@@ -1,0 +1,89 @@
+"""Contact on six-node faces: what a point sees of them, the stiffness of what they carry, and that iterations end."""
+
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+
+from orchestrator import build_scene, config_from, solve
+from orchestrator.scene.interfaces.mortar.paired import means, mirrored
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
+
+SIX = {**IN_PROCESS, "element": "P2"}
+
+
+def patch(n=4, at=lambda x, y: (x, y, 0 * x)):
+    """Nodes (m, 3) and six-node triangles of a unit square, as ``at`` bends it between its corners."""
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1), indexing="ij"))
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    corners = np.concatenate([np.c_[a, a + n + 1, a + n + 2], np.c_[a, a + n + 2, a + 1]])
+    edges, middle = np.unique(np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True)
+    nodes = np.stack(at(x, y), axis=1)
+    return np.vstack([nodes, nodes[edges].mean(axis=1)]), np.hstack([corners, len(nodes) + middle.reshape(-1, 3)])
+
+
+def test_a_point_sees_the_mean_around_it():
+    """∫ N f / ∫ N of a quadratic f, by a rule of degree 5 on every triangle."""
+    points, triangles = patch(3)
+    G, area = means(points, triangles)
+    corner = np.unique(triangles[:, :3])
+    assert area.sum() == pytest.approx(1) and (area[corner] > 0).all() and not area[len(corner):].any()
+    f = lambda x: 1 + x[..., 0] - 2 * x[..., 1] + 3 * x[..., 0] * x[..., 1] - x[..., 1] ** 2
+    a, b, u, v = (6 - np.sqrt(15)) / 21, (6 + np.sqrt(15)) / 21, (155 - np.sqrt(15)) / 1200, (155 + np.sqrt(15)) / 1200
+    at = np.array([[1 / 3] * 3, *([1 - 2 * c if k == i else c for k in range(3)] for c in (a, b) for i in range(3))])
+    expected, size = np.zeros(len(points)), np.linalg.norm(area_vectors(points, triangles), axis=1)
+    for weight, N in zip([9 / 40, u, u, u, v, v, v], at):
+        value = f(np.einsum("v,kvi->ki", N, points[triangles[:, :3]])) * size * weight
+        np.add.at(expected, triangles[:, :3], value[:, None] * N)
+    assert G @ f(points) == pytest.approx(np.where(area > 0, expected / np.where(area > 0, area, 1), 0), abs=1e-14)
+
+
+def round_about(x, y):
+    return np.sin(0.5 * x), y, np.cos(0.5 * x)
+
+
+def cone(x, y):
+    return (1 + 0.3 * y) * np.sin(0.5 * x), y, (1 + 0.3 * y) * np.cos(0.5 * x)
+
+
+@pytest.mark.parametrize("shape, leans", [(round_about, False), (cone, True), (lambda x, y: (x, y, 0.3 * x), True)])
+def test_normals_at_planes_of_symmetry(shape, leans):
+    """Half a cylinder's rim has the whole one's normals; where a face runs into a support at an angle they stay what they are."""
+    points, triangles = patch(4, shape)
+    along = 1 if shape is cone else 0
+    held = np.zeros_like(points, dtype=bool)
+    held[np.abs(points[:, along]) < 1e-9, along] = True
+    normals = node_normals(points, triangles)
+    found = mirrored(normals, area_vectors(points, triangles), triangles, held)
+    rim = np.unique(triangles[:, :3])
+    rim = rim[held[rim, along]]
+    assert len(rim) == 5
+    if leans:
+        assert found == pytest.approx(normals, abs=1e-12) and (np.abs(normals[rim, along]) > 0.25).all()
+    else:
+        assert found[rim] == pytest.approx(np.tile([0, 0, 1], (len(rim), 1)), abs=1e-3) and (np.abs(normals[rim, 0]) > 0.03).all()
+
+
+def test_two_beams_in_contact_bend_as_theory_has_it():
+    """Two cantilevers, one on the other, each carrying half of what presses on the upper one."""
+    length, load, young = 5.0, 1.0, 1e5
+    made = config_from({
+        "name": "pair", "mesh": {"box": {"size": [length, 1, 2], "cells": [5, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]},
+        "materials": [{"young": young, "poisson": 0.0}], "interfaces": [{"law": "contact", "friction": 0.0}], "blackbox": SIX,
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2}, "pressure": load}],
+        "method": {"tolerance": {"law": 1e-4}}})
+    found = solve(made, build_scene(made))
+    tip = load / 2 * (length**4 / (8 * young / 12) + length**2 / (2 * young / 2 * 5 / 6))
+    assert found.converged and max(-part[0, :, 2].min() for part in found.parts) == pytest.approx(tip, rel=0.01)
+
+
+@pytest.mark.parametrize("grains, soft, seed", [(5, 200.0, 849)])
+def test_grains_of_ten_node_tets_converge(grains, soft, seed):
+    """Soft springs beside stiff bodies: what nodes amid edges do is no search direction's business."""
+    made = config_from({
+        "name": "grains", "mesh": {"polycrystal": {"grains": grains, "size": 1.0, "h": 0.4, "seed": seed}}, "subdomains": "groups",
+        "materials": [{"young": 200e3, "poisson": 0.3}, {"young": soft, "poisson": 0.3, "on": f"grain_{grains}"}],
+        "interfaces": [{"law": "contact", "friction": 0.1}], "blackbox": SIX,
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [0.004, -0.004, -0.005]}],
+        "method": {"tolerance": {"law": 1e-3}, "max_iterations": 40, "coarse": "none"}})
+    assert solve(made, build_scene(made)).converged
