@@ -4,7 +4,8 @@ Stiff springs let loose bodies find their places quickly and carry what contacts
 many iterations from afar. So ``auto`` begins with ε of a quarter of what the tolerance allows, and goes on with a hundredth of it
 each time that everything but the springs is within ``NEAR`` of the tolerance, ``STAGES`` times. Where springs alone then keep a
 run from its end, they become weaker again: a body that goes far in a load step needs it, or the energy error stands still on them,
-which falls with ε. What has no balance loads them as before, however weak they are; it is ``monitors.limit_load`` that ends such a run.
+which falls with ε unless something else is left of it. What has no balance loads them as before, however weak they are; it is
+``monitors.limit_load`` that ends such a run.
 
 Where many bodies are loose the coarse contact problem may lose its way once springs are weak. What is not as near again after
 ``PATIENCE`` iterations goes on with the springs before; the summary tells what they carry.
@@ -30,6 +31,7 @@ FAINTEST = 1e-14  # the least ε where they do: what such springs carry is round
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
 # Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12.
 PATIENCE = 20
+FALLS = 0.1  # of the error when springs became a hundredth on its account, below which it was theirs
 LESS = 0.5  # of what springs carried when they became weaker last, below which that has served the energy error
 
 
@@ -38,16 +40,17 @@ class Weakening(Monitor):
 
     allowed : law residual that the tolerance stands for
     at : iterations after which springs have become weaker
+    carried, excess : what springs carried then, and of the error, over its tolerance, where that asked for it
     near : the last iteration that was near the tolerance
     withdrawn : iteration after which the last step until then has been taken back, which is done once; 0: none has
     """
 
-    name, remembered = "weakening", ("at", "carried", "near", "withdrawn")
+    name, remembered = "weakening", ("at", "carried", "excess", "near", "withdrawn")
 
     def __init__(self, allowed: float):
         self.allowed, self.at = allowed, []
         self.near = self.withdrawn = 0
-        self.carried = math.inf
+        self.carried = self.excess = math.inf
 
     @classmethod
     def of(cls, case: Case) -> Weakening | None:
@@ -84,7 +87,7 @@ class Weakening(Monitor):
             return int(weaker >= FAINTEST)
         if self.withdrawn:
             return 0
-        if verdict.excess and laws.springs <= LESS * self.carried:  # the error falls with ε
+        if laws.springs <= LESS * self.carried and 0 < verdict.excess <= FALLS * self.excess:  # the error falls with ε
             return math.ceil(math.log(1 / verdict.excess, WEAKER))
         return int(len(self.at) < STAGES and weaker >= LEAST and self.is_near(laws, bool(verdict.met)))
 
@@ -94,7 +97,7 @@ class Weakening(Monitor):
             return now.problem.weakened(WEAKER ** -self.taken_back)
         times = self.due(now.verdict, now.problem.springs)
         self.at += [now.number] * times
-        self.carried = now.verdict.laws.springs
+        self.carried, self.excess = now.verdict.laws.springs, now.verdict.excess or self.excess
         return now.problem.weakened(WEAKER ** times)
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
