@@ -68,8 +68,8 @@ def test_what_friction_hands_on(made):
         d = prepared(made, scene, blackbox)
         full, softness = Full(d), d.certificate.softness()
         slips, pressures = full.of._of_slips(softness), full.of._of_pressures()
-        assert full.of_slips <= slips <= (1 + 2 * OPEN) * full.of_slips
-        assert full.of_pressures <= pressures <= (1 + 2 * OPEN) * full.of_pressures
+        assert full.of_slips <= slips <= (1 + 2 * OPEN["slips"]) * full.of_slips
+        assert full.of_pressures <= (1 + 1e-12) * pressures <= (1 + 2 * OPEN["pressures"]) * full.of_pressures
         factor = d.certificate.factor()
     assert full.pressures @ full.jumps.T == pytest.approx(full.normal, abs=1e-9)  # forces of the pairs alone are read, whatever these are
     q = np.sqrt(slips * pressures)
