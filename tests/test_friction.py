@@ -60,7 +60,7 @@ class Full:
         self.of_pressures = np.linalg.eigvalsh(read @ d.certificate.stiffness @ read.T)[-1]
 
 
-@pytest.mark.parametrize("made", [pressed(0.1), late(pressed(0.1, 4)), apart(0.1)])
+@pytest.mark.parametrize("made", [pressed(0.1), late(pressed(0.1, 4)), apart(0.1), late(pressed(0.05, **SIX))])
 def test_what_friction_hands_on(made):
     """Both eigenvalues are those of full matrices, from above; and no fields do worse than these say."""
     scene, rng = build_scene(made), np.random.default_rng(0)
@@ -82,7 +82,8 @@ def test_what_friction_hands_on(made):
 
 
 @pytest.mark.parametrize("made", [pressed(0.05), pressed(0.2, 4), late(pressed(0.2, 4, [0.003, 0.001, -0.004])), late(pressed(0.1, 8)),
-                                  late(pressed(0.2, 4, [-0.02, 0, -0.001], gap=-0.0005)), late(apart(0.1, 0.3, 0.22)), late(apart(0.05)), late(pressed(0.03, **SIX))])
+                                  late(pressed(0.2, 4, [-0.02, 0, -0.001], gap=-0.0005)), late(apart(0.1, 0.3, 0.22)), late(apart(0.05)),
+                                  late(pressed(0.03, **SIX))])
 def test_the_error_is_bounded_with_little_friction(made):
     scene = build_scene(made)
     d, found = certified(scene, made, every=3)
