@@ -9,13 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.points import Answer, BONDED, Carries, Points, Status
+
+if TYPE_CHECKING:  # a configuration is read without it
+    from scipy.sparse import sparray
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,7 @@ class Law:
         """
         raise NotImplementedError
 
-    def averaged(self, weights: sp.sparray) -> Law:
+    def averaged(self, weights: sparray) -> Law:
         """The same where points see the mean of what is around them, with weights (n, n) of nodes."""
         return self
 

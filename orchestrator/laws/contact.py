@@ -15,10 +15,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 from pydantic import Field
 
 from orchestrator.compiled import compiled, in_parts
@@ -26,6 +25,9 @@ from orchestrator.config.base import Positive, either
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
+
+if TYPE_CHECKING:  # a configuration is read without it
+    from scipy.sparse import sparray
 
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
@@ -122,7 +124,7 @@ class Contact(Law):
     def imposed(self) -> float:
         return float(np.max(-self.gap, initial=0.0))
 
-    def averaged(self, weights: sp.sparray) -> Contact:
+    def averaged(self, weights: sparray) -> Contact:
         return replace(self, gap=weights @ self.gap)
 
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
