@@ -52,6 +52,8 @@ _LISTED = {
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
     "meshed_apart": ("studies.meshed_apart:run",
                      "parts meshed each on its own: pairs, bonded, bolted, shrunk and pressed, beside conforming, Lamé, Hertz"),
+    "six_node_faces": ("studies.six_node_faces:run",
+                       "contact between ten-node tets and between four-node ones: two cantilevers, a cylinder on a block"),
     "bolts": ("studies.bolts:run",
               "eight bolts tightened one round after another, beside CalculiX's pre-tension sections on the same mesh"),
     "faults": ("studies.faults:run",

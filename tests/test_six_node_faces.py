@@ -1,5 +1,8 @@
 """Contact on six-node faces: what a point sees of them, the stiffness of what they carry, and that iterations end."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
@@ -7,6 +10,9 @@ from in_process import IN_PROCESS
 from orchestrator import build_scene, config_from, solve
 from orchestrator.scene.interfaces.mortar.paired import means, mirrored
 from orchestrator.scene.mesh.geometry import area_vectors, node_normals
+
+sys.path.append(str(Path(__file__).parents[1] / "meshes"))
+from hertz import LENGTH, RADIUS, cylinder_on_block, write
 
 SIX = {**IN_PROCESS, "element": "P2"}
 
@@ -87,3 +93,20 @@ def test_grains_of_ten_node_tets_converge(grains, soft, seed):
                      {"on": {"plane": "z", "at": 1}, "displacement": [0.004, -0.004, -0.005]}],
         "method": {"tolerance": {"law": 1e-3}, "max_iterations": 40, "coarse": "none"}})
     assert solve(made, build_scene(made)).converged
+
+
+def test_gaps_are_those_of_the_surfaces(tmp_path):
+    """A cylinder above a block: what points see is the mean of x²/2R; over chords it would be h²/12R more."""
+    h = 0.04
+    write(tmp_path / "hertz.msh", cylinder_on_block(h))
+    made = config_from({
+        "name": "gap", "mesh": {"file": str(tmp_path / "hertz.msh")}, "subdomains": "groups", "blackbox": SIX,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "gap": "geometry", "within": 0.02}],
+        "boundary": [{"on": {"plane": "z", "at": z}, "displacement": [0, 0, 0]} for z in (-LENGTH, LENGTH)]})
+    scene = build_scene(made)
+    interface, = scene.interfaces
+    points, corners = scene.points(interface), interface.corners
+    exact = (means(points, interface.triangles)[0] @ (points[:, 0] ** 2 / (2 * RADIUS)))[corners]
+    even = np.abs(points[corners, 0]) < 1.5 * h  # where the mesh is
+    assert even.sum() == 6
+    assert interface.law.gap[corners][even] == pytest.approx(exact[even], abs=0.02 * h**2 / (12 * RADIUS))

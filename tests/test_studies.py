@@ -37,6 +37,7 @@ from benchmarks.studies import (
     polycrystals,
     prediction,
     scaling,
+    six_node_faces,
     stability,
     stages,
     ten_grains,
@@ -456,6 +457,15 @@ def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, 
     (row,) = study.rows
     assert row["silent_wrong"] == "no" and ends in (None, row["outcome"]), row
     assert row["outcome"] != "refused" or row["message"].startswith("guard: ")
+
+
+def test_contact_of_six_node_faces(tmp_path):
+    study = Study("six_node_faces", "two short cantilevers", tmp_path)
+    six_node_faces.run(study, slenderness=(3,), sizes=(0.05,), code=IN_PROCESS["code"])
+    rows = study.rows
+    assert [row["element"] for row in rows] == ["P1", "P2"] * 2 and all(row["stop_reason"] == "converged" for row in rows)
+    assert rows[0]["tip"] < 0.5 < 0.98 < rows[1]["tip"] < 1.0 and rows[3]["force"] < rows[2]["force"] and not study.targets[0].met
+    assert (tmp_path / "six_node_faces.png").read_bytes().startswith(b"\x89PNG")
 
 
 # --- grains: runs in processes of their own, kept ------------------------------------------------------------

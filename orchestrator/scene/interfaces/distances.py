@@ -30,16 +30,20 @@ def paired_distance(one: np.ndarray, two: np.ndarray, triangles: np.ndarray) -> 
     return np.einsum("ij,ij->i", node_normals((one + two) / 2, triangles), two - one)
 
 
-def paired_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
-    """(n,) distance of the sides of an interface whose nodes are paired.
+def paired_gap(search: Search, interface: Interface, key: tuple[int, str], filled: np.ndarray) -> np.ndarray:
+    """(n,) distance of the sides of an interface whose nodes are paired; in the middle of edges that of the surfaces, not the chords'.
 
     key : the entry of the YAML and what in it asks for the distance
+    filled : (k, 3) what the surfaces of both sides stand off the middles of the facets' edges, see ``skins.bulges``
     """
     one, two = (search.mesh.nodes[search.numbering.nodes[own]] for own in search.numbering.sides(interface))
     middle, gap = (one + two) / 2, paired_distance(one, two, interface.triangles)
     h = local_size(middle, interface.triangles)
     if (gap < -COINCIDE * h).any():
         _refuse(search, interface.name, key, middle, np.where(gap < -COINCIDE * h, -gap, 0.0))
+    if interface.triangles.shape[1] == 6:
+        edges = interface.triangles[:, 3:].ravel()
+        gap = gap - np.bincount(edges, filled.ravel(), len(gap)) / np.maximum(np.bincount(edges, minlength=len(gap)), 1)
     return np.where(np.abs(gap) <= rounding(middle, ROUNDING * h), 0.0, gap)
 
 

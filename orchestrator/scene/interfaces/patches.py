@@ -11,10 +11,10 @@ import numpy as np
 from orchestrator.errors import some
 from orchestrator.scene.interfaces.distances import paired_gap, tell_distances
 from orchestrator.scene.interfaces.hinges import hinges
-from orchestrator.scene.interfaces.matching import match
+from orchestrator.scene.interfaces.matching import Patch, match
 from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours
 from orchestrator.scene.interfaces.facing import nonmatching
-from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, close_bodies, nearest
+from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, close_bodies, nearest
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import Faces, components, edge_patches
 from orchestrator.scene.mesh.geometry import format_point
@@ -135,8 +135,18 @@ def _opposite(search: Search) -> Iterator[Interface]:
             others = patch.opposite.ravel()[at]
             interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape),
                                          patch.cells)
-            laws.apply(index, interface, known[0], paired_gap(search, interface, (index, apart)) if apart else None)
+            gap = paired_gap(search, interface, (index, apart), _filled(search, pair, patch)) if apart else None
+            laws.apply(index, interface, known[0], gap)
             yield interface
+
+
+def _filled(search: Search, pair: tuple[Body, Body], patch: Patch) -> np.ndarray:
+    """(k, 3) what the surfaces of both sides fill of the gap amid the edges of a patch's facets; of three-node ones nothing."""
+    if patch.triangles.shape[1] == 3:
+        return np.zeros((len(patch.triangles), 3))
+    one, two = (search.skins(body).bulge[facets] for body, facets in zip(pair, patch.facets.T))
+    behind = pair[1].triangles[patch.facets[:, 1], 3:]
+    return one + np.take_along_axis(two, (patch.opposite[:, 3:, None] == behind[:, None, :]).argmax(axis=2), axis=1)
 
 
 def _report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:

@@ -17,12 +17,10 @@ import scipy.sparse as sp
 
 from orchestrator.scene.interfaces.mortar.operators import Mortar, hats
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
+from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS
 
 # A point's nodes have this share of its weight where they are free at all; less is rounding.
 NOTHING = 1e-9
-# ∫ Nᵢ Qⱼ over a face of area 1.
-SHARES = np.hstack([np.eye(3) / 20 - 1 / 60, np.where((TRIANGLE_EDGES == np.arange(3)[:, None, None]).any(axis=2), 2 / 15, 1 / 15)])
 
 
 def means(points: np.ndarray, triangles: np.ndarray) -> tuple[sp.csr_array, np.ndarray]:
@@ -32,7 +30,7 @@ def means(points: np.ndarray, triangles: np.ndarray) -> tuple[sp.csr_array, np.n
     """
     size = np.linalg.norm(area_vectors(points, triangles), axis=1)
     rows, columns = np.repeat(triangles[:, :3, None], 6, axis=2), np.repeat(triangles[:, None, :], 3, axis=1)
-    moments = sp.csr_array(((size[:, None, None] * SHARES).ravel(), (rows.ravel(), columns.ravel())), shape=(len(points),) * 2)
+    moments = sp.csr_array(((size[:, None, None] * TRIANGLE_MOMENTS[6].T).ravel(), (rows.ravel(), columns.ravel())), shape=(len(points),) * 2)
     area = np.bincount(triangles[:, :3].ravel(), np.repeat(size / 3, 3), len(points))
     return sp.csr_array(sp.diags_array(1 / np.where(area > 0, area, 1.0)) @ moments), area
 
