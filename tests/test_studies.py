@@ -459,6 +459,7 @@ def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, 
     assert row["outcome"] != "refused" or row["message"].startswith("guard: ")
 
 
+@pytest.mark.long
 def test_contact_of_six_node_faces(tmp_path):
     study = Study("six_node_faces", "two short cantilevers", tmp_path)
     six_node_faces.run(study, slenderness=(3,), sizes=(0.05,), code=IN_PROCESS["code"])
