@@ -29,6 +29,7 @@ _LISTED = {
     "contact_grains": ("studies.contact:polycrystals",
                        "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
     "contact_soles": ("studies.contact:soles", "soles ten times softer to stiffer, with contact"),
+    "contact_cantilevers": ("studies.cantilevers:run", "two clamped beams in contact, L/h 5 to 40: iterations and tip"),
     "moduli": ("studies.moduli:run", "a punch on a block a thousand times softer or stiffer, in contact"),
     "bolted": ("studies.bolted:run", "bolted and press-fitted assemblies: settings that should not matter"),
     "ten_grains": ("studies.ten_grains:run",

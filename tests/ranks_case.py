@@ -112,6 +112,14 @@ CASES = {
                      {"on": {"plane": "z", "at": 1}, "pressure": 100.0}],
         "method": {"tolerance": {"law": 1e-6}},
     },
+    # beams that bend, moved in modes of their own
+    "slender beams": {
+        "mesh": {"box": {"size": [10, 1, 2], "cells": [10, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]}, "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.3}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"box": [[10, 0, 1], [10, 1, 2]]}, "traction": [[0, 0, -1], [1, 0, -2]]}],
+        "method": {"tolerance": {"law": 1e-8}},
+    },
     # a block that is pushed beyond what friction holds: what each rank knows of the contact goes into one cone problem
     "pushed off": {
         "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [1, 1, 2]}, "blackbox": IN_PROCESS,

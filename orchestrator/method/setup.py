@@ -16,6 +16,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
+from orchestrator.method.coarse.soft_bodies import soft_bodies
 from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
@@ -144,8 +145,8 @@ class _SetUp:
         with watch("macro"):
             spent += macro.solve(guarded) if macro is not None else 0
             stage = LinearStage(space, direction, macro, loading, guarded)
-            coarse = self._coarse(stage, pairs)
-        spent += coarse.sweeps if coarse is not None else 0
+            coarse, sweeps = self._coarse(stage, pairs)
+        spent += sweeps
         made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
         if certified:
@@ -205,11 +206,14 @@ class _SetUp:
                 bases = enriched(self.space, direction.whole, bases, modes)
             return Macro(self.space, direction, bases, self.method.macro.strategy, spent)
 
-    def _coarse(self, stage: LinearStage, pairs: Pairs | None) -> CoarseCorrection | None:
-        """The coarse contact problem, where laws are not perfect."""
-        if self.method.coarse == "none" or self.space.transfer.perfect.all():
-            return None
-        return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
+    def _coarse(self, stage: LinearStage, pairs: Pairs | None) -> tuple[CoarseCorrection | None, float]:
+        """The coarse contact problem, where laws are not perfect, and back-substitutions per subdomain."""
+        asked = self.method.coarse
+        if asked == "none" or self.space.transfer.perfect.all():
+            return None, 0.0
+        modes, spent = soft_bodies(self.scene, stage.blackbox) if asked == "auto" else ({}, 0.0)
+        coarse = CoarseCorrection(self.scene, stage, pairs, kind_of(asked, self.scene, pairs, self.space.team), modes)
+        return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:
         """What relative energy error the codes' own matrices leave.

@@ -1,4 +1,5 @@
-"""What the coarse contact problem corrects: every body moves in its affine, or its rigid, fields under the true laws.
+"""What the coarse contact problem corrects: every body moves in its affine, or its rigid, fields under the true laws, one that
+bends in its own softest modes (``soft_bodies``).
 
 The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
 a small nonlinear problem solved after every linear stage: each subdomain's state may change by
@@ -30,6 +31,7 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
 from orchestrator.parallel.team import Team
+from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
 AFFINE = 12  # fields of a body: 1, x, y and z in each component
@@ -42,7 +44,8 @@ FIELDS = {"affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURN
 # seconds either way, 64 and 125 take .9 of what they take with affine fields, 343 take .8, as factors cost more and more.
 MANY = 50
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
-REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
+# Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
+REACH = 0.3
 FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are
 
 
@@ -66,18 +69,20 @@ class CoarseCorrection:
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, or "rigid", 6
+    modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs, the fields of a body that has
+        softer ones; see ``soft_bodies``
     problem : the contact problem of one load step
     """
 
-    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str):
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str, modes: Mapping[int, np.ndarray] | None = None):
         self.stage, self.pairs = stage, pairs
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, own = len(scene.subdomains), space.owner[: space.size]
         self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
         k = stage.direction.k
-        fields = _affine_fields(scene, space, self.parts)
-        R = self._independent(fields, times(k, fields), FIELDS[kind])
+        fields, allowed = self._fields(scene, FIELDS[kind], modes or {})
+        R = self._independent(fields, times(k, fields), allowed)
         each = np.arange(R.shape[2])
         U = np.zeros((len(each), space.size))
         for part, r in zip(self.parts, R):
@@ -95,6 +100,7 @@ class CoarseCorrection:
         self.problem = self._problem(pairs)
         self.prescribed = self.stage.space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.stage.space.subdomains))[0]
         self.radius: float | None = None
+        self.loose = loose_bodies(scene)
 
     @property
     def sweeps(self) -> int:
@@ -165,7 +171,7 @@ class CoarseCorrection:
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(len(y)):
             number, anchor = self.predict.pairs.numbers[t], before.jump if moved is None else before.jump + moved[t]
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, self.radius, anchor)
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, np.where(self.loose, self.radius, np.inf), anchor)
             answer = self.pairs.force(F, before, number)
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y
@@ -187,18 +193,39 @@ class CoarseCorrection:
         self.problem.restore(state)
         self.radius = state["radius"]
 
+    def _fields(self, scene: Scene, allowed: np.ndarray, modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """(m, D) fields, and (own bodies, m, n) combinations of them that each may move in.
+
+        allowed : (12, n) the same of affine fields
+        """
+        space = self.stage.space
+        most, = space.team.max(max((mode.shape[1] for mode in modes.values()), default=0))
+        count, width = max(int(most), AFFINE), max(int(most), allowed.shape[1])
+        fields, combined = np.zeros((count, space.size)), np.zeros((count, width))
+        fields[:AFFINE], combined[:AFFINE, : allowed.shape[1]] = _affine_fields(scene, space, self.parts), allowed
+        bent = np.zeros((int(most), len(space.global_dof)))
+        for e, mode in modes.items():
+            bent[: mode.shape[1], space.boundary[e]] = mode.T
+        bent = space.trace(bent)
+        for e in modes:
+            fields[:, self.parts[e]] = 0.0
+            fields[: len(bent), self.parts[e]] = bent[:, self.parts[e]]
+        each = np.repeat(combined[None], len(self.parts), axis=0)
+        each[list(modes)] = np.eye(count, width)
+        return fields, each
+
     def _independent(self, fields: np.ndarray, k_fields: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-        """(own bodies, 12, n) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.
+        """(own bodies, m, n) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.
 
         On a body that has a single plane interface, the gradients along its normal are.
 
-        fields, k_fields : (12, D); allowed : (12, n) combinations of them
+        fields, k_fields : (m, D); allowed : (own bodies, m, n) combinations of them
         """
-        result = np.zeros((len(self.stage.space.subdomains), *allowed.shape))
-        for r, gram in zip(result, self._per_body(fields, k_fields)):
-            size, vectors = np.linalg.eigh(allowed.T @ gram @ allowed)
+        result = np.zeros_like(allowed)
+        for r, gram, may in zip(result, self._per_body(fields, k_fields), allowed):
+            size, vectors = np.linalg.eigh(may.T @ gram @ may)
             keep = size > DEPENDENT * size.max(initial=0.0)
-            r[:, keep] = allowed @ (vectors[:, keep] / np.sqrt(size[keep]))
+            r[:, keep] = may @ (vectors[:, keep] / np.sqrt(size[keep]))
         return result
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -54,14 +54,14 @@ class CoarseProblem:
         self.left: dict[int, float] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-              radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+              radius: float | np.ndarray, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
         resultant : (bodies, n) Uᵀf
         before : what the load step before has left
-        radius : longest move of a body in one Newton step
+        radius : longest move of a body in one Newton step; (bodies,) or of all
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
         at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
@@ -84,15 +84,15 @@ class CoarseProblem:
         other.reduction = ROUGH
         return other
 
-    def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+    def _newton(self, at: LoadStep, radius: float | np.ndarray) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended."""
-        pattern, factors = self.bodies.pattern, None
+        pattern, factors, farthest = self.bodies.pattern, None, np.broadcast_to(radius, self.fields.count)
 
         def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
             nonlocal factors
             if pattern is not None:
                 factors = pattern.factors(matrix, shift)
-            return self._clipped(None if factors is None else -factors.solve(rho), radius)
+            return self._clipped(None if factors is None else -factors.solve(rho), farthest)
 
         def ahead(rho: np.ndarray) -> np.ndarray:
             return self.team.share(None if factors is None else -factors.solve(rho))
@@ -107,17 +107,17 @@ class CoarseProblem:
             end = run.step()
         return run.y, run.size, run.start, end or "steps"
 
-    def _clipped(self, dy: np.ndarray | None, radius: float) -> np.ndarray:
+    def _clipped(self, dy: np.ndarray | None, radius: np.ndarray) -> np.ndarray:
         """(bodies, n) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
-        the radius."""
+        its radius (bodies,)."""
         dy = self.team.share(dy)
         move = self.farthest * np.linalg.norm(dy, axis=1)
         if not (move > radius).any():  # as all ranks see
             return dy
-        move = move[self.own]
-        for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
+        move, most = move[self.own], radius[self.own]
+        for e in np.flatnonzero(move > most):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
-        return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
+        return dy * np.minimum(1.0, radius / np.maximum(self._of_all(move), np.finfo(float).tiny))[:, None]
 
     def _farthest(self, y: np.ndarray) -> float:
         """How far any body moves in the fields (bodies, n) at most, by Cauchy and Schwarz."""

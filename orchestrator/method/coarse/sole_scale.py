@@ -22,6 +22,7 @@ import numpy as np
 
 from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.coarse.beside_affine import BesideAffine
 from orchestrator.method.coarse.problem import of_all
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.answers import GuardedTraces
@@ -41,7 +42,6 @@ LOADS = 3  # times that soles are changed at most: after the first each follows 
 NOTCH = 2 ** (1 / 8)  # factors are powers of it, so that rounding, as of ranks or units, leaves them as they are
 # Of log √(σ_min σ_max) over log k: at first, and what secants may say. −1 if all ends were found; −0.3 … −0.9 measured
 SLOPE, STEEPEST, FLATTEST = -0.75, -1.0, -0.3
-DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero
 
 
 def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Sequence[tuple[int, int]]], guarded: GuardedTraces,
@@ -124,78 +124,13 @@ def _middles(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> np.nd
 
     On its other interfaces a body rests on their soles, as it does in the iterations.
     """
-    direction, of = blackbox.direction, blackbox.owned
-    space = direction.space
+    space = blackbox.direction.space
     on = np.zeros(len(space.owner))
     for i in np.flatnonzero(wanted):
         for dofs in space.sides[i]:
             on[dofs] = 1.0
-    on = on[: space.size]
-    U, V, start = _fields(scene, blackbox, on)
-
-    def rest(v: np.ndarray) -> np.ndarray:
-        """(1, D) v without affine fields."""
-        return v - np.sum(U * of.spread(of.sums(V * v)), axis=0)
-
-    def size(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """k v, and the norm of each body's part (S,)."""
-        kv = direction.times(v)
-        return kv, np.sqrt(np.maximum(of.sums(v[0] * kv[0]), 0.0))
-
-    v = rest(start)
-    kv, norm = size(v)
-    alive = norm > np.sqrt(DEPENDENT) * size(start)[1]
-    theta, before = np.zeros((STEPS, STEPS, len(norm))), []
-    exists = alive
-    for j in range(STEPS):
-        inverse = of.spread(np.divide(1, norm, out=np.zeros_like(norm), where=alive))
-        v, kv = v * inverse, kv * inverse
-        before.append((v, kv))
-        image = rest(on * blackbox.answered(space.loads(kv))[1])
-        # a space that is exhausted has no other ends
-        theta[j, j] = np.where(alive, of.sums(image[0] * kv[0]), theta[j - 1, j - 1])
-        for _ in range(2):
-            for w, kw in before:
-                image = image - of.spread(of.sums(image * kw)) * w
-        v = image
-        kv, norm = size(v)
-        alive = alive & (norm > np.sqrt(DEPENDENT) * theta[0, 0])
-        if j + 1 < STEPS:
-            theta[j, j + 1] = theta[j + 1, j] = np.where(alive, norm, 0.0)
+    bodies = BesideAffine(scene, blackbox, on[: space.size])
+    known, ends = bodies.ends(bodies.rough(), STEPS)
     result = np.zeros((len(space.subdomains), 2))
-    if len(norm):
-        ends = np.linalg.eigvalsh(theta.transpose(2, 0, 1)[exists])[:, [0, -1]]
-        tiny = np.finfo(float).eps
-        sigma = np.maximum(1 / np.maximum(ends, tiny) - 1, tiny)
-        result[of.subdomains[exists]] = np.column_stack([np.ones(len(sigma)), np.sqrt(sigma.prod(axis=1))])
+    result[blackbox.owned.subdomains[known]] = np.column_stack([np.ones(len(ends)), np.sqrt(ends.prod(axis=1))])
     return result
-
-
-def _fields(scene: Scene, blackbox: GuardedTraces, on: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The bodies' affine fields on some of their traces, ``on`` (D,) 0 or 1, orthonormal in k: U and V = k U, (12, D) each;
-    (1, D) a displacement to start from.
-
-    The latter depends on where nodes are in their body alone, and is as rough as the mesh.
-    """
-    direction, all_of = blackbox.direction, blackbox.all
-    space = direction.space
-    x, component = scene.mesh.nodes[space.global_dof // 3].T, space.global_dof % 3
-    high, low = (sign * np.maximum.reduceat(sign * x, all_of.starts, axis=1) if len(all_of.starts) else x for sign in (1, -1))
-    size = np.maximum(np.max(high - low, axis=0) / 2, np.finfo(float).tiny)
-    x = (x - all_of.spread((high + low) / 2)) / all_of.spread(size)
-    fields = np.zeros((13, len(component)))
-    at = np.arange(len(component))
-    for m, monomial in enumerate([np.ones(len(component)), *x]):
-        fields[3 * m + component, at] = monomial
-    # waves that no mesh resolves: numbers at random, but the same ones for whoever asks
-    phase = np.array([[7919.0, 6101.0, 4801.0], [5869.0, 7687.0, 5303.0], [6637.0, 4441.0, 7207.0]])[component]
-    held = space.loads(on * direction.diagonal[None])[0]
-    fields[12] = np.cos(np.sum(phase * x.T, axis=1)) / np.sqrt(np.where(held > 0, held, 1.0))
-    traces = on * space.trace(fields)
-    U, V = traces[:12], direction.times(traces[:12])
-    for part in blackbox.owned.slices:
-        value, vector = np.linalg.eigh(U[:, part] @ V[:, part].T)
-        keep = value > DEPENDENT * value.max(initial=0.0)
-        turn = np.where(keep, vector / np.sqrt(np.where(keep, value, 1.0)), 0.0).T
-        U[:, part], V[:, part] = turn @ U[:, part], turn @ V[:, part]
-    return U, V, traces[12:]

@@ -31,8 +31,8 @@ from orchestrator.method.interface.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
-ACCURATE = 0.02  # residual of a mode that is good enough: it only has to be caught, not known
-LARGEST = 320  # columns spent on one subdomain at most
+ACCURATE = 0.02  # residual of a mode that is good enough to the macro problem: it only has to be caught, not known
+LARGEST = 320
 INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is worth a macro function
 
 
@@ -41,10 +41,11 @@ class _Krylov:
 
     k : (t, t) sparse, soles' stiffness on its boundary dofs
     start : (t, b) first block
+    accurate, largest : residual of modes that is good enough, and columns spent at most
     """
 
-    def __init__(self, k: sp.csr_array, start: np.ndarray):
-        self.k, self.modes = k, None
+    def __init__(self, k: sp.csr_array, start: np.ndarray, accurate: float, largest: int):
+        self.k, self.modes, self.accurate, self.largest = k, None, accurate, largest
         self.block = _orthonormal(k, start, np.zeros((len(start), 0)))
         self.basis, self.images = np.zeros((2, len(start), 0))
         self.projected = np.zeros((0, 0))
@@ -64,18 +65,19 @@ class _Krylov:
         soft = int(np.sum(value > 1 / (1 + SOFT)))
         watched = slice(-1, -soft - 2, -1)  # the first one that is not soft as well: none has been missed
         left = self.images @ vector[:, watched] - self.basis @ (vector[:, watched] * value[watched])
-        settled = np.all(_energy(self.k, left) <= ACCURATE**2)
+        settled = np.all(_energy(self.k, left) <= self.accurate**2)
         self.block = _orthonormal(self.k, image, self.basis)
-        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > LARGEST:
+        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > self.largest:
             self.modes = self.basis @ vector[:, watched][:, :soft]
 
 
-def soft_modes(direction: SearchDirection, blackbox: BlackBox,
-               wanted: np.ndarray) -> tuple[dict[int, np.ndarray], float]:
+def soft_modes(direction: SearchDirection, blackbox: BlackBox, wanted: np.ndarray, accurate: float = ACCURATE,
+               largest: int = LARGEST) -> tuple[dict[int, np.ndarray], float]:
     """Soft modes of the wanted subdomains.
 
     direction : search direction
     wanted : (subdomains of the scene,) bool
+    accurate, largest : residual of a mode that is good enough, and columns spent on one subdomain at most
 
     modes : place among its ``space.subdomains`` → (t, m), k-orthonormal
     sweeps : back-substitutions per subdomain, the mean
@@ -88,7 +90,7 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
         key = b"".join(x.tobytes() for x in (own.indptr, own.indices, own.data))
         if key not in alike:
             size = own.shape[0]
-            alike[key] = [], _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))))
+            alike[key] = [], _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), accurate, largest)
         alike[key][0].append(e)
     under_way = list(alike.values())
     while under_way:

@@ -1,0 +1,57 @@
+"""Slender bodies in contact: the coarse contact problem moves them in their own softest modes."""
+
+import numpy as np
+import pytest
+from contact_case import CASES, contact, monolithic
+from method_case import box_of, prepared
+from quick import quick_sets
+
+from benchmarks.problems.cantilevers import beams, tip
+from orchestrator.config.model import Config
+from orchestrator.method.coarse.correction import AFFINE
+from orchestrator.method.linear.soft_modes import SOFT
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from in_process import IN_PROCESS
+
+
+def made(length, friction=0.5, element="P1", **method):
+    problem = beams(length, friction, element, across=1)
+    return Config.model_validate({**problem, "blackbox": {**IN_PROCESS, "element": element}, "method": {**problem["method"], **method}})
+
+
+@pytest.mark.parametrize("length, friction, element", quick_sets([
+    (5, 0.5, "P1"), (20, 0.0, "P1"), (20, 0.5, "P1"), (40, 0.5, "P1"), (10, 0.5, "P2"), (20, 0.5, "P2")], (5, 0.5, "P1"), (20, 0.5, "P1")))
+def test_clamped_beams_on_each_other(length, friction, element):
+    solved = solve(config := made(length, friction, element), build_scene(config))
+    assert solved.converged and solved.iterations <= 40
+    whole = monolithic(solved).solve()[-1]
+    assert tip([u[-1] for u in solved.parts], solved.scene) == pytest.approx(tip(whole.parts, solved.scene), rel=1e-2)
+
+
+def test_affine_fields_do_not_bend():
+    """What the modes are for: with affine fields the same takes twice as long and more."""
+    counts = {kind: solve(config, build_scene(config)).iterations for kind in ("auto", "affine") for config in (made(20, coarse=kind),)}
+    assert 2 * counts["auto"] < counts["affine"]
+
+
+def decomposed(config):
+    scene = build_scene(config)
+    with box_of(config) as blackbox:
+        return prepared(config, scene, blackbox)
+
+
+def test_whose_modes_they_are():
+    """Blocks keep their affine fields; a beam's are softer than what they are told to be, and do no work on one another."""
+    for case in ("two blocks", "eight cubes"):
+        d = decomposed(contact(0.3, **CASES[case]))
+        assert len(d.coarse.response.U) == AFFINE and np.isinf(np.where(d.coarse.loose, 1.0, np.inf)).any()
+    d = decomposed(made(20))
+    U, W = d.coarse.response.U, d.coarse.response.W
+    V = d.stage.direction.times(U)
+    for part in d.coarse.parts:
+        own = U[:, part].any(axis=1)
+        softness = np.linalg.eigvalsh(U[own][:, part] @ V[own][:, part].T)
+        assert softness == pytest.approx(np.ones(own.sum()), abs=1e-8)
+        theta = np.linalg.eigvalsh(W[own][:, part] @ V[own][:, part].T)
+        assert 5 < own.sum() <= len(U) and theta.min() > 1 / (1 + SOFT) - 1e-3
