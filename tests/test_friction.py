@@ -39,6 +39,12 @@ def apart(friction, first=0.4, second=0.3, error=1e-6, top=PRESSED):
 SIX = {"blackbox": {**IN_PROCESS, "element": "P2"}}  # six-node faces
 
 
+HALVES = [{"name": name, "mesh": {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
+          for name, z in (("soft", 0), ("stiff", 0.5))]
+UNLIKE = {"mesh": None, "parts": HALVES, "subdomains": "groups",
+          "materials": [{"young": 200e3, "poisson": 0.3}, {"young": 200.0, "poisson": 0.3, "on": "soft"}]}
+
+
 class Full:
     """All matrices of a decomposition in full: S (B, B), jumps (3, P) of boundary displacements, pressures read off forces."""
 
@@ -60,7 +66,8 @@ class Full:
         self.of_pressures = np.linalg.eigvalsh(read @ d.certificate.stiffness @ read.T)[-1]
 
 
-@pytest.mark.parametrize("made", [pressed(0.1), late(pressed(0.1, 4)), apart(0.1), late(pressed(0.05, **SIX))])
+@pytest.mark.parametrize("made", [pressed(0.1), late(pressed(0.1, 4)), apart(0.1), late(pressed(0.05, **SIX)),
+                                  late(pressed(0.05, **SIX, **UNLIKE))])
 def test_what_friction_hands_on(made):
     """Both eigenvalues are those of full matrices, from above; and no fields do worse than these say."""
     scene, rng = build_scene(made), np.random.default_rng(0)

@@ -74,27 +74,36 @@ class Friction:
         return float(1 / np.sqrt(1 - q2)) if q2 < 1 else np.nan
 
     def _reading(self) -> tuple[sp.csr_array, np.ndarray]:
-        """``read`` and ``weight``: of either side, a share by the other's stiffness, where nodes match; of the first side elsewhere."""
-        space, pairs, (G1, G2, E) = self.space, self.pairs, self.pairs.transfer.products
+        """``read`` and ``weight``: of either side, a share by the other's stiffness, where nodes are paired; of the first side elsewhere."""
+        space, pairs = self.space, self.pairs
         gather, there = space.gather, space.gather >= 0
         interfaces = np.bincount(gather[there], minlength=len(space.global_dof))  # that a boundary dof is on
         alone = there & (interfaces.take(gather) == 1 if len(interfaces) else there)
         diagonal, = space.trace(self.stiffness.diagonal()[None])
         (diagonal, alone), = space.extended(np.array([diagonal, alone]))
 
-        def along(G: sp.csr_array) -> np.ndarray:
-            """(P,) the stiffness of a side along the normal, infinite where others meet its nodes, or supports do."""
-            others = times(abs(G), 1 - alone[None]).reshape(3, -1).any(axis=0)
-            return np.where(others, np.inf, np.sum(pairs.points.normal**2 * times(abs(G), diagonal[None]).reshape(3, -1), axis=0))
+        def along(rows: sp.csr_array) -> np.ndarray:
+            """(P,) the stiffness of a side along the normal; infinite where others meet its nodes, or supports do, or it is not there."""
+            others = times(abs(rows), 1 - alone[None]).reshape(3, -1).any(axis=0)
+            found = np.sum(pairs.points.normal**2 * times(abs(rows), diagonal[None]).reshape(3, -1), axis=0)
+            return np.where(others | (found == 0), np.inf, found)
 
-        matched = np.repeat(pairs.transfer.matched[[i.index for i in pairs.interfaces]], np.diff(pairs.bounds))
-        one, two = along(G1), np.where(matched, along(G2), np.inf)
+        one, two = self._sides()
+        first, second = along(one), along(two)
         with np.errstate(invalid="ignore"):
-            first = np.where(np.isinf(two), 1.0, np.where(np.isinf(one), 0.0, two / (one + two)))
-            one = np.where(matched, one, along(E))
-            weight = np.where(first > 0, first * one, two)
-        rows = [sp.diags_array(np.tile(share, 3)) for share in (matched * first, matched * (first - 1), ~matched * 1.0)]
-        return sp.csr_array(rows[0] @ G1 + rows[1] @ G2 + rows[2] @ E), np.where(weight > 0, weight, np.inf)  # nothing of the normal is free
+            share = np.where(np.isinf(second), 1.0, np.where(np.isinf(first), 0.0, second / (first + second)))
+            weight = np.where(share > 0, share * first, second)
+        return sp.csr_array(sp.diags_array(np.tile(share, 3)) @ one - sp.diags_array(np.tile(1 - share, 3)) @ two), weight
+
+    def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
+        """(3P, D + G) rows that read the pairs' forces off those of either side alone; empty ones of the second where it does not tell them."""
+        transfer = self.pairs.transfer
+        first, read = np.zeros(transfer.total), transfer.products.E
+        for i in self.pairs.interfaces:
+            first[transfer.sides[i.index][0]] = 1.0
+        one, two = (sp.csr_array(read @ sp.diags_array(side)) for side in (first, first - 1))
+        both = sp.diags_array(1.0 + (abs(two).sum(axis=1) > 0))  # where nodes are paired half is read off either side
+        return sp.csr_array(both @ one), sp.csr_array(both @ two)
 
     def _of_pressures(self) -> float:
         """λ_N, of pairs: those of two ranks are with both."""
