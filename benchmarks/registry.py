@@ -64,6 +64,8 @@ _LISTED = {
     "bound": ("studies.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
     "certified": ("studies.certified:run",
                   "the energy error with contact beside the true one: 200 random scenes against solutions in one piece"),
+    "intervals": ("studies.intervals:run",
+                  "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }

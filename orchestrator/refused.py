@@ -34,6 +34,9 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "sliding beside nonlinear matter": (
         ("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
         "one of the two: both go from load step to load step by themselves", "write pairing: fixed"),
+    "certified in a foreign part": (
+        ("output", "probes"), "certified: true at {name}, in a part that is a model of another program's",
+        "a place in a part whose mesh is ours: of the others displacements are known at their joints alone", "remove certified there"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

@@ -14,6 +14,7 @@ from orchestrator.blackbox.start import make_blackbox, with_own_loads
 from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.certified import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
@@ -113,6 +114,7 @@ class _Solving:
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
+        self.wanted: Wanted = team.share(None if team.rank else Wanted.of(self.whole, *_certified(config)))
         self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
     def solution(self) -> Solution | Piece:
@@ -186,7 +188,7 @@ class _Solving:
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
-            delivered = deliver(d, chosen, self.cases, iterated, watch)
+            delivered = deliver(d, chosen, self.cases, iterated, watch, self.wanted)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
         return delivered, d.made.sweeps, spent
@@ -222,3 +224,9 @@ class _Solving:
         if found := piece.estimate(wanted and team.rank == 0 and delivered.discretisation is None):
             delivered = replace(delivered, discretisation=found)
         return delivered, piece
+
+
+def _certified(config: Config) -> tuple[list[str], list[str]]:
+    """Names of the probes that are to be certified, and the kinds of forces."""
+    named = [(probe, probe.name or f"probe_{i + 1}") for i, probe in enumerate(config.output.probes)]
+    return [name for probe, name in named if probe.certified], config.output.certified

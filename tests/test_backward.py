@@ -18,7 +18,7 @@ from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.increments import iterate
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.iterated import load_cases
-from orchestrator.method.stopping import backward
+from orchestrator.method.stopping import backward, judged
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
@@ -51,7 +51,8 @@ def delivered(name, error=ROUGH):
     made = SCENES[name](error)
     scene = build_scene(made)
     with box_of(made) as blackbox, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(backward, "CLOSELY", 1e-18)
+        for module in (backward, judged):
+            patch.setattr(module, "CLOSELY", 1e-18)
         d = prepared(made, scene, blackbox)
         iterated = iterate(d, made.method, [], Stopwatch())
         return d, iterated, deliver(d, d, load_cases(scene, made.method.skip), iterated, Stopwatch())

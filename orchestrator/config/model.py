@@ -17,6 +17,11 @@ ProbeName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
 Quantity = Literal["displacement", "stress"]
 
 
+Certified = Annotated[bool, Field(description=(
+    "add the interval that the energy error leaves for each component of displacement; off, as it costs a few answers of the code"))]
+Force = Literal["reactions", "bolts", "sections", "resultants"]
+
+
 class PointProbe(Part):
     """A value at a point of the undeformed body."""
 
@@ -25,6 +30,7 @@ class PointProbe(Part):
     part: Name | None = Field(None, description=(
         "name of the volume or body that is meant, shell wildcards allowed; none: whichever has the point, where it is one"))
     quantity: Quantity = Field("displacement", description="displacement, or the stress at the nodes, linear between them")
+    certified: Certified = False
 
 
 class SurfaceProbe(Part):
@@ -38,6 +44,7 @@ class SurfaceProbe(Part):
         "mean: by area; max, min: of every component, with its place; resultant: force and moment that act on the faces"))
     of: Quantity | None = Field(None, description="what the mean or extreme is of: displacement, as where nothing is said, or stress")
     about: Vector | None = Field(None, description="the moment of a resultant is about this point; none: the surface's centre")
+    certified: Certified = False
 
 
 Probe = either(PointProbe, SurfaceProbe, lambda value: isinstance(value, PointProbe) or (isinstance(value, dict) and "at" in value),
@@ -89,6 +96,9 @@ class Output(Part):
     figures: Drawn = Field(True, description=("draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points and on surfaces; into summary.json, probes.csv and a figure"))
+    certified: list[Force] = Field([], description=(
+        "forces with the intervals that the energy error leaves: reactions, bolts, sections (of bonded interfaces), resultants (of "
+        "others); none, as each costs a few answers of the code"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(
         "reactions' moments are about this point; the origin by default, which no one has to look up"))
     units: Units | None = Field(None, description="names of the units of length and force, shown beside numbers; none: no units")

@@ -228,6 +228,29 @@ def probes_fit(data: Any) -> Iterator[Problem]:
                               f"{key} beside {where} only", f"remove {key}")
 
 
+def certified_fits(data: Any) -> Iterator[Problem]:
+    """Intervals are of what is linear in displacements and forces, and need an energy error."""
+    asked = [((*path, "certified"), probe) for path, probe in find(data, ("output", "probes", "*"))
+             if isinstance(probe, dict) and probe.get("certified") is True]
+    for path, probe in asked:
+        quantity, of = probe.get("quantity") or ("mean" if "on" in probe else "displacement"), probe.get("of") or "displacement"
+        if quantity not in ("displacement", "mean") or of != "displacement":
+            what = quantity if quantity in ("stress", "resultant") else f"{quantity} of {of}"
+            yield Problem(path, f"certified beside {what}", "a displacement at a point, or the mean of one over faces; forces have "
+                          "output.certified", "remove certified, or ask for a displacement")
+    where = [path for path, _ in asked] + [("output", "certified")] * bool(get(data, "output", "certified"))
+    if not where:  # laws are looked up for those who ask alone
+        return
+    laws = [law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))]
+    other = [key for key in ("law", "indicator") if get(data, "method", "tolerance", key) is not None and not all(laws)]
+    moving = any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*")))
+    flowing = any(isinstance(entry, dict) and entry.get("nonlinear") is True for _, entry in find(data, ("blackbox", "*")))
+    for why, there, cure in ((f"tolerance: {{{''.join(other[:1])}: …}}", other, "write tolerance: {error: 1e-4}"),
+                             ("pairing: follow", moving, "write pairing: fixed"), ("nonlinear matter", flowing, "remove certified")):
+        if there:
+            yield Problem(where[0], f"certified beside {why}", "a run that knows its energy error", cure)
+
+
 def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator[Problem]:
     """Entries of one name; without one, they have a default name with their number in it."""
     seen: dict[str, int] = {}
@@ -239,7 +262,7 @@ def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterato
 
 RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
          what_histories_multiply, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts,
-         directions, probes_fit]
+         directions, probes_fit, certified_fits]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -22,7 +22,7 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_SHARES
+from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
 from orchestrator.scene.model import Scene
 
 NAME = "probes.csv"
@@ -55,10 +55,7 @@ def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
     if probe.quantity == "stress":
         sigma = np.array([probe.weights @ nodal.stress(step)[nodal.corner[cell]] for step in range(fields.steps)])
         return _told(probe, "point", "stress", STRESS, components_of_stress(sigma), at=probe.at)
-    shape = probe.weights
-    if fields.cells.shape[1] == 10:
-        i, j = TET_EDGES.T
-        shape = np.concatenate([shape * (2 * shape - 1), 4 * shape[i] * shape[j]])
+    shape = tet_functions(probe.weights, fields.cells.shape[1])
     u = np.einsum("a,tai->ti", shape, fields.displacement[:, fields.cells[cell]])
     return _told(probe, "point", "displacement", DISPLACEMENT, components_of_displacement(u), at=probe.at)
 

@@ -102,14 +102,15 @@ class Balance:
     size: np.ndarray  # (T, b) sum of the magnitudes of these forces
 
 
-def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None,
-            length: np.ndarray | None, iterated: Iterated | None = None) -> Balance:
+def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None, length: np.ndarray | None,
+            iterated: Iterated | None = None, taken: list[np.ndarray | None] | None = None) -> Balance:
     """All bodies' balance.
 
     parts, f : as recovered, and (T, D) interface forces
     interfaces : fields of this rank's interfaces that are not perfect, if the scene has any
     length : (N,) what is left of their normals within the components that are free
     iterated : with the pairs of every load step, where sides slide on
+    taken : what supports take besides, see ``lawful``
     """
     scene = d.scene
     perfect = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
@@ -124,7 +125,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
         left[:, body[e]] += wrench((points - centre) / extent, forces)
         size[:, body[e]] += np.linalg.norm(forces, axis=2).sum(axis=1)
 
-    for s, support in zip(d.own, support_forces(d, parts, f)):
+    for s, support in zip(d.own, support_forces(d, parts, f, taken)):
         if support is not None:
             add(s.index, nodes[s.nodes], support)
         if s.loads.any():

@@ -8,8 +8,10 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, interface_resultants
+from orchestrator.method.delivery.certified import Intervals, Wanted, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
+from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.recovery import Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions, recover
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
@@ -36,7 +38,7 @@ class Delivered:
     """What the method hands over: complete on rank 0, elsewhere that rank's part; per subdomain (T, n_E, 3)."""
 
     iterated: Iterated  # for all load steps, with the noise of the answers in its bound; not converged where a guard is broken
-    parts: Parts  # in equilibrium with its interface forces
+    parts: Parts  # in equilibrium with its interface forces: with lawful ones where an energy error is known, see ``lawful``
     continuous: Parts  # continuous over perfect interfaces
     interfaces: InterfaceFields | None  # what happens on the interfaces that are not perfect; None where there are none
     contact: Contact | None  # None where no interface opens
@@ -45,6 +47,7 @@ class Delivered:
     joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     discretisation: Estimate | None = None  # its estimated error, if asked for
+    intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
     @property
     def sides(self) -> Parts | None:
@@ -52,10 +55,12 @@ class Delivered:
         return self.contact and self.continuous
 
 
-def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch) -> Delivered:
+def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
+            wanted: Wanted = Wanted()) -> Delivered:
     """Recover what is delivered, and judge it; ``on_whole`` completes it.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
+    wanted : what is to be certified
     """
     with watch("linear_stage"):
         ours, parts = ([part if part is None else cases.all_steps(part) for part in each]
@@ -63,8 +68,10 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         iterated = expanded(d, iterated, cases)
     contact = lengths = None
     with watch("bound"):
-        backward = _backward(d, iterated, parts)
-    interfaces, inside = interface_fields(d, iterated, backward and backward.shift), interior(d, iterated, parts)
+        lawful = Lawful.of(d, iterated, parts, bool(wanted))
+        backward = _backward(d, iterated, parts, lawful)
+    interfaces = interface_fields(d, iterated, lawful and lawful.judged, backward and backward.shift)
+    inside = interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
     else:
@@ -76,20 +83,27 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
         contact = Contact(laws, stabilised(d, iterated), open_places(iterated, scale, parts, team), d.made.sole_scale,
                           backward)
-    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
+    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
-    f = iterated.fields.f
-    return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f),
-                     interface_resultants(d, f), of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [])
+    f, taken, known = iterated.fields.f, None, None
+    if lawful is not None:
+        parts, f, taken = lawful.parts, lawful.f, lawful.taken
+    resultants = interface_resultants(d, f)
+    if lawful is not None and wanted:
+        with watch("bound"):
+            known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants)
+    return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
+                     resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known)
 
 
-def _backward(d: Decomposition, iterated: Iterated, parts: Parts) -> Backward | None:
+def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful | None) -> Backward | None:
     """The shifts for which the result is exact, where an energy error is known."""
     if d.certificate is None:
         return None
     boundary = [parts[s.index].reshape(d.steps, -1)[:, trace] for s, trace in zip(d.own, d.made.traces)]
-    return backward_error(d.certificate, iterated.bound, iterated.fields, np.hstack([np.zeros((d.steps, 0)), *boundary]))
+    u = np.hstack([np.zeros((d.steps, 0)), *boundary])
+    return backward_error(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x)
 
 
 def on_whole(delivered: Delivered, whole: Scene) -> Delivered:

@@ -23,6 +23,7 @@ from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
+from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.recovery import Interior, Parts, interior, repositioned
 from orchestrator.method.interface.pairing import lawful_corners, pair_normals
 from orchestrator.method.interface.rows import dots, joined, times
@@ -38,18 +39,19 @@ ROUNDING = 1e-9
 
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
-                  lengths: Lengths | None = None, inside: Interior | None = None) -> list[str]:
+                  lengths: Lengths | None = None, inside: Interior | None = None, lawful: Lawful | None = None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
     interfaces, lengths : fields of this rank's interfaces that are not perfect, if the scene has any, and what they
         are compared with
     inside : of these parts; None: it is found here
+    lawful : forces and fields that are delivered in their place, if there are
     """
     inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
     length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.corners] for i in own_interfaces(d)])
     allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
-    unbalanced = _balances(d, iterated, parts, interfaces, length, lengths, allowed)
+    unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), allowed, lawful)
     if not iterated.converged:
         return found
     if not d.all_perfect:  # where all are, it is part of the bound
@@ -141,10 +143,13 @@ def _works(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior)
     return found
 
 
-def _balances(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
-              length: np.ndarray | None, lengths: Lengths | None, allowed: float) -> list[str]:
-    """The body that is farthest from balance, if one is; on rank 0."""
-    found = balance(d, parts, iterated.fields.f, interfaces, length, iterated)
+def _balances(d: Decomposition, iterated: Iterated, parts: Parts, met: tuple[InterfaceFields | None, np.ndarray | None, Lengths | None],
+              allowed: float, lawful: Lawful | None) -> list[str]:
+    """The body that is farthest from balance, if one is; on rank 0. ``met``: interfaces, length, lengths."""
+    (interfaces, length, lengths), f, taken = met, iterated.fields.f, None
+    if lawful is not None:
+        parts, f, taken = lawful.parts, lawful.f, lawful.taken
+    found = balance(d, parts, f, interfaces, length, iterated, taken)
     # where next to nothing acts, forces are what rounding leaves of k w and of K u, or what laws take for rest
     resting, noise = 0.0, np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1)
     if lengths is not None:

@@ -1,7 +1,8 @@
 """What happens on the interfaces that can open or jump, per load step: from the delivered traces.
 
-Displacements and forces are the linear stage's, which is what the results hold inside the bodies too;
-only the status (open, stick, slip) is the local stage's. T load steps, N interface nodes, I interfaces.
+Where an energy error is known, displacements are v's and forces are λ̂, which laws allow to the last digit, with their statuses (open,
+stick, slip); see ``stopping.certificate``. Elsewhere displacements and forces are the linear stage's, and only the status is the local
+stage's. T load steps, N interface nodes, I interfaces.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.method.interface.pairing import lawful_nodes, pair_normals, point_areas
 from orchestrator.method.interface.rows import joined
+from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.stopping.judged import Judged
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
@@ -110,9 +113,11 @@ def own_interfaces(d: Decomposition) -> list[Interface]:
     return [i for i in d.scene.interfaces if not i.law.perfect and i.subdomains[0] in here]
 
 
-def interface_fields(d: Decomposition, iterated: Iterated, shift: np.ndarray | None = None) -> InterfaceFields | None:
+def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None = None,
+                     shift: np.ndarray | None = None) -> InterfaceFields | None:
     """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are.
 
+    judged : the admissible fields, if an energy error is known
     shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces last; None: not known
     """
     if all(i.law.perfect for i in d.scene.interfaces):
@@ -139,12 +144,13 @@ def interface_fields(d: Decomposition, iterated: Iterated, shift: np.ndarray | N
         normals, lengths = ([x[k] for x in (pair_normals(scene.points(i), i) for i in chosen)] for k in (0, 1))
         normal, length = at_corners(normals, 3), at_corners(lengths)
         areas[t] = area = at_corners([point_areas(scene.points(i), i) for i in chosen])
-        at, mine = here.traces(*(x[t] for x in iterated.fields.extended)), here.mine
-        jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
+        jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
+        mine = here.mine
+        jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
         jump[:, place[shown]], force[t, place[shown]] = jumps[:, shown], forces[:, shown]
-        for result, found in [(status, iterated.local.status), *((own[name], x) for name, x in iterated.local.own.items() if name in own)]:
-            result[t, place[shown]] = found[t][:, mine][:, shown]
+        for result, found in [(status, statuses), *((own[name], x) for name, x in own_values.items() if name in own)]:
+            result[t, place[shown]] = found[:, mine][:, shown]
         for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
             np.add.at(force, (t, end), 0.5 * forces[:, ~shown])
         opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force[t]))
@@ -169,6 +175,16 @@ def interface_fields(d: Decomposition, iterated: Iterated, shift: np.ndarray | N
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area,
         at_corners([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own, *(() if shifts is None else shifts))
+
+
+def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -> tuple:
+    """Jumps and forces (steps, 3, P) at load steps ``t``, statuses (steps, P), and the laws' own variables, by their names."""
+    if judged is None:
+        at = pairs.traces(*(x[t] for x in iterated.fields.extended))
+        return at.jump, at.force, iterated.local.status[t], {name: x[t] for name, x in iterated.local.own.items()}
+    first, answers = slice(0, len(pairs)), judged.answers[t]  # those of perfect interfaces come last
+    return (judged.jump[t][:, :, first], judged.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
+            {name: np.array([a.own[name][first] for a in answers]) for name in answers[0].own})
 
 
 def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:

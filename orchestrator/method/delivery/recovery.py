@@ -81,15 +81,17 @@ def on_mesh(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:
     return total / np.maximum(copies, 1)[:, None]
 
 
-def support_forces(d: Decomposition, parts: Parts, f: np.ndarray) -> list[np.ndarray | None]:
+def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np.ndarray | None] | None = None) -> list[np.ndarray | None]:
     """Per own subdomain (T, n_E, 3) what the supports exert on its nodes: K u less the loads and the interfaces' forces f (T, D).
 
     None where nothing is prescribed.
+
+    taken : what supports take besides, see ``lawful``
     """
     steps, space, result = d.scene.steps, d.space, []
     subdomain, dof = space.held_at.T
     pushed = f[:, space.held]
-    for s, rim in zip(d.own, d.made.rims):
+    for e, (s, rim) in enumerate(zip(d.own, d.made.rims)):
         if not s.fixed.any():
             result.append(None)
             continue
@@ -99,18 +101,20 @@ def support_forces(d: Decomposition, parts: Parts, f: np.ndarray) -> list[np.nda
         forces[:, rim.nodes] = np.where(s.fixed[rim.nodes], internal - s.loads[:, rim.nodes], 0.0)
         flat, mine = forces.reshape(steps, -1), subdomain == s.index
         np.subtract.at(flat, (slice(None), dof[mine]), pushed[:, mine])
+        forces += 0.0 if taken is None else taken[e]
         result.append(forces)
     return result
 
 
-def reactions(d: Decomposition, parts: Parts, f: np.ndarray) -> np.ndarray:
+def reactions(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np.ndarray | None] | None = None) -> np.ndarray:
     """(entries, T, 6) resultant force, and moment about the origin, on each boundary entry of the YAML.
 
     That of the support for prescribed displacements (a node in several entries counts for the last), that applied for loads.
+    parts, f, taken : as for ``support_forces``
     """
     scene = d.scene
     total = np.zeros((len(scene.boundary), scene.steps, 6))
-    for s, forces in zip(d.own, support_forces(d, parts, f)):
+    for s, forces in zip(d.own, support_forces(d, parts, f, taken)):
         if forces is not None:
             for entry in np.unique(s.held_by[s.fixed & (s.held_by >= 0)]):  # others are held inside a part of another program's
                 total[entry] += wrench(scene.mesh.nodes[s.nodes], np.where(s.fixed & (s.held_by == entry), forces, 0.0))

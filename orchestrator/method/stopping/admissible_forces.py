@@ -12,6 +12,7 @@ Where there is no such force something pushes bodies that the true laws do not h
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,13 +84,16 @@ class AdmissibleForces:
                                      [np.ascontiguousarray(self.U[:, part].T) for part in parts])
         self.problem.reduction = 0.0
 
-    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int, radius: float) -> Balanced:
+    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int, radius: float,
+                 more: Sequence[np.ndarray] | None = None) -> Balanced:
         """λ̂ of one load step.
 
         F : (3, P) predicted forces; f : (D,) forces of the linear stage, which the loads balance
+        more : per own subdomain (6,) resultants of further loads; None: there are none
         """
         team, own = self.space.team, self.space.subdomains
-        resultant = of_all(team, self.bodies, own, np.array([self.U[:, part] @ f[part] for part in self.parts]))
+        pushed = np.array([self.U[:, part] @ f[part] for part in self.parts])
+        resultant = of_all(team, self.bodies, own, pushed if more is None else pushed - np.array(more))
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
         self.problem.goal = goal = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
         y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)

@@ -25,8 +25,8 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import dual_energy, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, Certified
+from orchestrator.method.stopping.judged import CLOSELY
 
-CLOSELY = 1e-4  # of its energy, what may be left of S⁺h: a hundredth of û − u
 EXACT, LAWFUL = 1e-13, 1e-12  # of the largest force: what a jump is improved to, and what is a law's to rounding
 FAR = 8 * np.finfo(float).eps  # of what a jump is worth as a force, which is its rounding
 # keq d over λ̂, step by step: each of the first gains three digits, and stiffer ones mend what they round; what then is still at odds, as
@@ -51,21 +51,25 @@ class Backward:
     tangential: np.ndarray
 
 
-def backward_error(certificate: Certificate, bound: Certified, fields: Admissible, u: np.ndarray) -> Backward | None:
+def backward_error(certificate: Certificate, bound: Certified, fields: Admissible, u: np.ndarray,
+                   x: np.ndarray | None = None) -> Backward | None:
     """The shifts for a solution; None where no lawful forces balance the bodies, or no jump is found that goes with them.
 
     fields : of the linear stage; u : (T, B) boundary displacements u + R y
+    x : (T, B) S⁺h where it is known; None: it is found here
     """
     space, pairs, points, forces = certificate.space, certificate.pairs, certificate.pairs.points, bound.forces
     if bound.unbalanced.any():
         return None
-    nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
-    h = certificate.beside.balanced(certificate.change(fields, forces))
-    left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), nothing, softness=certificate.softness(), share=CLOSELY)
+    at_odds = False
+    if x is None:
+        nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
+        h = certificate.beside.balanced(certificate.change(fields, forces))
+        left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), nothing, softness=certificate.softness(), share=CLOSELY)
+        at_odds = not np.isfinite(left).all()
     w, = space.extended(certificate.stage.trace(u + x))
     jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []
     largest, = space.team.max(max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
-    at_odds = not np.isfinite(left).all()
     for t, number in enumerate(pairs.numbers):
         jump = _lawful(pairs, forces[t], jumps[t], bound.lawful[t], before, number, largest)
         answer, off = _judged(pairs, forces[t], jump, before, number, largest)

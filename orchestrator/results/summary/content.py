@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+import numpy as np
+
 from orchestrator.config.model import Config
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
@@ -19,6 +21,8 @@ from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
+from orchestrator.results.answers import reaction_names
+from orchestrator.results.extremes import DISPLACEMENT
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.summary import memory_peak_mb
@@ -28,6 +32,9 @@ from orchestrator.timing import Stopwatch
 
 # What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
+UNKNOWN = "no energy error is known, so that no interval is"
+NOT_CARRIED = "no forces that the laws allow carry a load there in some direction, which has no end then"
+NOT_PARTED = "it meets others in an edge, and what each carries there is not determined: no interval"
 
 
 def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float, exact: Reference | None,
@@ -61,7 +68,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
-        "reactions": delivered.reactions[:, :, :3].tolist(), **contact,
+        "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
+        **contact,
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
@@ -69,6 +77,44 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                    estimated and estimated.relative), **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
+
+
+def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object] | None:
+    """Least and greatest values; None where nothing is to be certified.
+
+    names : of the entries of ``boundary``
+    """
+    probes = [(probe.name or f"probe_{i + 1}") for i, probe in enumerate(config.output.probes) if probe.certified]
+    if not (probes or config.output.certified):
+        return None
+    if (found := delivered.intervals) is None:
+        return {"kind": None, "why": UNKNOWN}
+    told: dict[str, object] = {"kind": "guaranteed" if found.guaranteed else "estimated"}
+    told["probes"] = [{"name": name, **_components(found.probes[name], NOT_CARRIED)} for name in probes]
+    if found.reactions is not None:
+        told["reactions"] = [{"name": name, **_ends(own)} for name, own in zip(names, found.reactions)]
+    for key, perfect in (("sections", True), ("resultants", False)):
+        if key in config.output.certified:
+            told[key] = [{"name": i.name, **_ends(found.interfaces[i.index], NOT_PARTED)}
+                         for i in scene.interfaces if i.law.perfect == perfect]
+    if "bolts" in config.output.certified:
+        told["bolts"] = [{"name": name, **_ends(own, NOT_PARTED)} for name, own in found.bolts.items()]
+    return told
+
+
+def _ends(interval: np.ndarray, why: str = "") -> dict[str, object]:
+    """Least and greatest values (T, …) of (T, …, 2)."""
+    ends = {"low": interval[..., 0].tolist(), "high": interval[..., 1].tolist()}
+    return ends if np.isfinite(interval).all() else ends | {"why": why}
+
+
+def _components(interval: np.ndarray, why: str) -> dict[str, object]:
+    """Those of a displacement (T, 3, 2), and of its magnitude."""
+    near = np.where((interval[..., 0] > 0) | (interval[..., 1] < 0), np.abs(interval).min(axis=-1), 0.0)
+    size = np.stack([np.linalg.norm(near, axis=-1), np.linalg.norm(np.abs(interval).max(axis=-1), axis=-1)], axis=-1)
+    whole = np.concatenate([interval, size[:, None]], axis=1)
+    ends = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(DISPLACEMENT)}
+    return {"values": ends} | ({} if np.isfinite(interval).all() else {"why": why})
 
 
 def problem_size(scene: Scene) -> dict[str, int]:

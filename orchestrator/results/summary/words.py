@@ -8,6 +8,7 @@ from pathlib import Path
 
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.intervals import sentences as intervals
 from orchestrator.results.summary.summary import blackbox_seconds, code_label, jsonable, stage_seconds, units_of
 
 LARGEST = 6  # stages named
@@ -281,7 +282,7 @@ def _skipped(summary: Mapping[str, object]) -> str:
 # label → a function of the summary, or a key of it and the format of what is there
 _LINES: tuple[tuple[str, object], ...] = (
     ("run", ("name", "{}")), ("result", _result), ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
-    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes),
+    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
     ("error bound", _error), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),

@@ -94,6 +94,14 @@ def six_functions(at: np.ndarray) -> np.ndarray:
     return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c, 4 * c * a], axis=-1)
 
 
+def tet_functions(at: np.ndarray, count: int) -> np.ndarray:
+    """(count,) shape functions of a tet of 4 or 10 nodes at barycentric coordinates (4,)."""
+    if count == 4:
+        return at
+    i, j = TET_EDGES.T
+    return np.concatenate([at * (2 * at - 1), 4 * at[i] * at[j]])
+
+
 def quadratic_slopes(at: np.ndarray) -> np.ndarray:
     """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
     i, j = TET_EDGES.T

@@ -1,0 +1,47 @@
+"""Intervals that contain true values, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from orchestrator.errors import some
+from orchestrator.results.summary.summary import units_of
+
+SHOWN = 12  # on screen
+
+
+def sentences(summary: Mapping[str, object]) -> str:
+    """What is certified at the last load step."""
+    found, units = summary.get("intervals"), units_of(summary)
+    if not found:
+        return ""
+    if not found["kind"]:
+        return str(found["why"])
+    texts, lost = [], {}
+    for probe in found["probes"]:
+        if why := probe.get("why"):
+            lost.setdefault(why, []).append(probe["name"])
+        values = (_between(name, ends["low"][-1], ends["high"][-1]) for name, ends in probe["values"].items())
+        texts.append(f"{probe['name']}: " + ", ".join(values) + units["length"])
+    for key in ("reactions", "sections", "resultants", "bolts"):
+        for one in found.get(key) or ():
+            if why := one.get("why"):
+                lost.setdefault(why, []).append(one["name"])
+                continue
+            low, high = (np.atleast_1d(one[end][-1]) for end in ("low", "high"))
+            axes = ("fx", "fy", "fz") if len(low) == 3 else ("force",)
+            texts.append(f"{one['name']}: " + ", ".join(_between(*each) for each in zip(axes, low, high)) + units["force"])
+    more = [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN)
+    lost = [f"{some(names)}: {why}" for why, names in lost.items()]
+    return "\n".join([f"{found['kind']}, of the solution of this mesh:", *texts[:SHOWN], *more, *lost])
+
+
+def _between(name: str, low: float | None, high: float | None) -> str:
+    """Both ends, with as many digits as they differ in, and two."""
+    if low is None or high is None:
+        return f"{name} {'–' if low is None else f'{low:.6g}'} … {'–' if high is None else f'{high:.6g}'}"
+    width, size = high - low, max(abs(low), abs(high))
+    digits = int(np.clip(np.ceil(np.log10(size / width)) + 2, 2, 12)) if width > 0 else 6
+    return f"{name} {low:.{digits}g} … {high:.{digits}g}"

@@ -1,0 +1,124 @@
+"""Intervals of displacements and forces, against solutions in one piece that share nothing with the method; and forces as delivered."""
+
+import numpy as np
+import pytest
+from benchmarks.studies.intervals import Exact, asked, compared, inside
+from in_process import IN_PROCESS
+from method_case import config as bar
+from test_bolts import bar as bolted
+from test_certificate import FRICTIONLESS, case
+
+from orchestrator import InputError, build_scene, config_from, solve
+from orchestrator.results.summary.words import summary_rows
+
+ALL = ["reactions", "sections", "resultants", "bolts"]
+ROUGH = 1e-2  # an error at which intervals are wide beside rounding
+POINTS = [{"name": "inside", "at": [0.3, 0.6, 0.8], "certified": True}, {"name": "side", "on": "xmax", "certified": True},
+          {"name": "low", "at": [0.7, 0.2, 0.1], "certified": True}]
+
+
+def certified(made, **output):
+    """What a run of a configuration has found, and its scene."""
+    data = made.complete()
+    data["output"] = {"probes": POINTS, "certified": ALL, **output, "fields": False, "figures": False}
+    config = config_from({**data, "method": {**data["method"], "tolerance": {"error": ROUGH}}})
+    scene = build_scene(config)
+    return solve(config, scene), scene
+
+
+def judged(solved, scene):
+    """Half widths over the largest value of each kind, where true values are within; kinds that are not known."""
+    exact, widths, unknown = Exact(scene), [], 0
+    found = solved.summary["intervals"]
+    assert found["kind"] == "guaranteed"
+    found = {**found, "probes": [one for probe, one in zip(scene.probes, found["probes"]) if hasattr(probe, "cell")]}
+    exact.scene.probes[:] = [probe for probe in scene.probes if hasattr(probe, "cell")]
+    every = [(kind, *(np.asarray(x, dtype=float) for x in values)) for kind, *values in exact.beside(found)]
+    for kind, low, high, true in every:
+        known, size = np.isfinite(low) & np.isfinite(high), max(np.abs(other).max() for one, _, _, other in every if one == kind)
+        unknown += int((~known).sum())
+        assert all(inside(kind, *each, size) for each in zip(low[known], high[known], true[known]))
+        widths.append(((high - low)[known] / (2 * size)).max(initial=0.0))
+    return np.array(widths), unknown
+
+
+@pytest.mark.parametrize("name", ["loose grains", "a gap", "springs", "P2"])
+def test_true_values_are_within(name):
+    solved, scene = certified(FRICTIONLESS[name]())
+    widths, unknown = judged(solved, scene)
+    assert not unknown and 0 < widths.max() <= 10 * solved.error_bound
+    means = {probe["name"]: probe["values"] for probe in solved.summary["probes"]}
+    for one in solved.summary["intervals"]["probes"]:
+        for component, ends in one["values"].items():  # what is delivered is within, too
+            told = np.array(means[one["name"]][component])
+            assert (np.array(ends["low"]) <= told).all() and (told <= np.array(ends["high"])).all()
+    assert "guaranteed" in dict(summary_rows(solved.summary))["certified"]
+
+
+def test_bonds_are_cut():
+    """A bar of slices, bonded alone: known by its loads at every cut."""
+    solved, scene = certified(bar(), probes=[{"name": "end", "at": [4.0, 0.5, 0.5], "certified": True}])
+    widths, unknown = judged(solved, scene)
+    cuts = solved.summary["intervals"]["sections"]
+    assert not unknown and len(cuts) == 3 and widths[-3:].max() < 1e-8  # a rigid end is all that moves, and has no energy
+    assert np.allclose([one["low"] for one in cuts], [[[10.0, 1.0, 0.0]]], atol=1e-7)
+    ux = solved.summary["intervals"]["probes"][0]["values"]["ux"]
+    assert 0 < ux["high"][0] - ux["low"][0] < 4 * ROUGH * ux["high"][0]
+
+
+def test_an_edge_that_bonds_share():
+    """What each of them carries there is not determined: no interval is told, but of reactions."""
+    solved, scene = certified(case("cubes", law=[{"law": "perfect"}]))
+    assert judged(solved, scene)[1] == 4 * 3 * scene.steps
+    assert "not determined" in dict(summary_rows(solved.summary))["certified"]
+
+
+def test_a_bolt():
+    solved, _ = certified(config_from(bolted()), probes=[])
+    bolt, = solved.summary["intervals"]["bolts"]
+    force = np.array(solved.summary["bolts"][0]["force"])
+    low, high = np.array(bolt["low"]), np.array(bolt["high"])
+    assert (low <= force * (1 + 1e-9)).all() and (force * (1 - 1e-9) <= high).all() and (high - low).max() < 0.5 * force.max()
+
+
+def test_a_random_scene_with_friction():
+    """Of the study: intervals are estimated there, and most are right."""
+    data, _ = asked(14, "in-process")
+    row = compared({**data, "blackbox": {**IN_PROCESS, "element": "P1"}})
+    assert row["error_kind"] == "estimated" and row["values"] and row["outside"] <= 0.05 * len(row["values"])
+
+
+@pytest.mark.parametrize("name", ["loose grains", "bonded beside", "P2"])
+def test_bodies_are_in_balance(name):
+    """By reactions and by what interfaces carry, to rounding, though iterations end early; nothing pulls, nothing is pressed open."""
+    solved, scene = certified(FRICTIONLESS[name]())
+    total = np.zeros((scene.steps, len(scene.subdomains), 3))
+    for k, i in enumerate(scene.interfaces):
+        for sign, e in zip((1, -1), i.subdomains):
+            total[:, e] += sign * solved.answers.interfaces.resultants.force[:, k]
+    held = [s.fixed.any() for s in scene.subdomains]
+    size = np.abs(solved.answers.interfaces.resultants.force).max()
+    assert np.abs(total[:, ~np.array(held)]).max(initial=0.0) <= 1e-10 * size
+    assert np.abs(total.sum(axis=1) + np.sum(solved.reactions, axis=0)).max() <= 1e-10 * size
+    fields = solved.fields.interfaces
+    opens = np.isin(fields.interface_of_node, np.flatnonzero(fields.laws == "contact"))
+    gap, pressure = fields.gap[:, opens], fields.pressure[:, opens]
+    assert pressure.min() >= 0 and gap.min() >= -1e-12 and np.abs(np.minimum(gap / 1e-2, pressure / pressure.max())).max() < 0.1
+    assert np.abs(fields.friction_traction[:, opens]).max() <= 1e-12 * pressure.max()
+
+
+REFUSED = {
+    "stress": ({"probes": [{"at": [0.5, 0.5, 0.5], "quantity": "stress", "certified": True}]}, {}, "a displacement at a point"),
+    "extreme": ({"probes": [{"on": "zmax", "quantity": "max", "certified": True}]}, {}, "max of displacement"),
+    "resultant": ({"probes": [{"on": "zmax", "quantity": "resultant", "certified": True}]}, {}, "output.certified"),
+    "residual": ({"certified": ["reactions"]}, {"method": {"tolerance": {"law": 1e-3}}}, "knows its energy error"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_has_no_interval_is_refused(name):
+    output, changes, words = REFUSED[name]
+    data = FRICTIONLESS["blocks"]().complete()
+    with pytest.raises(InputError) as caught:
+        config_from({**data, **changes, "output": output})
+    assert words in str(caught.value)
