@@ -32,6 +32,8 @@ _LISTED = {
     "contact_cantilevers": ("studies.cantilevers:run", "two clamped beams in contact, L/h 5 to 40: iterations and tip"),
     "moduli": ("studies.moduli:run", "a punch on a block a thousand times softer or stiffer, in contact"),
     "bolted": ("studies.bolted:run", "bolted and press-fitted assemblies: settings that should not matter"),
+    "limit_loads": ("studies.limits:run",
+                    "belts, wedges, arches, an incline beside a press fit, stacks of boxes: carried or told, beside theory"),
     "ten_grains": ("studies.ten_grains:run",
                    "a contact problem of 8,235 dofs from the command line, with wall time"),
     "polycrystal": ("studies.polycrystal:run",

@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from benchmarks.problems.limits import shaft, wedge
 from contact_case import BOTTOM, TOP, contact
+from in_process import IN_PROCESS
+from test_keeping import stopped_and_resumed
 from scipy.optimize import linprog
 
+from orchestrator.config.load import config_from
 from orchestrator.laws.points import Carries
 from orchestrator.method.stopping.cone_problem import failing, Reach
 from orchestrator.run import solve
@@ -81,6 +85,15 @@ def test_friction_of_pressures_that_are_there():
         assert (found.lacking < 0.02 if held else found.lacking > 0.1), apart
 
 
+def test_points_within_others_change_nothing():
+    inside = np.array([[x, y, -0.5] for x in np.linspace(-0.5, 0.5, 4) for y in np.linspace(-0.5, 0.5, 5)])
+    normal = np.repeat(UP[:, :1], len(inside), axis=1)
+    many, few = standing(Carries.pressed(normal, 0.3), normal, inside), standing(Carries.pressed(UP, 0.3))
+    assert len(many.extremes().J) == 4 and len(few.extremes().J) == 4
+    loads = load(0.5, 0.1, -1.0, 0.1, 0.2)
+    assert motion(many, loads, load(0, 0, -1)).factor == pytest.approx(motion(few, loads, load(0, 0, -1)).factor, rel=1e-7)
+
+
 def test_no_friction_is_a_linear_program():
     """Bodies at random that touch at random: balanced where a linear program finds forces, and the motion shows it where not."""
     rng, seen = np.random.default_rng(5), set()
@@ -124,3 +137,35 @@ def test_a_run_that_obeys_the_laws_to_its_tolerance_is_no_balance_where_a_light_
                    loads=[{"body_force": [0.4e-3, 0, -1e-3]}], method={"tolerance": {"error": 1e-2}})
     found = solve(made, build_scene(made))
     assert found.stop_reason == "limit load" and [m["body"] for m in found.summary["limit_load"][0]["motions"]] == ["box"]
+
+
+def test_a_jammed_wedge_that_is_let_go_and_pulled_stays(tmp_path):
+    """Solved together the load steps settle with the wedge out, where no way leads: they are solved again one by one, and again where a
+    run is gone on with."""
+    made = config_from({**wedge(tmp_path, 0.05, 1), "blackbox": IN_PROCESS, "method": {"tolerance": {"law": 1e-4}}})
+    solved = solve(made, build_scene(made))
+    counts = solved.summary["status_counts"]
+    assert solved.converged and counts["open"] == [0, 0, 0] and counts["stick"][2] > 0 and counts["slip"][0] > 0
+    numbers = [event.iteration for event in solved.iterated.history]
+    assert numbers == list(range(1, solved.iterations + 1))
+    resumed, heard = stopped_and_resumed(tmp_path / "resumed", made, solved.scene, [3, solved.iterations - 12, solved.iterations - 2])
+    assert resumed.converged and abs(resumed.iterations - solved.iterations) <= 3
+    assert max(np.abs(u - v).max() for u, v in zip(solved.parts, resumed.parts)) <= 1e-3 * max(np.abs(u).max() for u in solved.parts)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_shaft_comes_out_of_a_ring_beyond_what_its_pressures_hold(tmp_path, share):
+    """Forces of any pressures hold it whatever pulls: it is the pressures that are there that decide, to a hundredth."""
+    def pulled(force):
+        made = config_from({**shaft(tmp_path, force, around=12), "blackbox": IN_PROCESS, "method": {"tolerance": {"law": 1e-4}}})
+        return solve(made, build_scene(made))
+
+    pressed = pulled(0.0).interfaces
+    found = pulled(share * 0.2 * float(pressed.pressure[0] @ pressed.area))
+    if share < 1:
+        assert found.converged
+        return
+    limit, = found.summary["limit_load"]
+    assert found.stop_reason == "limit load" and limit["pressures"] and limit["factor"] is None
+    assert limit["lacking"] == pytest.approx(1 - 1 / share, rel=0.05) and limit["motions"][0]["body"] == "shaft"

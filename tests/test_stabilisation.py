@@ -197,7 +197,8 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
     limit, = found["limit_load"]
     assert limit["load_step"] == 1 and [motion["body"] for motion in limit["motions"]] == ["block 0-0-1"] and not limit["pressures"]
     x, y, z = limit["motions"][0]["shift"]
-    assert z / x == pytest.approx(0.2, rel=0.1) and abs(y) < 1e-6 * x and limit["factor"] == pytest.approx(0.0, abs=1e-6)
+    # off the surface by friction at least, at every point of a motion that may turn
+    assert 0.19 < z / x < 0.3 and abs(y) < 1e-6 * x and limit["factor"] == pytest.approx(0.0, abs=1e-6)
     assert any("block 0-0-1 moves along" in sentence for sentence in found["advice"])
 
 

@@ -82,6 +82,11 @@ class Checkpoint:
         """Whether it was the last iteration of its increment: its fields are among the arrays."""
         return bool(self.notes["reason"])
 
+    @property
+    def load_steps(self) -> int:
+        """Of its increment."""
+        return len(self.arrays.get("trace/s", self.arrays.get("trace/delivered.s")))
+
     def state_of(self, owner: str) -> dict[str, Any]:
         """What one part of the method remembers."""
         found = {name: name.partition("/") for name in self.arrays}

@@ -99,6 +99,12 @@ class Decomposition:
         """Number of load steps that are solved together."""
         return len(self.loading.boundary)
 
+    @property
+    def path_dependent(self) -> bool:
+        """Whether there are several load steps, and laws for which their order counts; all ranks ask."""
+        here = any(i.law.has_history for i in self.scene.interfaces)
+        return self.steps > 1 and not self.all_perfect and bool(self.space.team.max(float(here))[0])
+
     def corrected(self, fields: Admissible) -> Admissible:
         """Fields of the linear stage with what the coarse contact problem adds to them."""
         if self.coarse is None:

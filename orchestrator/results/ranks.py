@@ -117,12 +117,13 @@ class WholeStates(Subscriber):
         if not self.wanted:
             return
         kept = event.checkpoint
+        arrays = {} if kept is None else kept.arrays  # on all ranks, or on none
         mine = ({"trace/state": event.state} if self.states else {}) | {
-            name: array for name, array in kept.arrays.items() if kind_of(name) != COMMON}
+            name: array for name, array in arrays.items() if kind_of(name) != COMMON}
         whole = self._gathered(mine)
         if self.team.rank == 0:
             state = whole.pop("trace/state", event.state)
-            self.keepers.iteration(replace(event, state=state, checkpoint=replace(kept, arrays={**kept.arrays, **whole})))
+            self.keepers.iteration(replace(event, state=state, checkpoint=kept and replace(kept, arrays={**arrays, **whole})))
 
     def _gathered(self, mine: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The whole scene's arrays, on rank 0, from every rank's columns of them, in one message; nothing elsewhere."""

@@ -18,7 +18,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Evaluation, Monitor, Verdict
 
-DIVERGED = "diverged"
+DIVERGED, HELD = "diverged", "held by stabilisation alone"
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
 RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
@@ -51,7 +51,7 @@ class Ending(Monitor):
         if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
             return Verdict(reason=DIVERGED)
         if not verdict.changes and verdict.laws is not None and verdict.laws.held_by_springs(verdict.told["target"][1]):
-            return Verdict(reason="held by stabilisation alone")
+            return Verdict(reason=HELD)
         if self._stalled():
             return Verdict(reason="stagnated at rounding")
         return Verdict(reason="max_iterations" if now.last else "")

@@ -2,13 +2,14 @@
 
 That no forces of the laws balance the loads is shown by a rigid motion (``stopping.limit_load``), and by nothing else. It is looked for
 where it may be the reason of what is seen: a body is far away, springs of stabilisation alone keep a run from its end, the iterations
-end; or laws hold to the tolerance though they do not balance a body to it by its own measure, as where a light one slides off beside a
-press fit. It depends on the loads, not on the iterations, but for two things that change what is asked for again: sides that are
+end or go on for long; or laws hold to the tolerance though they do not balance a body to it by its own measure, as where a light one
+slides off beside a press fit. It depends on the loads, not on the iterations, but for two things that change what is asked for again: sides that are
 paired anew, and damage.
 
 Where forces of some pressures would do, springs may still carry what friction at the pressures that are there does not: a shaft that
 is pulled out of a ring presses no more for being pulled. All else has settled then, and the motion is looked for with that friction.
-It counts once weaker springs have shown the same: what springs carry where bodies are still on their way is no sign of a limit.
+It counts once weaker springs have shown the same: what springs carry where bodies are still on their way is no sign of a limit. Of
+load steps that are solved together it shows no more than that they are to be solved one by one (``increments``).
 """
 
 from __future__ import annotations
@@ -21,15 +22,17 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+from orchestrator.method.monitors.ending import HELD
 from orchestrator.method.stopping.limit_load import BodyMotion, LimitLoad, LimitLoads
 
 LIMIT = "limit load"
+OFTEN = 50  # iterations after which it is looked for whatever is seen: most runs have ended by then
 
 
 class LimitLoadMonitor(Monitor):
     """The limit loads of one case.
 
-    carried : load steps of the scene, from 0, that forces of some pressures balance as sides meet now
+    known : load step of the scene, from 0 → its limit load at any pressure as sides meet now; None: it is carried
     shown : ε of springs, over that at the beginning, beside which friction of the pressures that were there did not do; 0: none
     limits : what has been found
     """
@@ -37,7 +40,7 @@ class LimitLoadMonitor(Monitor):
     name = "limit_load"
 
     def __init__(self, loads: LimitLoads):
-        self.loads, self.limits, self.carried, self.shown, self.meeting = loads, [], set(), 0.0, None
+        self.loads, self.limits, self.known, self.shown, self.meeting = loads, [], {}, 0.0, None
 
     @classmethod
     def of(cls, case: Case) -> LimitLoadMonitor | None:
@@ -51,17 +54,20 @@ class LimitLoadMonitor(Monitor):
         if verdict.changes:  # sides are to be paired anew
             return Verdict()
         if now.problem.following is not None and pairs.transfer is not self.meeting:
-            self.meeting, self.carried = pairs.transfer, set()
+            self.meeting, self.known = pairs.transfer, {}
         value = verdict.told["target"][1]
         held = verdict.laws.held_by_springs(value)
         ends = verdict.met or held or now.last
-        if ends:
+        if ends or now.number % OFTEN == 0:
             lost = [t for t in range(now.problem.steps) if self.missing(now, t) > value]
         else:
             lost = np.flatnonzero((verdict.lengths.excess > 1).any(axis=0))
         self.limits = [found for t in lost if (found := self.at_any_pressure(now, t)) is not None]
         if held and not self.limits:
             self.limits = self.at_pressures(now, lost)
+            if self.shown and now.problem.path_dependent:  # what is there may be what no way leads to
+                self.limits = []
+                return Verdict(False, HELD)
         # load steps before the first one that has no balance have one, which is worth to be found
         worthless = any(limit.load_step == pairs.numbers[0] + 1 for limit in self.limits)
         return Verdict(False, LIMIT) if self.limits and (ends or worthless) else Verdict()
@@ -75,12 +81,9 @@ class LimitLoadMonitor(Monitor):
         """The limit load of a load step, whatever the pressures."""
         local = now.problem.local
         number = int(local.pairs.numbers[t])
-        if number in self.carried:
-            return None
-        found = self.loads(local.pairs, local.before, number)
-        if found is None:
-            self.carried.add(number)
-        return found
+        if number not in self.known:
+            self.known[number] = self.loads(local.pairs, local.before, number)
+        return self.known[number]
 
     def at_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
         """The limit loads of load steps with the friction of the pressures that are there, if stiffer springs have shown such as well."""
@@ -93,11 +96,11 @@ class LimitLoadMonitor(Monitor):
         return found if again else []
 
     def state(self) -> dict[str, Any]:
-        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown, "carried": sorted(self.carried)}
+        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.limits = [LimitLoad(**limit | {"motions": [BodyMotion(**motion) for motion in limit["motions"]]}) for limit in state["limits"]]
-        self.shown, self.carried = state["shown"], set(state["carried"])
+        self.shown = state["shown"]
         return problem
 
     def found(self, problem: Decomposition) -> list[LimitLoad]:

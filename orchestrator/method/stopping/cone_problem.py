@@ -38,6 +38,7 @@ from orchestrator.laws.points import Carries
 
 RIGID = 6
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits
+ALIKE = 9  # digits to which normals on a plane are the same
 DEPENDENT = 1e-10  # singular value over the largest, below which a row follows from others
 TOLERANCE = 1e-9  # of the interior-point method, on a problem whose loads are of order one
 
@@ -87,6 +88,24 @@ class Reach:
         return Reach(**{f.name: getattr(self, f.name)[chosen] if f.name in first else getattr(self, f.name)[..., chosen]
                         for f in fields(self)})
 
+    def extremes(self) -> Reach:
+        """The same without points that carry no more than others: on a plane, of one normal and one friction, forces within the corners
+        of the points' convex hull are sums of forces at these, with their moments."""
+        from scipy.spatial import ConvexHull  # for this alone
+
+        cone, kept = (self.side != 0) & (self.limit == 0) & (self.apart == 0), np.ones(len(self.J), dtype=bool)
+        key = np.round(np.column_stack([self.group, self.side, self.friction, self.normal.T]), ALIKE)
+        _, alike = np.unique(key[cone], axis=0, return_inverse=True)
+        for each in np.split(np.flatnonzero(cone)[np.argsort(alike, kind="stable")], np.cumsum(np.bincount(alike))[:-1]):
+            if len(each) <= 4:
+                continue
+            moved = self.J[each].reshape(len(each), -1)
+            place, size, _ = np.linalg.svd(moved - moved.mean(axis=0), full_matrices=False)
+            if (size > DEPENDENT * size[0]).sum() == 2:  # J is linear in the points' places
+                kept[each] = False
+                kept[each[ConvexHull(place[:, :2] * size[:2]).vertices]] = True
+        return self.some(kept)
+
     def at_pressures(self, push: np.ndarray, apart: np.ndarray) -> Reach:
         """The same with the friction that forces push (P,) ≥ 0 along the normals allow, whatever pushes beyond them.
 
@@ -115,6 +134,7 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
     loads, before : (bodies, 6) forces, and moments over sizes, in the motions of J; those that are balanced at the most before
     noise : (bodies,) force that rounding leaves
     """
+    reach = reach.extremes()
     moves = np.stack([np.abs(reach.J[:, :, RIGID * k: RIGID * (k + 1)]).any(axis=(1, 2)) for k in range(2)], axis=1)
     floats = loads.any(axis=1)
     floats[reach.ends[moves]] = True

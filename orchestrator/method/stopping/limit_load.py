@@ -50,7 +50,7 @@ class LimitLoad:
     load_step : from 1
     motions : of the bodies, the farthest first, in which loads do more work than anything resists
     lacking : force that balance lacks at least, over the largest load on a body
-    factor : share of what this load step adds that is carried; None where that is not known
+    factor : share of what this load step adds that is carried; None where that is not known, as where pressures change on the way
     pressures : friction was taken at the pressures of the run's last state; else at any
     """
 
@@ -154,4 +154,5 @@ class LimitLoads:
         way = np.linalg.norm(found.y, axis=1)
         chosen = [b for b in np.argsort(-way, kind="stable") if way[b] > TAKES_PART]
         motions = [BodyMotion(self.bodies.names[b], (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist()) for b in chosen]
-        return LimitLoad(number + 1, motions, found.lacking, None if np.isnan(found.factor) else max(found.factor, 0.0), pressures)
+        factor = None if pressures or np.isnan(found.factor) else max(found.factor, 0.0)
+        return LimitLoad(number + 1, motions, found.lacking, factor, pressures)

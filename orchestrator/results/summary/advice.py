@@ -156,8 +156,8 @@ def springs(run: Stopped) -> Iterator[str]:
     if found is None:
         return
     names = list(dict.fromkeys(name for step in found.bodies for name in step))
-    yield (f"no limit load: forces that the laws allow balance every body; springs that hold {some(names or [found.most])} still carry "
-           f"{found.force:.1e} of the largest contact force")
+    yield (f"no limit load was found: forces that the laws allow balance every body; springs that hold {some(names or [found.most])} still "
+           f"carry {found.force:.1e} of the largest contact force")
     if asked != "auto":
         yield (f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: lower it in proportion, or "
                "method.contact.stabilisation=auto")
