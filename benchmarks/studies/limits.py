@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -81,13 +81,18 @@ def run(study: Study) -> None:
                          "moves": found[0]["motions"][0]["body"] if found else "", "pressures": bool(found) and found[0]["pressures"],
                          "seconds": round(solved.summary["timing"]["total"], 1)}, solved.history, solved.stop_reason)
         study.target(f"{name} at {share:.3g} of its limit", expected, solved.stop_reason, solved.stop_reason == expected)
-    names = list(dict.fromkeys(row["scene"] for row in study.rows))
+    study.figure(picture(study.rows))
+
+
+def picture(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """Scenes over their loads."""
+    names = list(dict.fromkeys(row["scene"] for row in rows))
     figure, ((axes,),) = panels(size=(7.5, 3.5))
-    for row in study.rows:
-        right = row["stop_reason"] == row["expected"]
-        carried = row["stop_reason"] == "converged"
-        axes.plot(row["share"], names.index(row["scene"]), "o" if carried else "x", color=(BLUE if carried else ORANGE) if right else "red")
+    for row in rows:
+        carried, right = row["stop_reason"] == "converged", row["stop_reason"] == row["expected"]
+        axes.plot(float(row["share"]), names.index(row["scene"]), "o" if carried else "x",
+                  color=(BLUE if carried else ORANGE) if right else "red")
     axes.axvline(1.0, color=GREY, linewidth=1, linestyle="--")
     axes.set_yticks(range(len(names)), names)
-    axes.set(xscale="log", xlabel="load over the limit of theory", title="Circles: carried; crosses: a limit load was found")
-    study.figure(figure)
+    axes.set(xscale="log", xlabel="load over the limit of theory", title="Circles: carried; crosses: limit load; red: another end than theory's")
+    return figure
