@@ -16,16 +16,16 @@ import numpy as np
 
 from orchestrator.method.coarse.beside_affine import BesideAffine
 from orchestrator.method.linear.answers import GuardedTraces
-from orchestrator.method.linear.soft_modes import soft_modes
+from orchestrator.method.linear.soft_modes import Wanted, soft_modes
 from orchestrator.scene.model import Scene
 
 STEPS = 4  # of Lanczos' method from a bent field, each a back-substitution per body
-# σ found so, from above, below which a body is worth its modes, for about a hundred back-substitutions. Beams of four-node tets with
-# L/h = 10 show .04 and take 54 to 58 iterations with affine fields, with L/h = 7 .09 and 25; grains show .06 to .5, blocks .6.
+# σ found so, from above, below which a body is worth its modes, for about a hundred back-substitutions. It tells how many iterations
+# to 1e-4 two clamped beams take with affine fields, whatever their L/h and mesh: .145 19, .094 24, .07 30, .05 46, .044 57, .038 68.
 FOUND = 0.06
-# What is left of stiffer fields in a mode costs iterations: with residuals of .02 and of .005, two beams of L/h = 20 and 40 take 24 and
-# 18, 27 and 18, for 8 to 24 back-substitutions more. Beams of ten-node tets with L/h = 40 need 370.
-ACCURATE, LARGEST = 0.005, 640
+# No fewer fields than affine ones are. What is left of stiffer fields in a mode costs iterations: with residuals of .02 and of .005, beams of
+# L/h = 20 and 40 take 24 and 18, 27 and 18, for 8 to 24 back-substitutions more. Beams of ten-node tets with L/h = 40 need 370.
+MODES = Wanted(least=12, accurate=0.005, largest=640)
 
 
 def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.ndarray], float]:
@@ -44,5 +44,5 @@ def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.nda
     wanted = np.zeros(len(scene.subdomains), dtype=bool)
     wanted[np.array(space.subdomains, dtype=int)[of.subdomains[known][ends[:, 0] < FOUND]]] = True
     wanted &= np.isin(np.arange(len(wanted)), parts)
-    modes, sweeps = soft_modes(blackbox.direction, blackbox, wanted, ACCURATE, LARGEST)
+    modes, sweeps = soft_modes(blackbox.direction, blackbox, wanted, MODES)
     return modes, STEPS + sweeps

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
@@ -31,9 +32,22 @@ from orchestrator.method.interface.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
-ACCURATE = 0.02  # residual of a mode that is good enough to the macro problem: it only has to be caught, not known
-LARGEST = 320
 INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is worth a macro function
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which modes of a subdomain: those softer than SOFT, and how well. By default what the macro problem wants: they only have to be
+    caught, not known.
+
+    least : as many at least
+    accurate : residual of a mode that is good enough
+    largest : columns spent at most
+    """
+
+    least: int = 0
+    accurate: float = 0.02
+    largest: int = 320
 
 
 class _Krylov:
@@ -41,11 +55,11 @@ class _Krylov:
 
     k : (t, t) sparse, soles' stiffness on its boundary dofs
     start : (t, b) first block
-    accurate, largest : residual of modes that is good enough, and columns spent at most
+    wanted : which modes
     """
 
-    def __init__(self, k: sp.csr_array, start: np.ndarray, accurate: float, largest: int):
-        self.k, self.modes, self.accurate, self.largest = k, None, accurate, largest
+    def __init__(self, k: sp.csr_array, start: np.ndarray, wanted: Wanted):
+        self.k, self.modes, self.wanted = k, None, wanted
         self.block = _orthonormal(k, start, np.zeros((len(start), 0)))
         self.basis, self.images = np.zeros((2, len(start), 0))
         self.projected = np.zeros((0, 0))
@@ -62,35 +76,35 @@ class _Krylov:
         old = len(self.projected)
         self.projected = np.block([[self.projected, columns[:old]], [columns[:old].T, columns[old:]]])
         value, vector = np.linalg.eigh((self.projected + self.projected.T) / 2)
-        soft = int(np.sum(value > 1 / (1 + SOFT)))
+        soft = min(max(int(np.sum(value > 1 / (1 + SOFT))), self.wanted.least), len(value))
         watched = slice(-1, -soft - 2, -1)  # the first one that is not soft as well: none has been missed
         left = self.images @ vector[:, watched] - self.basis @ (vector[:, watched] * value[watched])
-        settled = np.all(_energy(self.k, left) <= self.accurate**2)
+        settled = np.all(_energy(self.k, left) <= self.wanted.accurate**2)
         self.block = _orthonormal(self.k, image, self.basis)
-        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > self.largest:
+        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > self.wanted.largest:
             self.modes = self.basis @ vector[:, watched][:, :soft]
 
 
-def soft_modes(direction: SearchDirection, blackbox: BlackBox, wanted: np.ndarray, accurate: float = ACCURATE,
-               largest: int = LARGEST) -> tuple[dict[int, np.ndarray], float]:
-    """Soft modes of the wanted subdomains.
+def soft_modes(direction: SearchDirection, blackbox: BlackBox, chosen: np.ndarray,
+               wanted: Wanted = Wanted()) -> tuple[dict[int, np.ndarray], float]:
+    """Soft modes of some subdomains.
 
     direction : search direction
-    wanted : (subdomains of the scene,) bool
-    accurate, largest : residual of a mode that is good enough, and columns spent on one subdomain at most
+    chosen : (subdomains of the scene,) bool
+    wanted : which of their modes
 
     modes : place among its ``space.subdomains`` → (t, m), k-orthonormal
     sweeps : back-substitutions per subdomain, the mean
     Raises BlackBoxError: from the code
     """
     space, spent, done = direction.space, 0, {}
-    chosen = [e for e, part in enumerate(space.boundary) if wanted[space.subdomains[e]] and part.stop > part.start]
+    own = [e for e, part in enumerate(space.boundary) if chosen[space.subdomains[e]] and part.stop > part.start]
     alike: dict[bytes, tuple[list[int], _Krylov]] = {}  # members, and the one space of all of them
-    for e, own in zip(chosen, direction.robin_blocks(chosen)):
-        key = b"".join(x.tobytes() for x in (own.indptr, own.indices, own.data))
+    for e, k in zip(own, direction.robin_blocks(own)):
+        key = b"".join(x.tobytes() for x in (k.indptr, k.indices, k.data))
         if key not in alike:
-            size = own.shape[0]
-            alike[key] = [], _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), accurate, largest)
+            size = k.shape[0]
+            alike[key] = [], _Krylov(k, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), wanted)
         alike[key][0].append(e)
     under_way = list(alike.values())
     while under_way:
