@@ -94,5 +94,6 @@ def picture(rows: Sequence[Mapping[str, Any]]) -> Any:
                   color=(BLUE if carried else ORANGE) if right else "red")
     axes.axvline(1.0, color=GREY, linewidth=1, linestyle="--")
     axes.set_yticks(range(len(names)), names)
-    axes.set(xscale="log", xlabel="load over the limit of theory", title="Circles: carried; crosses: limit load; red: another end than theory's")
+    axes.set(xscale="log", xlabel="load over the limit of theory")
+    axes.set_title("Circles: carried; crosses: limit load; red: another end than theory's", fontsize=11)
     return figure
