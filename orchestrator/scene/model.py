@@ -100,8 +100,8 @@ class Interface(FacePatch):
     """A patch, and what acts there; per node, the law's parameters are those of side 1.
 
     law : the interface law, with its parameters
-    normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
-        larger one between bodies that are cut further
+    normals : (n, 3) unit normals from E1 to E2, where more than the patch's facets shape them: it is a piece of a
+        larger one between bodies that are cut further, or on a cylinder
     entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     mortar : points and transfer operators between sides that do not match; None where nodes are paired
     surfaces : what the operators are made of, until they are: boundary conditions have a say in it

@@ -17,7 +17,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.mortar.operators import corner_vectors, covered_around, make_mortar
+from orchestrator.scene.interfaces.cylinders import straightened
+from orchestrator.scene.interfaces.mortar.operators import corner_vectors, covered_around, make_mortar, unit
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.model import Interface
 from orchestrator.scene.mesh.mesh import SplitNumbering
@@ -68,7 +69,8 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            i.mortar = make_mortar(i.surfaces, free, crossed, vectors[group[number]][nodes])
+            points, facets = i.surfaces.points[0], i.surfaces.triangles[0]
+            i.mortar = make_mortar(i.surfaces, free, crossed, straightened(points, facets, unit(vectors[group[number]][nodes])))
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:

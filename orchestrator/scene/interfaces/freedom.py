@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
+from orchestrator.scene.interfaces.cylinders import straightened
 from orchestrator.scene.interfaces.mortar.paired import means, paired_mortar
 from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.mesh.faces import edge_patches
@@ -64,21 +65,26 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     if len(set(bodies)) < len(bodies):
         _share_normals(mesh, numbering, kept, bodies)
     for interface in kept:
-        if interface.matching and interface.weighed:
-            _weigh(mesh, numbering, interface, fixed)
+        if interface.matching and not interface.law.perfect:
+            points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
+            usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
+            normals = straightened(points, interface.triangles, usual)
+            interface.normals = interface.normals if normals is usual else normals
+            if interface.weighed:
+                _weigh(interface, points, normals, tuple(fixed[own] for own in numbering.sides(interface)))
     return kept
 
 
-def _weigh(mesh: Mesh, numbering: SplitNumbering, interface: Interface, fixed: np.ndarray) -> None:
-    """Give an interface whose nodes are paired points at the corners of its six-node faces; laws there see the mean gap around."""
-    one, two = numbering.sides(interface)
-    points = (mesh.nodes[numbering.nodes[one]] + mesh.nodes[numbering.nodes[two]]) / 2
-    normals = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
+def _weigh(interface: Interface, points: np.ndarray, normals: np.ndarray, fixed: tuple[np.ndarray, np.ndarray]) -> None:
+    """Give an interface whose nodes are paired points at the corners of its six-node faces; laws there see the mean gap around.
+
+    points, normals : (n, 3) of its nodes; fixed : (n, 3) bool, components prescribed on either side
+    """
     apart = np.broadcast_to(interface.law.distance, len(points))
-    interface.mortar = paired_mortar(points, interface.triangles, interface.cells, normals, apart, (fixed[one], fixed[two]))
+    interface.mortar = paired_mortar(points, interface.triangles, interface.cells, normals, apart, fixed)
     weights, _ = means(points, interface.triangles)
     interface.law, interface.law_at_steps = interface.law.averaged(weights), [law.averaged(weights) for law in interface.law_at_steps]
-    interface.free = ~fixed[one]
+    interface.free = ~fixed[0]
 
 
 def _number_patches(found: list[Interface]) -> None:
