@@ -59,7 +59,7 @@ def test_a_bed_carries_all_there_is_and_sinks_by_its_mean(element):
     """Two blocks, one on the other with friction, on springs: k A ū = F, whatever bends above."""
     solution = solved([{"on": "zmin", "foundation": {"normal": 1000.0, "tangential": 300.0}}, LOADED], element,
                       mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, subdomains={"slices": {"axis": "z", "count": 2}},
-                      interfaces=[{"law": "contact", "friction": 0.8}])
+                      interfaces=[{"law": "contact", "friction": 0.8}], method={"tolerance": {"error": 1e-7}})
     i = solution.scene.interfaces
     ground = next(k for k in i if k.subdomains[1] == 2)
     area = pair_areas(solution.scene.mesh.nodes[ground.global_nodes], ground)
