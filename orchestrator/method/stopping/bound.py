@@ -155,13 +155,14 @@ RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor wha
 MAX_STEPS = 100
 LONGER = 3
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
+MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
 CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False, softness: np.ndarray | None = None,
-                share: float = LEFT) -> tuple[np.ndarray, int, np.ndarray]:
+                share: float = LEFT, met: float = 0.0) -> tuple[np.ndarray, int, np.ndarray]:
     """(T,) hᵀS⁺h over all subdomains, the back-substitutions spent, and (T, B) S⁺h without rigid motions.
 
     The iterates approach from below; the geometric tail of the steps is added, and for the
@@ -173,21 +174,26 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     negligible : sum over the steps that is not worth being told from zero
     beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
         the true one is larger
-    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added. Of slender bodies that
-        takes long: after ``LONGER`` times as many steps the geometric tail has to do
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
+        bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
     share : of the sum, what may be left where it is known from above
+    met : every load step's sum below which ``MET`` of it may be left
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return np.zeros(len(h)), 0, np.zeros_like(h)
     r, x, total, p, q, rz_old, steps, enough = h.copy(), np.zeros_like(h), np.zeros(len(h)), None, None, None, [], 0
+    reach, alpha = None, None
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
         if softness is not None:
-            left, = space.team.sum((rz * (1 + 1 / softness)).sum(axis=1))
-            if left.sum() <= share * max(np.sum(total + left + rest), CANCELLED * np.sum(total + left), negligible):
-                return total + left, sweeps, x
+            reach = _reach(softness, reach, alpha, rz, rz_old)
+            left, = space.team.sum((rz * reach).sum(axis=1))
+            most = total + left
+            may = max(share, MET) if (most + rest).max() <= met else share
+            if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), negligible):
+                return most, sweeps, x
         if p is None:
             p, q = z, r.copy()
         else:
@@ -196,8 +202,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
-        alpha = of.spread(alpha)
-        total, x, r, rz_old = total + gained, x + alpha * p, r - alpha * s_p, rz
+        far = of.spread(alpha)
+        total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
         steps.append(float(gained.sum()))
         if beyond(total):
             return total, sweeps, x
@@ -207,6 +213,21 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
             each = gained / max(steps[-1], np.finfo(float).tiny)
             return total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x
     return np.full(len(h), np.inf), MAX_STEPS, x
+
+
+def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:
+    """(T, S) what rᵀS⁺r is at most, over rᵀM⁻¹r, after another step of the conjugate gradients.
+
+    By Gauss–Radau quadrature with the node μ = σ/(1 + σ) below all eigenvalues of M⁻¹S: γ_0 = 1/μ, γ ← (γ − α)/(μ (γ − α) + β)
+    (Meurant & Tichý, Numer. Algorithms 62, 2013, eq. 4.6). Where rounding leaves nothing of γ − α it is 1/μ again.
+
+    before, alpha : γ and steps α (T, S) of the step before, None at first; rz, rz_old : rᵀM⁻¹r (T, S) now and before
+    """
+    worst = np.broadcast_to(1 + 1 / softness, rz.shape)
+    if before is None:
+        return worst
+    left, beta = before - alpha, _safe_ratio(rz, rz_old)
+    return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
 
 
 def _tail(steps: list[float]) -> float:

@@ -102,11 +102,12 @@ class Certificate:
         self.forces = AdmissibleForces(stage.direction, pairs, modes)
         self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, _per_node(stiffness.diagonal(), self.space)))
         self.beside = BesideRigid(stage, self.forces.u)
-        self.softness = cache(partial(softest, stage, self.beside))  # made once, for all load steps
+        softness = cache(partial(softest, stage, self.beside))  # made once, for all load steps
         imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
         work, = self.space.team.sum(float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
         self.imposed = NOTHING * float(np.sqrt(work))  # of bodies that laws carry away, and nothing strains
-        self.factor = guarantee(pairs, stiffness, modes, stage, self.softness)
+        self.factor = guarantee(pairs, stiffness, modes, stage, softness)
+        self.softness = lambda: None if np.isnan(self.factor()) else softness()  # an estimate does without: it takes a third of the sweeps
 
     def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
         """The same for some of the load steps; ``earlier``: what those before have ended with."""
@@ -141,12 +142,14 @@ class Certificate:
             least = relative(float(np.sqrt(np.maximum(rest + reached, 0.0).max())), size)
             return least > useful
 
+        factor = self.factor()
+        times_at_most = 1.0 if np.isnan(factor) else factor
+        met = max(size / (1 + 1 / useful) - self.floor * size, 0.0) / times_at_most if np.isfinite(useful) else 0.0
         # what rounding leaves of resultants has no energy
-        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness())
+        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness(), met=met**2)
         if least > useful:
             return replace(known, sweeps=sweeps, least=least)
-        factor = self.factor()
-        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * (1.0 if np.isnan(factor) else factor) + self.floor * size
+        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * times_at_most + self.floor * size
         return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps, factor=factor)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
