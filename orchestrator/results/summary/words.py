@@ -162,16 +162,16 @@ def _bolts(summary: Mapping[str, object]) -> str:
                      for bolt in summary.get("bolts") or ())
 
 
-def hold_sentences(summary: Mapping[str, object]) -> list[str]:
-    """Which bodies are detached or weakly held, at which load steps, in words."""
+def hold_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
+    """Which bodies are detached or weakly held, at which load steps, in words; ``brief``: one sentence of each kind."""
     place = "where stabilisation leaves it" if summary.get("stabilised") else "undetermined"
     return [f"{some(names, NAMES)}: {what} at load step {steps}; {'its' if len(names) == 1 else 'their'} rigid position is {place}"
             for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole"))
-            for steps, names in _alike(summary.get(key) or ())]
+            for steps, names in _alike(summary.get(key) or (), brief)]
 
 
-def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
-    """How much stabilisation carried, and which bodies live by it at which load steps, in words."""
+def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
+    """How much stabilisation carried, and which bodies live by it at which load steps, in words; ``brief``: one sentence of these."""
     if not (found := summary.get("stabilised")):
         return []
     force, work = map(_times, (found["force"], found["work"]))
@@ -182,7 +182,7 @@ def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
     text += (f"; from iteration {withdrawn} on as before the last of these, which led nowhere: what many loose bodies carry may be off by "
              "more than the tolerance") if withdrawn else ""
     lived = [f"{some(names, NAMES)}: {'lives' if len(names) == 1 else 'live'} by them at load step {steps} (more than a tenth of the "
-             "forces there)" for steps, names in _alike(found["bodies"])]
+             "forces there)" for steps, names in _alike(found["bodies"], brief)]
     return [text, *lived] if lived else [f"{text}; no body lives by them"]
 
 
@@ -200,8 +200,8 @@ def _times(share: float | None) -> str:
     return "any number of times" if share is None else f"{share:.1e}"
 
 
-def _alike(named: Iterable[list[str]]) -> list[tuple[str, list[str]]]:
-    """Load steps, and the names that are told at these and no others, from the names per load step."""
+def _alike(named: Iterable[list[str]], brief: bool = False) -> list[tuple[str, list[str]]]:
+    """Load steps, and the names that are told at these and no others, from the names per load step; ``brief``: all in one."""
     when: dict[str, list[str]] = {}
     for step, names in enumerate(named, 1):
         for name in names:
@@ -209,6 +209,9 @@ def _alike(named: Iterable[list[str]]) -> list[tuple[str, list[str]]]:
     alike: dict[str, list[str]] = {}
     for name, steps in when.items():
         alike.setdefault(", ".join(steps), []).append(name)
+    if brief and len(alike) > 1:
+        steps = sorted({step for each in when.values() for step in each}, key=int)
+        return [(f"{', '.join(steps)}, or some of these", list(when))]
     return list(alike.items())
 
 
@@ -289,7 +292,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
     ("mesh's error", _mesh), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
-    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary))), ("places", lambda summary: "\n".join(place_sentences(summary))),
-    ("not held", lambda summary: "\n".join(hold_sentences(summary))), ("warning", _sentences("warnings")), ("size", _size),
+    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))), ("places", lambda summary: "\n".join(place_sentences(summary))),
+    ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),
     ("element", ("element", "{}")), ("time", _time), ("codes", _codes), ("workers", _workers), ("ranks", _ranks), ("skipped", _skipped),
     ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))
