@@ -16,7 +16,7 @@ from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.monitors.places import Places, SEEN
 from orchestrator.method.monitors import Verdict
-from orchestrator.method.monitors.weakening import PATIENCE, STAGES, WEAKER, Weakening
+from orchestrator.method.monitors.weakening import AT_ONCE, PATIENCE, STAGES, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
@@ -210,7 +210,7 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     made = with_stabilisation("auto", **far)
     one = converged(made)
     told, weakened = one.summary["stabilised"], one.summary["stabilised"]["weakened"]
-    assert len(weakened) > 1 and told["epsilon"] == pytest.approx(SHARE * 1e-6 * WEAKER ** len(weakened)) and told["force"] < 1e-6
+    assert len(weakened) > 1 and told["epsilon"] <= 1.001 * SHARE * 1e-6 * WEAKER ** len(weakened) and told["force"] < 1e-6
     assert f"weaker from iteration {', '.join(str(after + 1) for after in weakened)} on" in dict(summary_rows(one.summary))["stabilised"]
     carried = [event.laws["stabilisation"] for event in one.iterated.history]
     assert carried[weakened[1] - 1] > 1e-6 and max(carried[weakened[-1]:]) < 1e-6
@@ -255,13 +255,13 @@ def test_springs_become_weaker_when_nothing_else_is_left():
 
     one = Weakening(1e-4)
     seen = [laws(2e-4, 1e-2), laws(2e-4, 9e-4), laws(1e-5, 1e-2), laws(1e-5, 9e-5), laws(1e-6, 9e-4), laws(1e-6, 1e-7)]
-    assert [due(one, found) for found in seen] == [0, 1, 0, 1, 0, 0]
+    assert [due(one, found) for found in seen] == [0, AT_ONCE, 0, AT_ONCE, 0, 0]
     assert due(Weakening(1e-6), laws(0.0, 2e-5), met=True)
     loaded = Weakening(1e-6)
     assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 1, 1]
     # where the error stands still: as often as it is too large, if springs carry less and the error has fallen since they became weaker
     seen = (1e-6, 300.0), (9e-7, 20.0), (1e-8, 40.0), (1e-8, 20.0)
-    assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in seen] == [2, 0, 0, 1]
+    assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in seen] == [3, 0, 0, 2]
 
 
 def test_weaker_springs_that_lead_nowhere_are_withdrawn():
@@ -276,8 +276,8 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
         it = now(number, 1e-5 if number <= STAGES else 1e-3)
         if watch.judge(it).changes:
             changed[number] = watch.change(it)
-    assert list(changed)[-1] == watch.at[-1] + PATIENCE == watch.withdrawn and changed[watch.withdrawn] == pytest.approx(1 / WEAKER)
-    assert changed[watch.at[-1]] == WEAKER and len(changed) == len(watch.at) + 1
+    assert list(changed)[-1] == watch.at[-1] + PATIENCE == watch.withdrawn and changed[watch.withdrawn] == pytest.approx(WEAKER**-AT_ONCE)
+    assert changed[watch.at[-1]] == pytest.approx(WEAKER**AT_ONCE) and len(changed) == len(set(watch.at)) + 1
 
 
 @pytest.mark.parametrize("case", quick(CASES, "eight cubes"))

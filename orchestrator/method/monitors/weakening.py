@@ -22,9 +22,10 @@ from orchestrator.method.interface.stabilisation import SHARE, allowed_residual
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.method.stopping.law_residuals import LawResiduals
 
-# ε over the one before, and how often. 64 and 125 grains to an energy error of 1e-4 take 50 to 63 iterations with two hundredths, 54 to
-# 73 with one thousandth, 57 to 91 with three tenths.
-WEAKER, STAGES = 0.01, 2
+WEAKER = 0.1  # ε over the one before
+# How often at a time, and how many such times. 64 and 125 grains to an energy error of 1e-4 take 50 to 63 iterations with two hundredths,
+# 54 to 73 with one thousandth, 57 to 91 with three tenths.
+AT_ONCE, STAGES = 2, 2
 # The least ε that springs are given where they do not keep a run from its end: rounding kept a block from its place that 2.5e-11 alone held.
 LEAST = 1e-10
 FAINTEST = 1e-14  # the least ε where they do: what such springs carry is rounding of what points do
@@ -39,7 +40,7 @@ class Weakening(Monitor):
     """Weakens the springs of one case.
 
     allowed : law residual that the tolerance stands for
-    at : iterations after which springs have become weaker
+    at : iterations after which springs have become weaker by a factor of ten, more than once where by more
     carried, excess : what springs carried then, and of the error, over its tolerance, where that asked for it
     near : the last iteration that was near the tolerance
     withdrawn : iteration after which the last step until then has been taken back, which is done once; 0: none has
@@ -82,14 +83,15 @@ class Weakening(Monitor):
 
         springs : ε over that at the beginning
         """
-        laws, weaker = verdict.laws, WEAKER * springs * SHARE * self.allowed
-        if laws.held_by_springs(self.allowed):
-            return int(weaker >= FAINTEST)
+        laws, weaker = verdict.laws, springs * SHARE * self.allowed
+        if laws.held_by_springs(self.allowed):  # what has no balance goes ten times as far
+            return int(WEAKER * weaker >= FAINTEST)
         if self.withdrawn:
             return 0
         if laws.springs <= LESS * self.carried and 0 < verdict.excess <= FALLS * self.excess:  # the error falls with ε
-            return math.ceil(math.log(1 / verdict.excess, WEAKER))
-        return int(len(self.at) < STAGES and weaker >= LEAST and self.is_near(laws, bool(verdict.met)))
+            return max(AT_ONCE, math.ceil(math.log(1 / verdict.excess, WEAKER)))
+        more = len(self.at) < STAGES * AT_ONCE and WEAKER ** AT_ONCE * weaker >= LEAST
+        return AT_ONCE if more and self.is_near(laws, bool(verdict.met)) else 0
 
     def change(self, now: Evaluation) -> Decomposition:
         if self.lost(now.number):
@@ -112,4 +114,4 @@ class Weakening(Monitor):
         return self.at.count(max(after for after in self.at if after < self.withdrawn))
 
     def found(self, problem: Decomposition) -> list[dict[str, Any]]:
-        return [{"after": self.at, "springs": problem.springs, "withdrawn": self.withdrawn}]
+        return [{"after": sorted(set(self.at)), "springs": problem.springs, "withdrawn": self.withdrawn}]
