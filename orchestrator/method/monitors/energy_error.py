@@ -4,7 +4,8 @@
 
 E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
 fallen so far that E may be met. Where E stands still while the residual falls, springs of stabilisation are what is left of it: they
-are to become weaker (``weakening``). Where no admissible fields are found, the law residual decides, and no error is told.
+are to become weaker (``weakening``). Where no admissible fields are found, a law residual of a tenth of the tolerance has to do, and no
+error is told.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ LESS = 0.5  # of the residual at an earlier evaluation, below which E should hav
 PATIENCE = 10  # iterations after which E is evaluated whatever the residual, and should have fallen
 STALLED = 0.7  # of an earlier E, above which it stands still
 SETTLED, MOST = 1e-2, 3  # law residual over the tolerance, and how often E stands still beside it, that end a run
+LAWFUL = 0.1  # law residual over the tolerance that ends a run whose error cannot be told: it is up to ten times the residual
 STOPS = "error bound stands still"
 
 
@@ -50,8 +52,8 @@ class EnergyErrorCriterion(Monitor):
         still = self.stands_still() and error > value
         self.waited = self.waited + (still and residual <= SETTLED * value)
         share = now.problem.steps / now.problem.scene.steps
-        formed = not (bound.unbalanced.any() or bound.broken.any())  # where it cannot be, laws that hold have to do
-        met = bound.relative <= value if formed else now.verdict.laws.largest <= value
+        formed = not (bound.unbalanced.any() or bound.broken.any())  # where it cannot be, laws that hold well have to do
+        met = bound.relative <= value if formed else now.verdict.laws.largest <= LAWFUL * value
         reason = STOPS if self.waited >= MOST and not met else ""
         return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share,
                        excess=float(error / value) if still else 0.0, told={**told, "error_bound": bound.relative})
