@@ -30,7 +30,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Variable, Written
-from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 INTACT = Status(9, "intact", "#66A61E", Hold.ALWAYS, Hold.ALWAYS)
 DAMAGED = Status(10, "damaged", "#E7298A", Hold.ALWAYS, Hold.ALWAYS)
@@ -93,7 +93,7 @@ class Cohesive(Law):
         before, stiff = points["damage"], points["stiff"]
         F_n = points.along(F)
         pull, F_t = np.maximum(F_n, 0.0), F - F_n[..., None, :] * points.normal
-        shear = np.sqrt(dot(F_t, F_t))
+        shear = norm(F_t)
         kappa = _reached(points, before)
         whole = (1 - before) * stiff
         grows = np.flatnonzero(np.hypot(pull / (points.stiff_n + whole), shear / (points.stiff_t + whole)) > kappa)
@@ -131,7 +131,7 @@ class Cohesive(Law):
         e_n = points.along(e)
         e = (points.stiff_t / (points.stiff_t + across))[..., None, :] * points.across(e) \
             + (points.stiff_n / (points.stiff_n + normal) * e_n)[..., None, :] * points.normal
-        return np.sqrt(dot(at.force, at.force)) / points.area, {"glue": np.sqrt(dot(e, e)) / points.area}
+        return norm(at.force) / points.area, {"glue": norm(e) / points.area}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node, relative to the largest traction and to that of whole glue drawn by the largest displacement."""

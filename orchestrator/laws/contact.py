@@ -24,7 +24,7 @@ from orchestrator.compiled import compiled, in_parts
 from orchestrator.config.base import Positive, either
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 if TYPE_CHECKING:  # a configuration is read without it
     from scipy.sparse import sparray
@@ -173,7 +173,7 @@ class Contact(Law):
         push, slip, shear = -points.along(force), points.across(jump - previous), points.across(force)
         opened = points["gap"] + points.along(jump)
         opened = np.where(opened > TOUCHES * (np.abs(points["gap"]) + np.abs(push) / points.stiff_n), opened, 0.0)
-        far, size = np.sqrt(dot(slip, slip)), np.sqrt(dot(shear, shear))
+        far, size = norm(slip), norm(shear)
         size = np.where(size > TOUCHES * np.abs(push), size, 0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             way = np.where(size > 0, shear / size, 0.0)
@@ -189,8 +189,8 @@ class Contact(Law):
         for t, (force, jump, answered, status) in enumerate(zip(at.force, at.jump, at.answered, at.status)):
             traction, slip = force / points.area, points.across(answered - (at.answered[t - 1] if t else at.before))
             pressed, shear = points.along(traction), points.across(traction)
-            size = np.sqrt(dot(shear, shear))
-            rubbed = np.where((status == SLIPS) & (friction > 0), size * np.sqrt(dot(slip, slip)) - dot(shear, slip), 0.0)
+            size = norm(shear)
+            rubbed = np.where((status == SLIPS) & (friction > 0), size * norm(slip) - dot(shear, slip), 0.0)
             largest.append([np.max(x, initial=0.0) for x in (np.abs(pressed), -(gap + points.along(jump)), pressed,
                                                              size - friction * np.maximum(-pressed, 0.0), rubbed)])
         pressure, *measures = np.max(np.reshape(largest, (-1, 5)), axis=0)[:, None]

@@ -19,7 +19,7 @@ from pydantic import Field
 from orchestrator.config.base import Positive
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot
+from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 SPRUNG = Status(4, "sprung", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 TAUT = Status(5, "taut", "#56B4E9", Hold.PULLED, Hold.ALWAYS)
@@ -131,7 +131,7 @@ class Elastic(Law):
         e_n = points.along(e)
         e = points.stiff_t / (points.stiff_t + points["across"]) * (e - e_n[..., None, :] * points.normal) \
             + (points.stiff_n / (points.stiff_n + normal) * e_n)[..., None, :] * points.normal
-        return _size(at.force) / points.area, {"spring": _size(e) / points.area}
+        return norm(at.force) / points.area, {"spring": norm(e) / points.area}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node, relative to the largest traction and to that of springs stretched by the largest displacement."""
@@ -146,8 +146,3 @@ class Elastic(Law):
 def _normal(points: Points, stretch: np.ndarray) -> np.ndarray:
     """(…, P) K along the normal, where the normal springs are stretched by something of this sign."""
     return np.where(stretch < 0, points["slack"], points["taut"])
-
-
-def _size(x: np.ndarray) -> np.ndarray:
-    """(…, P) lengths of vectors (…, 3, P)."""
-    return np.sqrt(dot(x, x))

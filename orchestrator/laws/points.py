@@ -205,7 +205,7 @@ class Carries:
         """A push (or pull) along normals (3, P), and what goes across them."""
         count = normal.shape[1]
         first = np.cross(normal.T, np.eye(3)[np.argmin(np.abs(normal), axis=0)]).T
-        first = first / np.sqrt(dot(first, first))
+        first = first / norm(first)
         across = np.stack([first, np.cross(normal.T, first.T).T, np.zeros_like(first)])
         side, limit, friction, apart = (np.broadcast_to(np.asarray(x, float), count).copy() for x in (side, limit, friction, apart))
         return cls(across, side, limit, friction, np.zeros((0, 3, count)), np.zeros((0, count)), apart)
@@ -214,3 +214,8 @@ class Carries:
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(…, P) products of vectors (…, 3, P)."""
     return a[..., 0, :] * b[..., 0, :] + a[..., 1, :] * b[..., 1, :] + a[..., 2, :] * b[..., 2, :]
+
+
+def norm(x: np.ndarray) -> np.ndarray:
+    """(…, P) lengths of vectors (…, 3, P)."""
+    return np.sqrt(dot(x, x))

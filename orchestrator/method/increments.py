@@ -16,7 +16,7 @@ import numpy as np
 from orchestrator.errors import Refusal
 from orchestrator.method.checkpoint import Checkpoint, Start, ended, go_on
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
+from orchestrator.method.events import Finished, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, monitors_of

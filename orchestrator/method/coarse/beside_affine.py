@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.method.interface.rows import DEPENDENT, orthonormal
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.scene.model import Scene
-
-DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero
 
 
 class BesideAffine:
@@ -34,9 +33,7 @@ class BesideAffine:
         self.U = on * self.space.trace(fields)
         self.V = blackbox.direction.times(self.U)
         for part in self.of.slices:
-            value, vector = np.linalg.eigh(self.U[:, part] @ self.V[:, part].T)
-            keep = value > DEPENDENT * value.max(initial=0.0)
-            turn = np.where(keep, vector / np.sqrt(np.where(keep, value, 1.0)), 0.0).T
+            turn = orthonormal(self.U[:, part] @ self.V[:, part].T).T
             self.U[:, part], self.V[:, part] = turn @ self.U[:, part], turn @ self.V[:, part]
 
     def rough(self) -> np.ndarray:

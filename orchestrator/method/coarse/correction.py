@@ -26,7 +26,7 @@ import numpy as np
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import orthonormal, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
@@ -43,7 +43,6 @@ FIELDS = {"affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURN
 # Bodies from which on half the fields save more than the one to three iterations that they cost: 27 grains take the same CPU
 # seconds either way, 64 and 125 take .9 of what they take with affine fields, 343 take .8, as factors cost more and more.
 MANY = 50
-DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 # Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
 REACH = 0.3
 FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are
@@ -78,8 +77,7 @@ class CoarseCorrection:
         self.stage, self.pairs = stage, pairs
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
-        self.bodies, own = len(scene.subdomains), space.owner[: space.size]
-        self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
+        self.bodies, self.parts = len(scene.subdomains), space.parts
         k = stage.direction.k
         fields, allowed = self._fields(scene, FIELDS[kind], modes or {})
         R = self._independent(fields, times(k, fields), allowed)
@@ -98,7 +96,7 @@ class CoarseCorrection:
 
         self.K0 = self._of_all(K0)
         self.problem = self._problem(pairs)
-        self.prescribed = self.stage.space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.stage.space.subdomains))[0]
+        self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose = loose_bodies(scene)
 
@@ -203,10 +201,7 @@ class CoarseCorrection:
         count, width = max(int(most), AFFINE), max(int(most), allowed.shape[1])
         fields, combined = np.zeros((count, space.size)), np.zeros((count, width))
         fields[:AFFINE], combined[:AFFINE, : allowed.shape[1]] = _affine_fields(scene, space, self.parts), allowed
-        bent = np.zeros((int(most), len(space.global_dof)))
-        for e, mode in modes.items():
-            bent[: mode.shape[1], space.boundary[e]] = mode.T
-        bent = space.trace(bent)
+        bent = space.trace(space.side_by_side(modes, int(most)))
         for e in modes:
             fields[:, self.parts[e]] = 0.0
             fields[: len(bent), self.parts[e]] = bent[:, self.parts[e]]
@@ -221,12 +216,8 @@ class CoarseCorrection:
 
         fields, k_fields : (m, D); allowed : (own bodies, m, n) combinations of them
         """
-        result = np.zeros_like(allowed)
-        for r, gram, may in zip(result, self._per_body(fields, k_fields), allowed):
-            size, vectors = np.linalg.eigh(may.T @ gram @ may)
-            keep = size > DEPENDENT * size.max(initial=0.0)
-            r[:, keep] = may @ (vectors[:, keep] / np.sqrt(size[keep]))
-        return result
+        grams = self._per_body(fields, k_fields)
+        return np.array([may @ orthonormal(may.T @ gram @ may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie together."""

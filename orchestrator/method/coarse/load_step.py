@@ -100,7 +100,8 @@ class LoadStep:
     F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its ΣTᵀε L y, with which ρ was formed last
     """
 
-    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History, anchor: np.ndarray | None = None):
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
+                 anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
         if bodies.springs is not None:
             pairs = bodies.fields.pairs

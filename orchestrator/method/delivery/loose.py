@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.laws.points import Hold, Status, dot, table
+from orchestrator.laws.points import Hold, Status, dot, norm, table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import Parts
@@ -118,7 +118,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
         return None
     pairs, local, team = d.local.pairs, iterated.local, d.space.team
     springs, law = local.force - local.lawful, local.lawful
-    own, whole = (np.sqrt(dot(x, x)) for x in (springs, law))
+    own, whole = norm(springs), norm(law)
     epsilon, largest, carried = team.max(*(x.max(initial=0.0) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
     moved = np.diff(local.jump, axis=0, prepend=d.local.before.jump[None])

@@ -158,6 +158,19 @@ class Pairs:
         """(…, 3, P) values, zero where prescribed."""
         return x if self._all_free else np.where(self.free, x, 0.0)
 
+    def compliance(self, force: np.ndarray) -> np.ndarray:
+        """(…, 3, P) the jumps that forces (…, 3, P) are worth, force / keq."""
+        return self.masked(self.points.compliance(force))
+
+    def duality_gap(self, force: np.ndarray, jump: np.ndarray, before: History, step: int) -> np.ndarray:
+        """(P,) γ of forces and jumps (3, P), as ``Law.duality_gap``; 0 at points of other ranks, and of laws that have no price."""
+        result = np.zeros(len(self))
+        for run in self.runs:
+            if run.law.prices:
+                part = run.part
+                result[part] = run.law.duality_gap(run.points.at(step), force[:, part], jump[:, part], before.jump[:, part])
+        return np.where(self.mine, result, 0.0)
+
     # ---- springs of stabilisation --------------------------------------------------------------
 
     def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +180,7 @@ class Pairs:
         anchor : (3, P) jump at which springs carry nothing: d_before, or where they have been let go
         """
         force = lawful if self.stabilisation is None else lawful + self.stabilisation * (self.resisted(F, anchor) - lawful)
-        return force, self.masked(self.points.compliance(F - force))
+        return force, self.compliance(F - force)
 
     def resisted(self, F: np.ndarray, anchor: np.ndarray) -> np.ndarray:
         """(3, P) F − keq d_anchor: the force that leaves points where springs carry nothing."""

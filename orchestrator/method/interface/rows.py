@@ -36,6 +36,17 @@ def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.nda
     return np.concatenate(parts) if parts else np.empty(empty, int)
 
 
+DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
+
+
+def orthonormal(gram: np.ndarray) -> np.ndarray:
+    """(n, n) R with which fields of this Gram matrix (n, n) become orthonormal, Rᵀ gram R = 1; its columns are zero where fields depend
+    on others."""
+    size, vectors = np.linalg.eigh(gram)
+    there = size > DEPENDENT * size.max(initial=0.0)
+    return np.where(there, vectors / np.sqrt(np.where(there, size, 1.0)), 0.0)
+
+
 def narrow(matrix: sp.csr_array) -> sp.csr_array:
     """The same matrix with indices of 32 bits where they suffice: a third less to keep, and to read in every product."""
     if max(matrix.nnz, *matrix.shape) > np.iinfo(np.int32).max:

@@ -7,9 +7,9 @@ Two numberings are used throughout the method:
 - *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
-The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component that is prescribed on one side of an opening
-interface is no unknown of its body: *held* trace dofs have no boundary dof, their displacement is ``known``, and their
-force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
+The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component that is
+prescribed on one side of an opening interface is no unknown of its body: *held* trace dofs have no boundary dof, their
+displacement is ``known``, and their force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
 
 Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
 dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
@@ -18,7 +18,7 @@ brings the ghosts' values, point to point; fields are kept without them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -140,6 +140,11 @@ class TraceSpace:
         return self.transfer.sides
 
     @cached_property
+    def parts(self) -> list[slice]:
+        """The trace dofs of each own subdomain, which lie together."""
+        return _slices(np.searchsorted(self.owner[: self.size], [*self.subdomains, np.inf]))
+
+    @cached_property
     def held(self) -> np.ndarray:
         """(h,) int, ascending, trace dofs whose displacement is prescribed."""
         return np.flatnonzero(self.gather < 0)
@@ -202,6 +207,13 @@ class TraceSpace:
         if len(self.held):
             traces[:, self.held] = 0.0
         return traces
+
+    def side_by_side(self, fields: Mapping[int, np.ndarray], count: int) -> np.ndarray:
+        """(count, B) fields of boundary dofs, from (boundary dofs, at most ``count``) of subdomains by their place; else zero."""
+        result = np.zeros((count, len(self.global_dof)))
+        for e, own in fields.items():
+            result[: own.shape[1], self.boundary[e]] = own.T
+        return result
 
     def known(self, subdomains: Sequence[Subdomain]) -> np.ndarray | None:
         """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where none is held.

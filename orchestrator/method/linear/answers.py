@@ -62,10 +62,8 @@ class GuardedTraces(BlackBox):
 
     @cached_property
     def owned(self) -> Segments:
-        """The trace dofs of the subdomains, which lie together as their boundary dofs do."""
-        space = self.direction.space
-        ends = np.searchsorted(space.owner[: space.size], [*space.subdomains, np.inf])
-        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
+        """The trace dofs of the subdomains."""
+        return Segments(self.direction.space.parts)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
@@ -214,7 +212,7 @@ def _not_local(K: sp.csr_array, rim: RimStiffness, rows: np.ndarray, points: np.
     worst = int(np.argmax(apart))
     if apart[worst] <= LOCAL:
         return ""
-    return (f"a stiffness that is no sum over tets: near {format_point(points[rows[worst] // 3])} it is another one, by {apart[worst]:.1e}, where "
-            "the tets there are asked for alone; what it is made of has to be known of each tet by itself (not the mesh's size, its "
-            "volume, its name, or averages over neighbours). Or it varies from place to place and says that it does not: leave uniform: true "
-            "out, or translation_invariant = True in the solver's class")
+    return (f"a stiffness that is no sum over tets: near {format_point(points[rows[worst] // 3])} it is another one, by "
+            f"{apart[worst]:.1e}, where the tets there are asked for alone; what it is made of has to be known of each tet by itself "
+            "(not the mesh's size, its volume, its name, or averages over neighbours). Or it varies from place to place and says that it does not: leave uniform: "
+            "true out, or translation_invariant = True in the solver's class")

@@ -100,7 +100,10 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     fields = np.where(everything[:, None], fields.reshape(len(everything), -1), 0.0)
     jump = mortar.second @ fields[slave:] - mortar.first @ fields[:slave]
     own = mortar.own.diagonal()[:, None]  # zero at points that have slid off the other side
-    points = np.divide(jump, own, out=np.zeros_like(jump), where=own != 0) if mortar.diagonal else sla.splu(sp.csc_array(mortar.own)).solve(jump)
+    if mortar.diagonal:
+        points = np.divide(jump, own, out=np.zeros_like(jump), where=own != 0)
+    else:
+        points = sla.splu(sp.csc_array(mortar.own)).solve(jump)
     fields[:slave] += mortar.hats @ points
     return independent(fields)
 

@@ -146,10 +146,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     counts = team.sum(counts)[0].astype(int)
     if not counts.any():
         return bases
-    at_dofs = np.zeros((counts.max(initial=0), len(space.global_dof)))
-    for e, mode in modes.items():
-        at_dofs[: mode.shape[1], space.boundary[e]] = mode.T
-    traces, = space.extended(space.trace(at_dofs))
+    traces, = space.extended(space.trace(space.side_by_side(modes, counts.max())))
     transfer, result = space.transfer, []
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
     held = None if transfer.picks else space.held_everywhere

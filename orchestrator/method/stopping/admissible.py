@@ -17,8 +17,6 @@ it to this one problem of all subdomains.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -46,12 +44,9 @@ class RigidModes:
         counts[space.subdomains] = [m.shape[1] for m in modes]
         counts, = space.team.sum(counts)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        dense = np.zeros((RIGID, len(space.global_dof)))
-        for part, mode in zip(space.boundary, modes):
-            dense[: mode.shape[1], part] = mode.T
-        self._space, self._starts, self._dense = space, starts, dense
+        self._space, self._starts, self._dense = space, starts, space.side_by_side(dict(enumerate(modes)), RIGID)
         self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or [np.empty(0, int)])
-        self.boundary = self._sparse(dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
+        self.boundary = self._sparse(self._dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
 
     @property
     def traces(self) -> sp.csr_array:

@@ -2,12 +2,12 @@
 
 Bodies stand where their forces balance, at u + R y. From there v = u + R y + δ, δ on the boundary dofs alone, is the nearest in the
 norm of the stiffness's diagonal D of all those that keep what the laws hold rigidly beside λ̂: bonds closed, sides that press on
-each other in touch, what sticks where it stuck. What is held is the law's to say: at d̂ = (F − λ̂)/keq, which is lawful beside λ̂, those
-directions in which ∂f̂/∂F is as stiff as the search direction itself. Directions in which a law gives way, such as slip, are free where
-the law can price them (``Law.duality_gap``), and held elsewhere; so is what costs less than mending it, as a gap under next to no pressure. What v then breaks is held too, until it breaks nothing. Where
-a price is above what mending would cost these directions are held as well, if all of it together becomes cheaper. Where
-several interfaces meet in a node, λ̂ may hold them in ways that are at odds with each other: then what lies across their normals is
-let go, for its price.
+each other in touch, what sticks where it stuck. The law says what is held: at d̂ = (F − λ̂)/keq, which is lawful beside λ̂,
+those directions in which ∂f̂/∂F is as stiff as the search direction itself. Directions in which a law gives way, such as slip, are free
+where the law can price them (``Law.duality_gap``), and held elsewhere. Also free is what costs less than mending it, such as a gap under
+next to no pressure. What v then breaks is held too, until it breaks nothing. Where a price is above what mending would cost, these
+directions are held as well, if all of it together becomes cheaper. Where several interfaces meet in a node, λ̂ may hold them in ways
+that are at odds with each other: then what lies across their normals is let go, for its price.
 """
 
 from __future__ import annotations
@@ -110,12 +110,12 @@ class AdmissibleDisplacement:
         u : (B,) u + R y; known : (D,) prescribed traces; answer : λ̂ at predicted forces F (3, P)
         before : what the load step before has left; number : of the load step
         """
-        team, lawful, mean = self.space.team, self._worth(F - answer.force), self.continuity.means(u[None])
-        largest, = team.max(max(np.abs(x).max(initial=0.0) for x in (self._jumps(mean, known), self._worth(F))))
+        pairs, team, mean = self.pairs, self.space.team, self.continuity.means(u[None])
+        lawful, start = pairs.compliance(F - answer.force), self._jumps(mean, known)
+        largest, = team.max(max(np.abs(x).max(initial=0.0) for x in (start, pairs.compliance(F))))
         step = _Step(answer.force, before, number, known, u, mean, largest or 1.0)
-        told = self.pairs.force(F, before, number, derivative=True)
+        told = pairs.force(F, before, number, derivative=True)
         felt, together = self._held(told, self.mine, lawful), self._together(told, lawful)
-        start = self._jumps(mean, known)
         pressed = np.abs(step.force).max(axis=0)
         held = ~self.prices | (self._gap(step, start) + EXACT * step.scale * pressed >= self._mending(felt, start)) & (pressed > 0)
         first = self._placed(step, felt.some(felt.rigid & held[felt.at]), together, self.slips & ~held)
@@ -136,27 +136,15 @@ class AdmissibleDisplacement:
     def _placed(self, step: _Step, held: Held, together: tuple[Held, sp.csr_array], free: np.ndarray) -> Placed:
         """The nearest v that keeps what is held, alone or together with others, and whatever it would break; pairs that are ``free``
         (P,) may slip."""
-        pairs, continuity, team, (joint, common) = self.pairs, self.continuity, self.space.team, together
-        own = np.zeros(continuity.rows.shape[0])
-        base, let_go = step.mean, free.copy()
+        continuity, team, base, let_go = self.continuity, self.space.team, step.mean, free.copy()
         for _ in range(PASSES):
-            rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), continuity.rows]))
-            lack = rows @ continuity.traces(base, step.known)[0] - np.concatenate([held.goals, joint.goals, own])
-            if pairs.slid is not None:
-                lack[: len(held.at)] += held.of(pairs.slid)
-            loose = sp.csr_array(sp.block_array([[sp.csr_array((len(held.at), 0)), None], [None, common], [sp.csr_array((len(own), 0)), None]])) \
-                if common.shape[1] else None
-            mean = base - continuity.constrained(rows, loose)(lack[None])
+            mean = self._nearest(step, base, held, *together)
             jump = self._jumps(mean, step.known)
-            there = pairs.force(step.force + pairs.points.stiffness(jump), step.before, step.number, derivative=True)
-            lacks = self._worth(step.force - there.force)
-            suspect = self.mine & (np.abs(lacks).max(axis=0) > EXACT * step.scale)
-            broken = self._held(there, suspect, jump + lacks)
-            broken = broken.some(broken.rigid & (np.abs(broken.of(lacks)) > EXACT * step.scale))
             at_odds = held.across & (np.abs(held.of(jump) - held.goals) > EXACT * step.scale)
             let_go[held.at[at_odds]] = True
             if team.max(float(at_odds.any()))[0]:  # the least that has to give way does
                 base = mean
+            broken = self._broken(step, jump)
             broken = broken.some(~(broken.across & let_go[broken.at]))
             admissible = not team.max(float(len(broken.at) + at_odds.sum()))[0]
             if admissible:
@@ -166,18 +154,30 @@ class AdmissibleDisplacement:
         cost, = team.sum(float(continuity.weight @ (v - step.u) ** 2) + 2 * gap.sum())
         return Placed(v, jump, gap, float(cost), admissible)
 
+    def _nearest(self, step: _Step, base: np.ndarray, held: Held, joint: Held, common: sp.csr_array) -> np.ndarray:
+        """(1, classes) the means nearest to ``base`` that keep what is held, and what is held jointly but for common jumps (r, groups)."""
+        own, alone = self.continuity.rows, len(held.at)
+        rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), own]))
+        lack = rows @ self.continuity.traces(base, step.known)[0]
+        lack -= np.concatenate([held.goals, joint.goals, np.zeros(own.shape[0])])
+        if self.pairs.slid is not None:
+            lack[:alone] += held.of(self.pairs.slid)
+        loose, groups = None, common.shape[1]
+        if groups:
+            loose = sp.csr_array(sp.vstack([sp.csr_array((alone, groups)), common, sp.csr_array((own.shape[0], groups))]))
+        return base - self.continuity.constrained(rows, loose)(lack[None])
+
+    def _broken(self, step: _Step, jump: np.ndarray) -> Held:
+        """What laws would hold that jumps (3, P) break beside λ̂."""
+        pairs, least = self.pairs, EXACT * step.scale
+        there = pairs.force(step.force + pairs.points.stiffness(jump), step.before, step.number, derivative=True)
+        lacks = pairs.compliance(step.force - there.force)
+        broken = self._held(there, self.mine & (np.abs(lacks).max(axis=0) > least), jump + lacks)
+        return broken.some(broken.rigid & (np.abs(broken.of(lacks)) > least))
+
     def _gap(self, step: _Step, jump: np.ndarray) -> np.ndarray:
         """(P,) γ of jumps (3, P) at this rank's points."""
-        result = np.zeros(len(self.pairs))
-        for run in self.pairs.runs:
-            if run.law.prices:
-                part = run.part
-                result[part] = run.law.duality_gap(run.points.at(step.number), step.force[:, part], jump[:, part], step.before.jump[:, part])
-        return np.where(self.pairs.mine, result, 0.0)
-
-    def _worth(self, force: np.ndarray) -> np.ndarray:
-        """(3, P) what forces (3, P) are worth in jumps."""
-        return self.pairs.masked(self.pairs.points.compliance(force))
+        return self.pairs.duality_gap(step.force, jump, step.before, step.number)
 
     def _jumps(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(3, P) of means (1, classes)."""
@@ -208,7 +208,7 @@ class AdmissibleDisplacement:
         for k, (at, given) in enumerate(groups):
             force = np.zeros((3, len(self.pairs)))
             force[:, at] = given
-            jump = self._worth(force)[:, pairs].T.ravel()
+            jump = self.pairs.compliance(force)[:, pairs].T.ravel()
             common[:, k] = jump / np.linalg.norm(jump)
         nothing = np.zeros(3 * len(pairs), dtype=bool)
         held = Held(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), ~nothing, nothing)

@@ -21,11 +21,10 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import orthonormal
 from orchestrator.method.interface.search_direction import SearchDirection
 
 RIGID = 6
-DEPENDENT = 1e-10  # eigenvalue of the motions' Gram matrix, over the largest, that counts as zero
 BALANCED = 1e-13  # of the resultants, what rounding leaves of a balance
 TOLERATED = 100.0  # of that, what is left by another way of summing up
 FAR = 1e6  # of the largest displacement, how far a body may be moved: no limit to speak of
@@ -59,20 +58,14 @@ class AdmissibleForces:
         self.space, self.pairs = direction.space, pairs
         space, team, k = self.space, self.space.team, direction.diagonal
         self.bodies = space.link.subdomain_count
-        boundary = np.zeros((RIGID, len(space.global_dof)))
-        own, parts = space.owner[: space.size], []
-        for part, mode in zip(space.boundary, modes):
-            boundary[: mode.shape[1], part] = mode.T
+        boundary, parts = space.side_by_side(dict(enumerate(modes)), RIGID), space.parts
         traces = space.trace(boundary)
-        parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
         self.U, self.u, missing, self.R = np.zeros_like(traces), np.zeros_like(boundary), np.zeros((len(parts), RIGID, RIGID)), []
         for e, (part, at) in enumerate(zip(parts, space.boundary)):
-            size, vectors = np.linalg.eigh((traces[:, part] * k[part]) @ traces[:, part].T)
-            there = size > DEPENDENT * size.max(initial=0.0)
-            R = np.where(there, vectors / np.sqrt(np.where(there, size, 1.0)), 0.0)
+            R = orthonormal((traces[:, part] * k[part]) @ traces[:, part].T)
             self.U[:, part], self.u[:, at] = R.T @ traces[:, part], R.T @ boundary[:, at]
             self.R.append(R[: modes[e].shape[1]])
-            missing[e] = np.diag(~there)  # motions that a body lacks stay at rest
+            missing[e] = np.diag(~R.any(axis=0))  # motions that a body lacks stay at rest
         everywhere, = space.extended(self.U)
         transfer = pairs.transfer
         T = np.concatenate([transfer.first(everywhere), -transfer.second(everywhere)])

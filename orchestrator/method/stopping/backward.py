@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.laws.points import dot
+from orchestrator.laws.points import norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import dual_energy, ROUNDING
@@ -79,7 +79,7 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
         return None
     shift = np.array(found) - jumps
     along, across = np.abs(points.along(shift)), points.across(shift)
-    normal, tangential = (np.array(space.team.max(*x.max(axis=1, initial=0.0))) for x in (along, _length(across)))
+    normal, tangential = (np.array(space.team.max(*x.max(axis=1, initial=0.0))) for x in (along, norm(across)))
     return Backward(np.array(found), shift, normal, tangential)
 
 
@@ -104,7 +104,7 @@ def _lawful(pairs: Pairs, force: np.ndarray, jump: np.ndarray, known: np.ndarray
         left = force - softer.force(force + softer.points.stiffness(jump), before, number).force
         if not step:  # the normal alone, on which limits of friction depend
             left = pairs.points.along(left) * pairs.points.normal
-        jump = np.where(off > EXACT, jump + pairs.masked(softer.points.compliance(left)), jump)
+        jump = np.where(off > EXACT, jump + softer.compliance(left), jump)
     _, off = _judged(pairs, force, jump, before, number, largest)
     return np.where(off > LAWFUL, known, jump)
 
@@ -121,15 +121,10 @@ def _softer(pairs: Pairs, force: np.ndarray, jump: np.ndarray, soft: float, toge
     """The same pairs with a keq so soft that jumps are worth a share ``soft`` of forces, along the normal and across it; those that answer
     ``together`` (r,) int as they are."""
     points = pairs.points
-    carried, moved = (np.array([np.abs(points.along(x)), _length(points.across(x))]) for x in (force, jump))
+    carried, moved = (np.array([np.abs(points.along(x)), norm(points.across(x))]) for x in (force, jump))
     worth = np.array([points.stiff_n, points.stiff_t]) * moved
     carried = np.maximum(carried, SEEN * carried[::-1])
     share = np.divide(soft * carried, worth, out=np.ones_like(worth), where=worth > 0).clip(LEAST, 1.0)
     share[:, together] = 1.0
     return replace(pairs, runs=[replace(run, points=replace(run.points, stiff_n=run.points.stiff_n * share[0, run.part],
                                                             stiff_t=run.points.stiff_t * share[1, run.part])) for run in pairs.runs])
-
-
-def _length(x: np.ndarray) -> np.ndarray:
-    """(…, P) lengths of vectors (…, 3, P)."""
-    return np.sqrt(dot(x, x))

@@ -33,7 +33,6 @@ from orchestrator.method.stopping.admissible import Balancing, Repositioning, Ri
 from orchestrator.method.stopping.continuity import Continuity
 
 
-
 @dataclass(frozen=True)
 class Bound:
     """Bound on one linear stage's error, all load steps together.
@@ -102,10 +101,7 @@ class ErrorBound:
         c = self.reposition(fields.extended[0])
         u = fields.u + times(self.modes.boundary, c)
         delta = self.continuity(u, self.stage.loading.known)
-        forces, robin = self.space.loads(fields.f), self.space.loads(self.stage.robin_of(fields))
-        a2 = dots(delta, times(self.stiffness, delta))
-        energy = self.stage.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
-        a2, energy = self.space.team.sum(a2, energy)
+        a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external, fields, delta))
         a = relative(self._largest(a2), self.stage.loading.size(energy))
         return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
 
@@ -122,23 +118,44 @@ class ErrorBound:
             return replace(bound, relative=np.inf)
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
-        rest, least = a2 - 2 * cross, 0.0
-
-        def beyond(reached: np.ndarray) -> bool:
-            """Whether the bound is above what is useful: b² is approached from below."""
-            nonlocal least
-            least = relative(self._largest(rest + reached), size)
-            return least > useful
-
-        b2, sweeps, _ = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
-        if least > useful:
-            return replace(bound, relative=np.inf, sweeps=sweeps, least=least)
+        rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
+        b2, sweeps, _ = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, reached)
+        if reached.least > useful:
+            return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
         return replace(bound, relative=relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""
         errors = np.sqrt(np.maximum(squares, 0.0))
         return float((errors if self.weights is None else errors @ self.weights).max(initial=0.0))
+
+
+def moved_energy(stage: LinearStage, stiffness: sp.csr_array, external: np.ndarray, fields: Admissible,
+                 delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) a² = δᵀK δ of boundary values δ (T, B), and ‖u₂ + δ‖²_K, u₂ the linear stage's fields; this rank's part of either.
+
+    stiffness, external : as for ``ErrorBound``
+    """
+    forces, robin = stage.space.loads(fields.f), stage.space.loads(stage.robin_of(fields))
+    a2 = dots(delta, times(stiffness, delta))
+    return a2, stage.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, external + forces) + a2
+
+
+class Reached:
+    """Ends ``dual_energy`` once the error is above what is useful: b² is approached from below.
+
+    error : (T,) squares → the error
+    size : energy norm that it is relative to
+
+    least : what the relative error is at least
+    """
+
+    def __init__(self, error: Callable[[np.ndarray], float], size: float, useful: float):
+        self.error, self.size, self.useful, self.least = error, size, useful, 0.0
+
+    def __call__(self, squares: np.ndarray) -> bool:
+        self.least = relative(self.error(squares), self.size)
+        return self.least > self.useful
 
 
 def relative(error: float, size: float) -> float:
@@ -172,8 +189,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     negligible : sum over the steps that is not worth being told from zero
-    beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
-        the true one is larger
+    beyond : of the sums that have been reached so far, (T,), whether they are more than can be of use: what is returned then is that,
+        and the true one is larger
     softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
         bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
     share : of the sum, what may be left where it is known from above
@@ -205,7 +222,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         far = of.spread(alpha)
         total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
         steps.append(float(gained.sum()))
-        if beyond(total):
+        if beyond(total + rest):
             return total, sweeps, x
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
         enough = enough or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, share) * worth else 0)

@@ -31,13 +31,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
-from orchestrator.method.stopping.bound import ROUNDING, Bound, dual_energy, relative
+from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, dual_energy, moved_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
@@ -122,33 +122,22 @@ class Certificate:
 
         useful : an error above it need not be known: it is infinite then, and ``least`` what has been reached
         """
-        space, team = self.space, self.space.team
         forces, lawful, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
-        h, pushed, robin = self.change(fields, forces), space.loads(fields.f), space.loads(self.stage.robin_of(fields))
-        a2 = dots(delta, times(self.stiffness, delta))
-        energy = self.stage.loading.energy_of(robin, fields.u, pushed) + 2 * dots(delta, self.external + pushed) + a2
-        a2, energy, rest, gap = team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * gap, gap)
+        h, (a2, energy) = self.change(fields, forces), moved_energy(self.stage, self.stiffness, self.external, fields, delta)
+        a2, energy, rest, gap = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * gap, gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
-        a = relative(float(np.sqrt(a2.max(initial=0.0))), size)
+        a = relative(_largest(a2), size)
         known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, lawful=lawful,
                           gap=gap, after=after, unbalanced=unbalanced, broken=broken)
         if a > useful or unbalanced.any() or broken.any():
             return replace(known, least=a)
-        least = 0.0
-
-        def beyond(reached: np.ndarray) -> bool:
-            """Whether the error is above what is useful: the dual energy is approached from below."""
-            nonlocal least
-            least = relative(float(np.sqrt(np.maximum(rest + reached, 0.0).max())), size)
-            return least > useful
-
-        factor = self.factor()
+        factor, reached = self.factor(), Reached(_largest, size, useful)
         times_at_most = 1.0 if np.isnan(factor) else factor
         met = max(size / (1 + 1 / useful) - self.floor * size, 0.0) / times_at_most if np.isfinite(useful) else 0.0
         # what rounding leaves of resultants has no energy
-        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, beyond, self.softness(), met=met**2)
-        if least > useful:
-            return replace(known, sweeps=sweeps, least=least)
+        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, reached, self.softness(), met=met**2)
+        if reached.least > useful:
+            return replace(known, sweeps=sweeps, least=reached.least)
         errors = np.sqrt(np.maximum(rest + b2, 0.0)) * times_at_most + self.floor * size
         return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps, factor=factor)
 
@@ -157,24 +146,32 @@ class Certificate:
         change = self.pairs.transfer.opposed(forces) - fields.extended[1]
         return self.space.loads(change[:, : self.space.size])
 
+    def radius(self, fields: Admissible) -> float:
+        """The largest displacement of the interfaces, beside which bodies may move."""
+        return max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
+
     def _pair(self, fields: Admissible) -> tuple:
         """λ̂ and d̂ (T, 3, P), δ (T, B), y (T, own modes), this rank's Σγ (T,), what is left to the next load step, bodies that are not
         in balance (T, bodies), and whether laws are broken (T,)."""
         pairs, forces, before = self.pairs, self.forces, self.before
         F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
-        radius = max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
-        found = []
+        radius, found = self.radius(fields), []
         for t, number in enumerate(pairs.numbers):
             balanced = forces(F[t], fields.f[t], before, number, radius)
             u = fields.u[t] + forces.displacement(balanced.y)
             known = None if held is None else held[t]
             placed = self.displacement(u, known, balanced.answer, balanced.F, before, number)
             before = History(placed.jump, balanced.answer.own)
-            lawful = pairs.masked(pairs.points.compliance(balanced.F - balanced.answer.force))
+            lawful = pairs.compliance(balanced.F - balanced.answer.force)
             found.append((balanced.answer.force, lawful, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,
                           not placed.admissible))
         force, lawful, delta, moved, gap, unbalanced, broken = (np.array(same) for same in zip(*found))
         return force, lawful, delta, moved, gap, before, unbalanced, broken
+
+
+def _largest(squares: np.ndarray) -> float:
+    """The largest error of squared ones (T,)."""
+    return float(np.sqrt(np.maximum(squares, 0.0).max(initial=0.0)))
 
 
 def _per_node(diagonal: np.ndarray, space: TraceSpace) -> np.ndarray:

@@ -98,7 +98,8 @@ class Estimator:
         bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)]) for side in (0, 1))
         lame = np.array([m.lame for m in scene.materials])[scene.cell_material[order]]
-        return cls(nodes, cells, components(one, two, len(nodes))[1], lame, None if scene.thermal is None else scene.thermal[:, order], order)
+        return cls(nodes, cells, components(one, two, len(nodes))[1], lame, None if scene.thermal is None else scene.thermal[:, order],
+                   order)
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
         """Estimate the error of displacements.

@@ -74,7 +74,7 @@ class Friction:
         return float(1 / np.sqrt(1 - q2)) if q2 < 1 else np.nan
 
     def _reading(self) -> tuple[sp.csr_array, np.ndarray]:
-        """``read`` and ``weight``: of either side, a share by the other's stiffness, where nodes are paired; of the first side elsewhere."""
+        """``read`` and ``weight``: where nodes are paired of either side, a share by the other's stiffness; else of the first side."""
         space, pairs = self.space, self.pairs
         gather, there = space.gather, space.gather >= 0
         interfaces = np.bincount(gather[there], minlength=len(space.global_dof))  # that a boundary dof is on
@@ -96,7 +96,7 @@ class Friction:
         return sp.csr_array(sp.diags_array(np.tile(share, 3)) @ one - sp.diags_array(np.tile(1 - share, 3)) @ two), weight
 
     def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
-        """(3P, D + G) rows that read the pairs' forces off those of either side alone; empty ones of the second where it does not tell them."""
+        """(3P, D + G) rows that read the pairs' forces off those of either side alone, empty ones of a second that does not tell."""
         transfer = self.pairs.transfer
         first, read = np.zeros(transfer.total), transfer.products.E
         for i in self.pairs.interfaces:

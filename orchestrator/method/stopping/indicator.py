@@ -60,7 +60,8 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
     squares = [_square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
                _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     resultant = [] if macro is None else macro.imbalance(f)
-    sums, ends = space.team.both([*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares, *resultant], ends)
+    sums, ends = space.team.both([*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares, *resultant],
+                                 ends)
     (gap, total, counts), squares, resultant = sums[:3], sums[3:9], sums[9:]
     ratios = [float(np.sqrt(part / whole)) if whole > 0 else 0.0 for part, whole in zip(squares[::2], squares[1::2])]
     macro_imbalance = np.nan

@@ -27,7 +27,7 @@ from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import dual_energy
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.influence import Influence
-from orchestrator.method.stopping.judged import Judged, duality_gap
+from orchestrator.method.stopping.judged import Judged
 
 LESS, TRIES = 0.1, 8  # what t is lowered by where no forces are found, and how often it is tried
 BETTER, SEARCHES = 0.3, 3  # change of log t that is worth another evaluation, and evaluations for it
@@ -89,7 +89,7 @@ class _Work:
     def __init__(self, certificate: Certificate, fields: Admissible, at: Judged, loads: PointLoads):
         self.certificate, self.fields, self.at, self.loads = certificate, fields, at, loads
         team = certificate.space.team
-        self.radius = max(team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
+        self.radius = certificate.radius(fields)
         self.sole = certificate.stage.direction.robin(loads.moved)
         held, = team.sum(dots(loads.moved, self.sole))
         self.strain = loads.energy - held  # ‖M⁻¹q‖²_K
@@ -123,4 +123,4 @@ class _Work:
         number, before = c.pairs.numbers[t], at.before[t]
         balanced = c.forces(at.predicted[t], self.fields.f[t], before, number, self.radius, [tau * r[j] for r in self.loads.resultant])
         force = balanced.answer.force
-        return force, duality_gap(c, force, at.jump[t], before, number), not balanced.unbalanced.any()
+        return force, float(c.pairs.duality_gap(force, at.jump[t], before, number).sum()), not balanced.unbalanced.any()

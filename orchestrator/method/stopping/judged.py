@@ -57,8 +57,7 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
     v, = space.extended(stage.trace(u + delta))
     jump = pairs.transfer.jump(v)
     predicted = bound.forces + pairs.points.stiffness(bound.lawful) if known else pairs.traces(*fields.extended).predicted()
-    radius = max(space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
-    before, begun, answers, forces, gap = certificate.before, [], [], [], []
+    radius, before, begun, answers, forces, gap = certificate.radius(fields), certificate.before, [], [], [], []
     for t, number in enumerate(pairs.numbers):
         if known:
             answer, force = pairs.force(predicted[t], before, number), bound.forces[t]
@@ -67,7 +66,7 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
             if balanced.unbalanced.any():
                 return None
             answer, predicted[t], force = balanced.answer, balanced.F, balanced.answer.force
-        gap.append(duality_gap(certificate, force, jump[t], before, number))
+        gap.append(pairs.duality_gap(force, jump[t], before, number).sum())
         begun.append(before)
         before = History(jump[t], answer.own)
         answers.append(answer)
@@ -92,14 +91,3 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
         half = np.maximum.accumulate(half)
     left = np.full(len(gap), share * max(whole.sum(), nothing))
     return Judged(delta, jump, begun, forces, predicted, answers, h, x, left, squares, gap, half, factor)
-
-
-def duality_gap(certificate: Certificate, force: np.ndarray, jump: np.ndarray, before: History, number: int) -> float:
-    """Σγ of forces and jumps (3, P) at this rank's points in one load step."""
-    pairs, total = certificate.pairs, 0.0
-    for run in pairs.runs:
-        if run.law.prices:
-            part = run.part
-            gap = run.law.duality_gap(run.points.at(number), force[:, part], jump[:, part], before.jump[:, part])
-            total += float(gap[pairs.mine[part]].sum())
-    return total

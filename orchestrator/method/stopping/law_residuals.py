@@ -30,7 +30,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from orchestrator.laws.base import Stages
-from orchestrator.laws.points import dot
+from orchestrator.laws.points import norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.point_traces import PointTraces
@@ -198,7 +198,7 @@ def _measured(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, bef
     for law in pairs.laws:
         largest += _of_law(pairs, here[law], at, local, before) if law in here else [0.0] * (2 + len(law.measures))
     if pairs.stabilisation is not None:
-        tractions = (np.sqrt(dot(x, x)) / points.area for x in (local.force - local.lawful, local.lawful))
+        tractions = (norm(x) / points.area for x in (local.force - local.lawful, local.lawful))
         largest += [*map(_largest, tractions), _largest(points.stiff_n / points.area)]
     return np.array([top, bottom, unbalanced, stiff]), largest
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.errors import SHOWN, some
-from orchestrator.laws.points import Carries, dot
+from orchestrator.laws.points import Carries, norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.stopping.bodies import Bodies, RIGID
@@ -139,7 +139,7 @@ class LimitLoads:
 
     def missing(self, pairs: Pairs, before: History, number: int, force: np.ndarray) -> np.ndarray:
         """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all forces on the body, in magnitude."""
-        reach, size = self.reach(pairs, before, number), np.sqrt(dot(force, force))[pairs.mine]
+        reach, size = self.reach(pairs, before, number), norm(force)[pairs.mine]
         left, carried = np.zeros((self.bodies.count, RIGID)), np.zeros(self.bodies.count)
         for k, columns in enumerate((slice(0, RIGID), slice(RIGID, 2 * RIGID))):
             np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force[:, pairs.mine]))

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.interface.rows import Segments
+from orchestrator.method.interface.rows import DEPENDENT, Segments
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 12  # by then the largest eigenvalue of ten grains' and of blocks' is known to a hundredth
 SAFE = 0.5  # of σ
-DEPENDENT = 1e-10  # eigenvalue of the motions' Gram matrix, over the largest, that counts as zero
 LEAST = 1e-8  # what is softer is taken to be as soft
 
 
