@@ -47,7 +47,8 @@ def command(does: Callable[..., int | None]) -> Callable[..., int | None]:
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
-RunPrograms = Annotated[bool, typer.Option("--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
+RunPrograms = Annotated[bool, typer.Option(
+    "--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
 
 
 @command

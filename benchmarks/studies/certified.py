@@ -108,7 +108,8 @@ def held(number: int, code: str = "freefem") -> tuple[dict[str, Any], dict[str, 
     gap, asked, cells = float(rng.choice([0, 0, 0.001, -0.001])), float(rng.choice(ASKED)), int(rng.integers(2, 6))
     bodies, names = _piled(2, _any_size(rng) if apart else lambda height: {"box": {"size": [1, 1, height], "cells": [cells] * 3}})
     top = [*map(float, rng.uniform(-0.01, 0.01, 2)), -float(rng.uniform(0.003, 0.012))]
-    labels = {"kind": "held apart" if apart else "held", "friction": friction, "gap": gap, "contrast": contrast, "steps": 1, "element": "P1",
+    labels = {"kind": "held apart" if apart else "held", "friction": friction, "gap": gap, "contrast": contrast, "steps": 1,
+              "element": "P1",
               "asked": asked}
     return {
         "name": f"held-{number}", **bodies, "materials": [{"young": YOUNG, "poisson": 0.3}, {

@@ -96,7 +96,8 @@ class _Run:
         with np.load(self.folder / "fields.npz") as mine, np.load(folder / "fields.npz") as theirs:
             one, other = mine["displacement"], theirs["displacement"]
         mine, theirs = history(self.folder), history(folder)
-        return {"iterations": len(theirs), "same_iterations": abs(len(theirs) - len(mine)) <= LOST and [row["iteration"] for row in theirs] == [str(i + 1) for i in range(len(theirs))],
+        return {"iterations": len(theirs), "same_iterations": abs(len(theirs) - len(mine)) <= LOST
+                and [row["iteration"] for row in theirs] == [str(i + 1) for i in range(len(theirs))],
                 "difference": float(np.abs(one - other).max() / np.abs(one).max())}
 
 

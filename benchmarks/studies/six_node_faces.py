@@ -39,7 +39,8 @@ def run(study: Study, slenderness: tuple[int, ...] = (5, 10), sizes: tuple[float
         for element in COLOURS:
             solved = _solved(study, {"case": f"cantilevers {length}", "element": element, "size": 1.0}, cantilevers(length), code, tip)
             if element == "P2":
-                study.target(f"two cantilevers {length} times as long as high, tip over theory", f"at least {STIFF}", f"{tip(solved)['tip']:.3f}",
+                study.target(f"two cantilevers {length} times as long as high, tip over theory", f"at least {STIFF}",
+                             f"{tip(solved)['tip']:.3f}",
                              STIFF <= tip(solved)["tip"] <= 2 - STIFF)
     figure, (axes,) = panels(1, len(sizes), size=(4.5 * len(sizes), 3.5))
     for panel, size in zip(axes, sizes):

@@ -1,9 +1,9 @@
 """Hard cases: each is solved within its bound, refused with a message, or stopped with its cause; none is wrong.
 
-With perfect interfaces the true error, against the undecomposed solution, must not exceed the bound. With contact it is the
-energy error that the run tells beside the true one, against a solution in one piece that shares no code with the method: guaranteed ones are
-at least the true one, estimated ones half of it. Where either is not known the written fields are judged by what the run did not compute
-itself: reactions that balance, the laws node by node, and a second run with soles of other stiffness.
+With perfect interfaces the true error, against the undecomposed solution, must not exceed the bound. With contact it is the energy
+error that the run tells beside the true one, against a solution in one piece that shares no code with the method: guaranteed ones
+are at least the true one, estimated ones half of it. Where either is not known the written fields are judged by what the run did
+not compute itself: reactions that balance, the laws node by node, and a second run with soles of other stiffness.
 """
 
 from __future__ import annotations
@@ -170,8 +170,10 @@ def _targets(study: Study) -> None:
     for kind in ("guaranteed", "estimated"):
         ratios = [r["effectivity"] for r in converged if r.get("error_kind") == kind]
         if ratios:
-            study.target(f"error told over true error, converged rows with contact, {kind}", f"at least {1 if kind == 'guaranteed' else 1 / ESTIMATED:g}",
-                         f"{min(ratios):.2f} to {max(ratios):.2f} of {len(ratios)}", min(ratios) >= (1 if kind == "guaranteed" else 1 / ESTIMATED))
+            study.target(f"error told over true error, converged rows with contact, {kind}",
+                         f"at least {1 if kind == 'guaranteed' else 1 / ESTIMATED:g}",
+                         f"{min(ratios):.2f} to {max(ratios):.2f} of {len(ratios)}",
+                         min(ratios) >= (1 if kind == "guaranteed" else 1 / ESTIMATED))
     known = [r["effectivity"] for r in converged if "error_kind" not in r]
     study.target("bound over true error, converged rows with perfect interfaces", f"1 to {EFFECTIVITY:g}",
                  f"{min(known):.2f} to {max(known):.2f}; {sum(e > EFFECTIVITY for e in known)} of {len(known)} above",

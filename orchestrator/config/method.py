@@ -82,9 +82,9 @@ class Tolerance(Part):
     """Exactly one criterion: error, law or indicator."""
 
     error: AutoFraction | None = Field(None, description=(
-        "bound on the relative energy error, between 0 and 1: guaranteed for convex laws, such as bonds and contact without friction, mostly "
-        "an estimate with Coulomb's; where bodies are loose, or matter is nonlinear, as law; auto: a fraction of the estimated discretisation "
-        "error, since nobody should pay for 1e-9 on a 3 % mesh"))
+        "bound on the relative energy error, between 0 and 1: guaranteed for convex laws, such as bonds and contact without friction, "
+        "mostly an estimate with Coulomb's; where bodies are loose, or matter is nonlinear, as law; auto: a fraction of the estimated "
+        "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
     law: Fraction | None = Field(None, description=(
         "where interfaces are not perfect: the largest relative residual of equilibrium and laws, which says nothing of the error"))
     fraction: Fraction | None = Field(None, description=(

@@ -58,8 +58,8 @@ class Iterated:
             return increments[0]
         decisive, final = next((x for x in increments if not x.converged), increments[-1]), increments[-1]
         return cls(Admissible.joined([x.fields for x in increments]), LocalState.joined([x.local for x in increments]),
-            type(increments[0].bound).joined([x.bound for x in increments]), decisive.converged, decisive.stop_reason, final.iterations, final.sweeps,
-            decisive.last, [event for x in increments for event in x.history],
+            type(increments[0].bound).joined([x.bound for x in increments]), decisive.converged, decisive.stop_reason, final.iterations,
+            final.sweeps, decisive.last, [event for x in increments for event in x.history],
             {name: [found for x in increments for found in x.found[name]] for name in increments[0].found})
 
     def by_pairing(self, d: Decomposition) -> Iterator[tuple[slice, Pairs, History]]:

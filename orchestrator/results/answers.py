@@ -69,7 +69,8 @@ class Answers:
         if self.interfaces.names:
             self.interfaces.write(folder)
         if self.probes:
-            names, columns = zip(*((f"{probe['name']}.{name}", column) for probe in self.probes for name, column in probe["values"].items()))
+            names, columns = zip(*((f"{probe['name']}.{name}", column) for probe in self.probes
+                                   for name, column in probe["values"].items()))
             rows = [[step + 1, *("" if column is None else repr(column[step]) for column in columns)] for step in range(self.steps)]
             folder.write_table(PROBES, [["load_step", *names], *rows])
 
@@ -116,7 +117,8 @@ class InterfaceTable:
         numbers = np.concatenate([r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
             np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]], axis=2)
         return folder.write_table(INTERFACES, [OF_INTERFACES, *([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
-            for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)) for step, row in enumerate(numbers[:, k].tolist()))])
+            for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws))
+            for step, row in enumerate(numbers[:, k].tolist()))])
 
 
 def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

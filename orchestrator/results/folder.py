@@ -164,7 +164,8 @@ def _in_the_way(directory: Path, names: Sequence[str]) -> Problem:
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     shown = ", ".join(sorted(names)[:SHOWN])
     return Problem(DIRECTORY_KEY, f"{what} in {directory} not written by this program, or changed since: {shown}{more}",
-                   "a folder in which the names of results are free", "rename or remove what is yours, or choose another folder with --output")
+                   "a folder in which the names of results are free",
+                   "rename or remove what is yours, or choose another folder with --output")
 
 
 def _problem(directory: Path, what: str, error: OSError) -> Problem:

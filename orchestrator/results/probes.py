@@ -131,7 +131,8 @@ def _elsewhere(probe: Surface, scene: Scene, mine: np.ndarray, ends: np.ndarray)
     on, beside = np.zeros((2, int(ends[-1])), dtype=bool)
     volumes = [scene.mesh.volume[s.cells[0]] for s in scene.subdomains]
     for i in scene.interfaces:
-        if i.law.perfect and i.mortar is None and (not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()):
+        within = not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()
+        if i.law.perfect and i.mortar is None and within:
             continue  # both sides are counted
         for side, e in enumerate(i.subdomains):
             faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]

@@ -44,7 +44,8 @@ class Record(Subscriber):
     Raises InputError: nothing to resume from, folder not writable, disk full
     """
 
-    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *, resume: bool = False):
+    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *,
+                 resume: bool = False):
         problem = problem_of(config.complete(), scene.mesh.nodes, scene.mesh.cells)
         key = digest_of(problem)
         self.start = load_checkpoint(folder, key, problem) if resume else None
@@ -128,7 +129,8 @@ class Record(Subscriber):
         """Have the convergence drawn while the fields are computed."""
         if self._artist and self._last and self._history.whole:
             self._begun = True
-            known = {"name": self._config.name, "converged": event.converged, "tolerance": self._last.tolerance, "config": self._config.complete(),
+            known = {"name": self._config.name, "converged": event.converged, "tolerance": self._last.tolerance,
+                     "config": self._config.complete(),
                      "status_counts": None if all(i.law.perfect for i in self.scene.interfaces) else {}}
             self._artist.begin(write_figures, self._folder, known, read_history(self._folder.path))
 

@@ -62,7 +62,8 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
             name, own, axis, point = found
             corners = mesh.nodes[mesh.cells[own, :4]]
             height = (corners - point) @ axis
-            ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0, (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
+            ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0,
+                                       (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
             planes.append((i, name, axis, point, own))
     if not planes:
         return partition, []
@@ -99,7 +100,10 @@ def _plane(mesh: Mesh, faces: Faces, partition: Partition, bolt: Any, known: lis
     if name in known:
         return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
     own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-    plane = across_shank(mesh, faces, own) if bolt.cut == "auto" else (np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float))
+    if bolt.cut == "auto":
+        plane = across_shank(mesh, faces, own)
+    else:
+        plane = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     if plane is None:
         return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
                      "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")

@@ -53,7 +53,9 @@ def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
 
 
 def metis(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
-    """``entry`` connected parts of about equal size; every connected piece of every volume is cut by itself, so that no part straddles two solids.
+    """``entry`` connected parts of about equal size.
+
+    Every connected piece of every volume is cut by itself, so that no part straddles two solids.
 
     Raises InputError: more connected pieces than parts
     """

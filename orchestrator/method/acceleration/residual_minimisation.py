@@ -1,8 +1,8 @@
 """Residual minimisation of the fixed point s = F(s), a row (load step) at a time.
 
-Every evaluation gives a residual r = F(s) − s, which is minimised over affine combinations of the evaluations so far. Written with orthonormal residual
-differences this is the generalised conjugate residual method: with the whole history kept it is
-GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
+Every evaluation gives a residual r = F(s) − s, which is minimised over affine combinations of the evaluations so far.
+Written with orthonormal residual differences this is the generalised conjugate residual method: with the whole history kept it
+is GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
 
     Δs = s − s*,  Δr = r − r*        what the evaluation adds to the best combination (s*, r*)
     orthonormalise Δr against the kept directions, the same steps on Δs

@@ -174,7 +174,8 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area,
         at_corners([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own, *(() if shifts is None else shifts))
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own,
+        *(() if shifts is None else shifts))
 
 
 def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -> tuple:

@@ -26,7 +26,8 @@ WEAKER = 0.1  # ε over the one before
 # How often at a time, and how many such times. 64 and 125 grains to an energy error of 1e-4 take 50 to 63 iterations with two hundredths,
 # 54 to 73 with one thousandth, 57 to 91 with three tenths.
 AT_ONCE, STAGES = 2, 2
-# The least ε that springs are given where they do not keep a run from its end: rounding kept a block from its place that 2.5e-11 alone held.
+# The least ε that springs are given where they do not keep a run from its end: rounding kept a block from its place that 2.5e-11
+# alone held.
 LEAST = 1e-10
 FAINTEST = 1e-14  # the least ε where they do: what such springs carry is rounding of what points do
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left

@@ -92,7 +92,8 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
 
 def time_per_stage(summary: Mapping[str, object]) -> Figure:
     """Bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
-    timing, entries = summary["timing"], summary.get("codes") or [{"code": "the black box", "seconds": summary["timing"].get("blackbox") or {}}]
+    timing = summary["timing"]
+    entries = summary.get("codes") or [{"code": "the black box", "seconds": timing.get("blackbox") or {}}]
     total, wall = float(timing["total"]), stage_seconds(timing)
     sections = [(f"wall clock: {total:.2f} s", wall if wall[-1][1] > 0.005 * total else wall[:-1], BLUE)]
     for entry in entries:

@@ -129,7 +129,8 @@ def _codes(summary: Mapping[str, object]) -> str:
     """CPU seconds of each code by kind of work, and the orchestrator's seconds of wall clock."""
     kinds = ("start", "assemble", "factorise", "solve", "total")
     rows = [(code_label(entry), str(len(entry["subdomains"])), *(f"{entry['seconds'][kind]:.2f}" for kind in kinds),
-             f"{sum(note['unit_loads'] for note in entry['compliances']):,}") for entry in summary["codes"]] if told_by_code(summary) else []
+             f"{sum(note['unit_loads'] for note in entry['compliances']):,}")
+             for entry in summary["codes"]] if told_by_code(summary) else []
     if rows and (own := summary.get("orchestrator_seconds")) is not None:
         rows.append(("orchestrator", "", "", "", "", "", f"{own:.2f}", ""))
     return table(("code", "subdomains", *kinds[:-1], "seconds", "unit loads"), rows, numeric=True)
@@ -153,7 +154,8 @@ def _workload(summary: Mapping[str, object]) -> list[str]:
         stages = sorted((row for row in period["stages"] if row["share"] >= _LEAST), key=lambda row: (row["rank"], -row["seconds"]))
         ranks = period.get("ranks") or ()
         parts += section(f"Who did what: {PERIODS[key]}, {period['seconds']:.2f} s", *(
-            table(list(columns), [[form.format_map(row | {"percent": 100 * row[share]}) for form in columns.values()] for row in rows], True)
+            table(list(columns), [[form.format_map(row | {"percent": 100 * row[share]}) for form in columns.values()] for row in rows],
+                  True)
             for columns, share, rows in ((_STAGE, "share", [{**row, "name": STAGES.get(row["stage"], row["stage"])} for row in stages]),
                 (_WORKER, "idle_share", [{**row, "ready": row["start"] + row["assemble"] + row["factorise"],
                                           **{name: max(row[name], 0.0) for name in ("solve", "messages", "waiting", "idle")}}

@@ -199,7 +199,8 @@ def _read(path: Path) -> list[dict[str, str]]:
 def interface_section(summary: Mapping[str, object]) -> list[str]:
     """Laws, status, bodies that nothing holds, resultants; what is not known is left out."""
     resultants, counts, bolts = summary.get("interface_resultants") or [], summary.get("status_counts"), summary.get("bolts") or []
-    laws = [(law, str(sum(entry["law"] == law for entry in resultants)), *((LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")))
+    laws = [(law, str(sum(entry["law"] == law for entry in resultants)),
+             *((LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")))
             for law in sorted({entry["law"] for entry in resultants})]  # some of another's may not be registered here
     names = shown_statuses(counts)
     tightened = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts

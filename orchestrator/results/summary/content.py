@@ -162,7 +162,8 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
             {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law), "resultant": force}
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held, **_unbalanced(scene, delivered), **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
+        "detached": detached, "weakly_held": weakly_held, **_unbalanced(scene, delivered),
+        **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
 
 
 def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:
@@ -176,8 +177,8 @@ def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
     """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
     own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
-            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is meant: "
-            "nothing shows that it is"] if own else []
+            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "
+            "meant: nothing shows that it is"] if own else []
 
 
 def _nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:

@@ -108,7 +108,8 @@ def _reactions(summary: Mapping[str, object]) -> str:
     """Of the last load step."""
     names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
     largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
-    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}" for name, steps in zip(names, reactions) if steps]
+    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}" for name, steps in zip(names, reactions)
+             if steps]
     return "\n".join(texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN))
 
 
@@ -249,7 +250,8 @@ def _codes(summary: Mapping[str, object]) -> str:
         rows.append(f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} subdomain{'s' * (count != 1)}" + (
             f"; asked once for the interface compliance of {len(asked)} of them ({sum(note['unit_loads'] for note in asked):,} unit loads, "
             f"{sum(note['seconds'] for note in asked):.2f} s), cheaper than a run per iteration" if asked else ""))
-    return "\n".join(rows + [_numbers(summary, "orchestrator_seconds", "orchestrator: {:.2f} s of wall clock, between requests")] * bool(rows))
+    return "\n".join(rows + [_numbers(summary, "orchestrator_seconds", "orchestrator: {:.2f} s of wall clock, between requests")]
+                     * bool(rows))
 
 
 def _workers(summary: Mapping[str, object]) -> str:
@@ -292,7 +294,8 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
     ("mesh's error", _mesh), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
-    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))), ("places", lambda summary: "\n".join(place_sentences(summary))),
+    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
+    ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),
     ("element", ("element", "{}")), ("time", _time), ("codes", _codes), ("workers", _workers), ("ranks", _ranks), ("skipped", _skipped),
     ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))

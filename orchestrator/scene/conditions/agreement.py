@@ -226,7 +226,8 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
 def _opposite(interface: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Where corners of the slave lie on the master's facets.
 
-    Returns place : (p,) int, nodes of the slave; others : (p, 3) int, nodes of the master; weight : (p, 3) shares of these, that sum up to 1
+    Returns place : (p,) int, nodes of the slave
+    others : (p, 3) int, nodes of the master; weight : (p, 3) shares of these, that sum up to 1
     apart : (p,) how far the two places are from each other
     """
     s = interface.surfaces

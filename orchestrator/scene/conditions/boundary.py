@@ -41,7 +41,8 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
         if len(inside) and not isinstance(does, Prescribed):
             where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
             problems.add((*path, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the first at {where}: a {entry.acts} "
-                         "there has no side to act on", "faces of the outer boundary", "select outer faces; for forces inside the body use loads:")
+                         "there has no side to act on", "faces of the outer boundary",
+                         "select outer faces; for forces inside the body use loads:")
         cells = np.c_[faces.owner[chosen], faces.neighbour[chosen]]
         resolved.append(BoundaryEntry(i, entry.acts, triangles, cells, np.unique(triangles), does))
     return resolved
@@ -146,9 +147,9 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
                 one = int(np.flatnonzero(clash)[0])
                 step = int(np.flatnonzero(differs[:, one])[0])
                 problems.add(("boundary", entry.index, "displacement"),
-                             f"boundary[{earlier[one]}] and boundary[{entry.index}] contradict each other on {clash.sum()} nodes, the first at "
-                             f"{format_point(mesh.nodes[numbering.nodes[first[at[one]]]])}: u{'xyz'[c]} = {there[step, one]:g} and "
-                             f"{wanted[step, one]:g} at load step {step + 1}", "one value per node and component",
+                             f"boundary[{earlier[one]}] and boundary[{entry.index}] contradict each other on {clash.sum()} nodes, the "
+                             f"first at {format_point(mesh.nodes[numbering.nodes[first[at[one]]]])}: u{'xyz'[c]} = {there[step, one]:g} "
+                             f"and {wanted[step, one]:g} at load step {step + 1}", "one value per node and component",
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")
             values[:, at, c] = wanted
             setter[at, c] = entry.index

@@ -146,7 +146,8 @@ class Finder:
         triangles, owner, other = self.faces.triangles[chosen], self.faces.owner[chosen], self.faces.neighbour[chosen]
         first, second = allowed[owner], (other >= 0) & allowed[other]
         if not (first | second).any():
-            self.problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has", "name another part, or leave it out")
+            self.problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has",
+                              "name another part, or leave it out")
             return None
         between = first & second & (self.mesh.volume[owner] != self.mesh.volume[other])
         if between.any():

@@ -82,9 +82,9 @@ class Outside:
         if exact.any():
             taken &= exact | (off <= THICKNESS * np.median(across[exact].min(axis=1)))
         elif taken.any() and not taken.all():
-            self.problems.add(self.path, f"{what} meets no face exactly; some are up to {off[taken].max():.3g} off, as are others of thin parts, by up "
-                         f"to {off[~taken].max():.3g}", "the coordinates of the faces that are meant",
-                         "write them with all their digits, or name a surface of the mesh")
+            self.problems.add(self.path, f"{what} meets no face exactly; some are up to {off[taken].max():.3g} off, as are others of "
+                              f"thin parts, by up to {off[~taken].max():.3g}", "the coordinates of the faces that are meant",
+                              "write them with all their digits, or name a surface of the mesh")
         hit = np.zeros(len(self.outer), dtype=bool)
         hit[near[taken]] = True
         return hit

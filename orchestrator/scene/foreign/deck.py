@@ -62,12 +62,13 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
     for card, options, where in headings(file, path):
         if card in OF_STEPS and not (loads and "NLGEOM" in options):
             said = (f"*{card}", "what stands between *STATIC and *END STEP", "leave this line out: steps are made here") if loads else (
-                f"*{card}", "the deck up to its first *STEP", "put what stands between *STATIC and *END STEP in a file of its own, loads:, and "
-                "leave the rest out")
+                f"*{card}", "the deck up to its first *STEP",
+                "put what stands between *STATIC and *END STEP in a file of its own, loads:, and leave the rest out")
         elif card.replace(" ", "").startswith(OF_FILES):
             said = f"*{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads", "leave the card out"
         elif "NLGEOM" in options:
-            said = f"NLGEOM on *{card}: large displacements, to which joint forces are not proportional", "a linear part", "leave NLGEOM out"
+            said = (f"NLGEOM on *{card}: large displacements, to which joint forces are not proportional", "a linear part",
+                    "leave NLGEOM out")
         elif card in NONLINEAR - (FLOWING if nonlinear else set()):
             said = (f"*{card}, which makes the part nonlinear", "a linear part: its answers are superposed",
                      "write nonlinear: true in its entry, so that load steps are replayed" if card in FLOWING else
@@ -116,7 +117,8 @@ def check_kept(files: list[Path], path: KeyPath) -> None:
     before: dict[tuple[str, ...], Row] = {}
     for i, file in enumerate(files):
         new = {card for card, options, _ in headings(file, path) if _new(options)}
-        said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row for card, _, rows in cards(file) if card in KEPT for row in rows}
+        said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row for card, _, rows in cards(file) if card in KEPT
+                for row in rows}
         for key, row in before.items():
             if key not in said and key[0] not in new:
                 raise wrong((*path, i), f"{file} says nothing of {', '.join(key[1:])} under *{key[0]}, which CalculiX would keep "

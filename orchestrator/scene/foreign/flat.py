@@ -97,7 +97,8 @@ def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, pa
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", normal[shared // 3], normal[first[at[shared]] // 3])
     if len(shared) and cosine.min() < FOLDED:
-        raise _wrong(path, name, ids[edges[shared[cosine.argmin()]]], "lie on each other", "look for ids that are exchanged, in the table of "
+        raise _wrong(path, name, ids[edges[shared[cosine.argmin()]]], "lie on each other",
+                     "look for ids that are exchanged, in the table of "
                      "nodes or in the faces")
 
 
@@ -118,12 +119,13 @@ def missing_faces(points: np.ndarray, triangles: np.ndarray, others: np.ndarray,
         every = np.vstack([points[np.unique(triangles[own])], others[np.abs((others - origin) @ normal) <= PLANE * size_of(points)]])
         made, area, beside = between_nodes(every, normal)
         samples = np.einsum("sc,kcx->skx", INSIDE, every[made])  # diagonals may be others than the faces'
-        bare = area * (beside <= 2 * UNEVEN) * ~_covered(samples.reshape(-1, 3), points[triangles[own]], normal).reshape(len(INSIDE), -1) / 3
+        covers = _covered(samples.reshape(-1, 3), points[triangles[own]], normal).reshape(len(INSIDE), -1)
+        bare = area * (beside <= 2 * UNEVEN) * ~covers / 3
         covered = np.linalg.norm(area_vectors(points, triangles[own]), axis=1).sum()
         if 0 < bare.sum() <= ODD * covered:
             where = format_point(samples.reshape(-1, 3)[bare.argmax()])
-            found.append(f"faces of {name!r} cover {covered:.4g} of area, and about {bare.sum():.2g} between nodes beside them, at {where}, "
-                         "is on none: are faces missing?")
+            found.append(f"faces of {name!r} cover {covered:.4g} of area, and about {bare.sum():.2g} between nodes beside them, at "
+                         f"{where}, is on none: are faces missing?")
     holes = [loop for loop in _holes(triangles) if not flat[np.isin(triangles, loop).any(axis=1)].all()]
     return found + [f"faces of {name!r} leave a hole of {len(loop)} edges at {format_point(points[loop].mean(axis=0))}: are faces missing?"
                     for loop in holes if len(loop) <= HOLE]
@@ -165,7 +167,8 @@ def _holes(triangles: np.ndarray) -> list[np.ndarray]:
     border = edges[~np.isin(edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0])]
     loop, piece = components(*border.T, size)[1], components(*edges.T, size)[1]
     loops = [np.flatnonzero(loop == own) for own in np.unique(loop[border[:, 0]])]
-    longest = {own: max((len(other) for other in loops if piece[other[0]] == own), default=0) for own in np.unique(piece[border[:, 0]]).tolist()}
+    longest = {own: max((len(other) for other in loops if piece[other[0]] == own), default=0)
+               for own in np.unique(piece[border[:, 0]]).tolist()}
     return [own for own in loops if len(own) < longest[int(piece[own[0]])]]
 
 

@@ -61,7 +61,8 @@ class Cylindrical:
         pierced = (turns > 0).all(axis=1) | (turns < 0).all(axis=1)
         if pierced.any():
             centre = nodes[triangles[np.flatnonzero(pierced)[0], :3]].mean(axis=0)
-            problems.add(path, f"a face that the frame's axis runs through, at {format_point(centre)}: nothing is radial there", "faces beside the axis",
+            problems.add(path, f"a face that the frame's axis runs through, at {format_point(centre)}: nothing is radial there",
+                         "faces beside the axis",
                          "move the frame's axis, or select faces that do not meet it")
 
 

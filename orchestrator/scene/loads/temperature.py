@@ -98,14 +98,16 @@ def _shortest_edges(mesh: Mesh) -> np.ndarray:
     return result
 
 
-def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, times: np.ndarray, key: KeyPath, problems: Problems) -> np.ndarray | None:
+def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, times: np.ndarray, key: KeyPath,
+             problems: Problems) -> np.ndarray | None:
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
     expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
     try:
         text = path.read_text(encoding="utf-8")
         if ";" in text and "," in text:
             raise ValueError("commas beside semicolons: numbers have a decimal point")
-        lines = [(i, line) for i, line in enumerate(text.replace(",", " ").replace(";", " ").splitlines(), 1) if line.partition("#")[0].strip()]
+        lines = [(i, line) for i, line in enumerate(text.replace(",", " ").replace(";", " ").splitlines(), 1)
+                 if line.partition("#")[0].strip()]
         rows = np.loadtxt([line for _, line in lines], ndmin=2) if lines else np.empty((0, 0))
     except (OSError, ValueError) as error:  # what numpy says quotes the file, which may be another than is meant
         place = re.search(r"at row (\d+), column (\d+)", str(error))
@@ -114,8 +116,9 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
         problems.add(key, f"{path}: {found}", expected, "write such a file, for instance with numpy.savetxt")
         return None
     if rows.shape[1] not in (4, 3 + len(times)) or not np.isfinite(rows).all():
-        problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows" + ("" if np.isfinite(rows).all() else ", not all of them numbers"),
-                     expected, "write such a file, for instance with numpy.savetxt")
+        odd = "" if np.isfinite(rows).all() else ", not all of them numbers"
+        problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows{odd}", expected,
+                     "write such a file, for instance with numpy.savetxt")
         return None
     from scipy.spatial import cKDTree  # temperatures from files alone need it
 
@@ -139,7 +142,8 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
         column = 3 + int(np.abs(rows[chosen[worst], 3:] - rows[nearest[at], 3:]).argmax())
         one, other = sorted((nearest[at], chosen[worst]))
         problems.add(key, f"{path}: two temperatures at {format_point(points[at])}: {rows[one, column]:.6g} on line {lines[one][0]} and "
-                     f"{rows[other, column]:.6g} on line {lines[other][0]}", "one temperature at each place", "where bodies of different temperature "
+                     f"{rows[other, column]:.6g} on line {lines[other][0]}", "one temperature at each place",
+                     "where bodies of different temperature "
                      "touch, write a file for each of them, and an entry of loads with on: and that file")
         return None
     return times[:, None] * rows[nearest, 3:].T

@@ -59,7 +59,8 @@ def locked() -> bool:
     # clone3 hides its flags behind a pointer: the C library then takes clone
     steps += [(EQUAL, 0, 1, clone3), (RETURN, 0, 0, unknown), (EQUAL, 0, 3, clone),
               (LOAD, 0, 0, ARGUMENT), (ANY_BIT, 1, 0, THREAD), (RETURN, 0, 0, refuse), (RETURN, 0, 0, ALLOW)]
-    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))  # each: code, jumps if true and if false, value
+    # each: code, jumps if true and if false, value
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
     program = struct.pack("HP", len(steps), ctypes.addressof(code))
     prctl = ctypes.CDLL(None, use_errno=True).prctl
     return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
@@ -102,7 +103,10 @@ def _all_in_groups(model: Any) -> bool:
 
 
 def by_vtk(source: str, target: str) -> None:
-    """Writes points, cells, and arrays of one component on the cells and of the file, with their names; raises RuntimeError where VTK complains."""
+    """Writes points, cells, and arrays of one component on the cells and of the file, with their names.
+
+    Raises RuntimeError: VTK complains
+    """
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
@@ -132,8 +136,10 @@ def by_vtk(source: str, target: str) -> None:
         arrays = [a for a in arrays if a.GetName() and (what == "field" or a.GetNumberOfComponents() == 1)]
         found[f"{what}_names"] = np.array([a.GetName() for a in arrays], dtype=str)
         for i, a in enumerate(arrays):
-            text = a.IsA("vtkStringArray")
-            found[f"{what}_{i}"] = np.array([a.GetValue(j) for j in range(a.GetNumberOfValues())], dtype=str) if text else vtk_to_numpy(a).ravel()
+            if a.IsA("vtkStringArray"):
+                found[f"{what}_{i}"] = np.array([a.GetValue(j) for j in range(a.GetNumberOfValues())], dtype=str)
+            else:
+                found[f"{what}_{i}"] = vtk_to_numpy(a).ravel()
     np.savez(target, **found)
 
 

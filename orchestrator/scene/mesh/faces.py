@@ -70,7 +70,8 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     count = np.diff(np.r_[start, len(keys)])
     first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
     same_way = (count > 1) & (_even(triangles[first]) == _even(triangles[second]))
-    return Faces(nodes, triangles[first], keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2), np.flatnonzero(same_way))
+    return Faces(nodes, triangles[first], keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2),
+                 np.flatnonzero(same_way))
 
 
 def _even(triangles: np.ndarray) -> np.ndarray:

@@ -70,7 +70,8 @@ def _check_kinds(path: Path, kinds: set[str]) -> None:
     """Raises InputError where solid cells are not tets, all of them, or there are none."""
     solid = sorted(kinds - FLAT_CELLS)
     if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
-        problem = (f"tetrahedra of higher order ({', '.join(solid)})", "four- or ten-node tetrahedra", "save the mesh with linear elements (gmsh: "
+        problem = (f"tetrahedra of higher order ({', '.join(solid)})", "four- or ten-node tetrahedra",
+                   "save the mesh with linear elements (gmsh: "
                    "-order 1) and write blackbox: {element: P2}: the nodes amid the edges are put back here")
     elif not solid:
         problem = (f"no tetrahedra (it has {', '.join(sorted(kinds)) or 'no cells at all'})", "four-node tetrahedra",
@@ -222,8 +223,8 @@ def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
     tags = [np.ravel(values) for block, values in zip(raw.cells, raw.cell_data["gmsh:geometrical"]) if block.type == "tetra"]
     missing = known - len(np.unique(np.concatenate(tags)))
     return [] if missing <= 0 else [
-        f"{missing} of the {known} volumes of gmsh's model have no elements in the file: gmsh saves only what is in a physical group. If they "
-        "belong to the model, give each a physical group, or write the file with Mesh.SaveAll = 1"]
+        f"{missing} of the {known} volumes of gmsh's model have no elements in the file: gmsh saves only what is in a physical group. If "
+        "they belong to the model, give each a physical group, or write the file with Mesh.SaveAll = 1"]
 
 
 def _physical(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:

@@ -1,4 +1,7 @@
-"""Areas, volumes, gradients, shapes of tets; local size, area and normals at the nodes of a patch; order. Nodes amid edges play no part unless told."""
+"""Areas, volumes, gradients, shapes of tets; local size, area and normals at the nodes of a patch; order.
+
+Nodes amid edges play no part unless told.
+"""
 
 from __future__ import annotations
 

@@ -70,7 +70,8 @@ def locate(name: str) -> Path:
         for found in examples:
             if found.name == name.removeprefix("gmsh:") and (path := Path(found.locate())).is_file():
                 return path.resolve()
-        raise wrong(("mesh", "step"), f"{name}: no such example of gmsh", "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples})))
+        raise wrong(("mesh", "step"), f"{name}: no such example of gmsh",
+                    "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples})))
     if not Path(name).is_file():
         raise wrong(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file", "check the path")
     return Path(name)

@@ -70,9 +70,11 @@ class _Mesh(Model):
         for kind, table in self.blocks.items():
             blocks[kind] = place[np.clip(table[:, 1:], 0, len(place) - 1)]
             if (blocks[kind] < 0).any():
-                raise problem("", f"an element has node {table[:, 1:][blocks[kind] < 0][0]}, which is not there", "the nodes of every element")
+                raise problem("", f"an element has node {table[:, 1:][blocks[kind] < 0][0]}, which is not there",
+                              "the nodes of every element")
         cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
-        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in self.sets["ELSET"].items() if name}
+        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in self.sets["ELSET"].items()
+                 if name}
         for name, faces in self._faces(blocks, numbers, place).items():
             for kind, width in (("triangle", 3), ("quad", 4)):
                 of_kind = faces[(faces[:, 3] == _NO_NODE) == (width == 3), :width]
@@ -108,7 +110,8 @@ class _Mesh(Model):
                 at = order[np.clip(np.searchsorted(ids[order], members), 0, len(ids) - 1)]
                 at = at[ids[at] == members]
                 if not there[at, side].all():
-                    row.fail(f"a face S{side + 1} of an element that has fewer", "S1 … S4 of a tetrahedron, … S5 of a prism, … S6 of a hexahedron")
+                    row.fail(f"a face S{side + 1} of an element that has fewer",
+                             "S1 … S4 of a tetrahedron, … S5 of a prism, … S6 of a hexahedron")
                 chosen.append(table[at, side])
             found[name] = np.concatenate(chosen)
         skin = outer(table[there])
@@ -132,7 +135,8 @@ def _shape(kind: str, row: Row) -> tuple[str, int]:
     for head in ("STRI", "CPS", "CPE", "CAX", "M3D", "S"):
         if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
             return _FLAT[kind[len(head)]]
-    row.fail(f"elements of type {kind[:12] or '(none)'}", "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")
+    row.fail(f"elements of type {kind[:12] or '(none)'}",
+             "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")
 
 
 def solid_nodes(kind: str) -> int:

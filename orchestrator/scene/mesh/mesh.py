@@ -82,7 +82,8 @@ class Mesh:
     @property
     def one_body(self) -> list[np.ndarray]:
         """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
-        return [np.column_stack([np.full_like(own, own[0]), own]) for stand in self.foreign for own in [np.flatnonzero(self.volume == stand.volume)]]
+        return [np.column_stack([np.full_like(own, own[0]), own]) for stand in self.foreign
+                for own in [np.flatnonzero(self.volume == stand.volume)]]
 
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "
@@ -121,7 +122,8 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             complain(f"{bad.sum()} {what} of {len(bad)} tets; the first is cell {first} at "
-                     f"{format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}", "tets of positive volume, all oriented the same way", cure)
+                     f"{format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}", "tets of positive volume, all oriented the same way",
+                     cure)
     problems.raise_if_any()  # bad tets have bad faces: a second complaint would only distract
     faces = faces_of(mesh.cells, len(mesh.nodes))
     for what, index, cure in (

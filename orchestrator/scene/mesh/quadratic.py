@@ -140,4 +140,5 @@ def choose_element(mesh: Mesh, materials: list[Any], cell_material: np.ndarray) 
             "where there are fewer than four elements across a part, four-node tets are too stiff in bending"))
     if poisson > LOCKING:
         return Choice("P2", f"ν = {poisson:g}, at which four-node tets lock")
-    return Choice("P2", f"{unknowns:,} unknowns are not many, and ten-node tets, not too stiff in bending, gain more accuracy than they cost")
+    return Choice("P2",
+                  f"{unknowns:,} unknowns are not many, and ten-node tets, not too stiff in bending, gain more accuracy than they cost")

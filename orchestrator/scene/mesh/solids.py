@@ -11,7 +11,8 @@ import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems, some, wrong
-from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session
+from orchestrator.scene.mesh.gmsh_session import (
+    HXT, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.names import matching, suggestion
@@ -142,7 +143,8 @@ def _apart(path: Path, source: str, h: Any, exclude: list[str]) -> Mesh:
                 gmsh.model.setVisibility([(3, solid.tag)], 1, recursive=True)
                 solid.complaint = _mesh_visible(solid)
                 gmsh.model.mesh.clear()
-    failed = [Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {solid.complaint}", "solids whose faces close and can be "
+    failed = [Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {solid.complaint}",
+                      "solids whose faces close and can be "
                       f"meshed", f"repair the solid, try a smaller h, or leave it out: exclude: [{solid.name}]")
               for solid in solids if solid.complaint]
     if failed:
@@ -150,7 +152,8 @@ def _apart(path: Path, source: str, h: Any, exclude: list[str]) -> Mesh:
     starts = np.cumsum([0, *(len(solid.points) for solid in solids)])
     surfaces = {f"{solid.name}:{k}": triangles + start for solid, start in zip(solids, starts)
                 for k, triangles in enumerate(solid.surfaces, start=1)}
-    return Mesh(np.concatenate([solid.points for solid in solids]), np.concatenate([solid.cells + start for solid, start in zip(solids, starts)]),
+    return Mesh(np.concatenate([solid.points for solid in solids]),
+                np.concatenate([solid.cells + start for solid, start in zip(solids, starts)]),
                 np.repeat(np.arange(len(solids)), [len(solid.cells) for solid in solids]), [solid.name for solid in solids],
                 surfaces, source, remarks, list(surfaces))
 
@@ -188,7 +191,8 @@ def _sizes(names: list[str], h: Any) -> dict[str, float]:
                          suggestion(pattern, names, "solid"))
         sizes.update(dict.fromkeys(own, float(size)))
     if left := [name for name in names if name not in sizes]:
-        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}", "an element size for each solid", "begin with one for all: '*': 5")
+        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}", "an element size for each solid",
+                     "begin with one for all: '*': 5")
     problems.raise_if_any()
     return sizes
 

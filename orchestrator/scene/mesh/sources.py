@@ -47,7 +47,8 @@ def _named(mesh: Mesh) -> Mesh:
     if len(set(volumes)) < len(set(mesh.volumes)) or len(surfaces) < len(mesh.surfaces):
         raise wrong(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
                     "rename the groups")
-    return replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth], remarks=[*map(visible, mesh.remarks)])
+    return replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth],
+                   remarks=[*map(visible, mesh.remarks)])
 
 
 def make_parts(parts: list[OnePart], run_programs: bool | None = False) -> tuple[Mesh, Faces]:

@@ -128,7 +128,8 @@ def _tets(cells: np.ndarray, kind: str, order: np.ndarray) -> tuple[np.ndarray, 
     return tets[by_cell], parent[by_cell]
 
 
-def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.ndarray, kind: str, source: str) -> tuple[np.ndarray, np.ndarray]:
+def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.ndarray, kind: str,
+            source: str) -> tuple[np.ndarray, np.ndarray]:
     """The tets, positive all; a block whose cells are all inside out follows another convention."""
     volumes = tet_volumes(points, tets)
     if len(volumes) and volumes.max() < 0:
@@ -151,4 +152,5 @@ def _check_diagonals(raw: meshio.Mesh, quads: np.ndarray, order: np.ndarray, sou
     if len(wrong):
         raise bad_file(source, f"{len(wrong)} quads of hexahedra, prisms or pyramids have tetrahedra on their other side that cut "
                        f"them along the other diagonal; the first is around {format_point(raw.points[rolled[wrong[0]]].mean(axis=0))}",
-                       "pyramids between hexahedra and tetrahedra", "mesh the volume with tetrahedra alone, or let the program put pyramids between them")
+                       "pyramids between hexahedra and tetrahedra",
+                       "mesh the volume with tetrahedra alone, or let the program put pyramids between them")

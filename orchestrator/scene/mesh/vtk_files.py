@@ -26,7 +26,8 @@ FLAT = {"vertex", "line", "line3", "triangle", "triangle6", "quad", "quad8", "qu
 # Those whose nodes are numbered along the axes.
 ALONG_AXES = {8: ("quad", [0, 1, 3, 2]), 11: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6])}
 # Cell arrays that say which group a cell is in, the most telling first; case and _ do not matter.
-GROUPS = ("physicalname", "gmsh:physical", "physicalids", "physicalid", "medit:ref", "volume", "volumes", "part", "parts", "partid", "group",
+GROUPS = ("physicalname", "gmsh:physical", "physicalids", "physicalid", "medit:ref", "volume", "volumes", "part", "parts", "partid",
+          "group",
           "groups", "groupid", "region", "regionid", "materialid", "materialids", "material", "cellentityids", "gmsh:geometrical",
           "subdomain")
 
@@ -47,7 +48,8 @@ def read_vtk(path: Path) -> meshio.Mesh:
         raise bad_file(path, f"cells with nodes up to {nodes.max()} of {len(points)}", "the nodes of every cell", CURE)
     named, numbers = _groups(path, cell, field)
     # gmsh's physical names as pyvista keeps them: fields with tag and dimension
-    physical = {name: pair.astype(np.int64) for name, pair in field.items() if pair.dtype.kind in "iuf" and pair.size == 2 and pair[1] in (1, 2, 3)}
+    physical = {name: pair.astype(np.int64) for name, pair in field.items() if pair.dtype.kind in "iuf" and pair.size == 2
+                and pair[1] in (1, 2, 3)}
     known = {tuple(pair.tolist()): name for name, pair in physical.items()}
     kinds = np.unique(np.column_stack([types, widths]), axis=0).tolist()
     cells, found = [], {}
@@ -73,7 +75,8 @@ def _check_pieces(path: Path) -> None:
     for i, name in enumerate(names, 1):
         piece = path.parent / name
         if not piece.resolve().is_relative_to(folder) or piece.suffix.lower() != ".vtu":
-            raise bad_file(path, f"piece {i} is not beside it", "pieces (.vtu) in its folder or below", "put the pieces beside it, and name them so")
+            raise bad_file(path, f"piece {i} is not beside it", "pieces (.vtu) in its folder or below",
+                           "put the pieces beside it, and name them so")
         if not piece.is_file():
             raise bad_file(path, f"piece {i} is not there", "all pieces that it names", "save it again, with its pieces")
         check_content(piece, ("mesh", "file"))
@@ -84,10 +87,12 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dic
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
         target, left = Path(folder) / "grid.npz", memory_left()
         if complaint := apart(left, path.absolute(), target, folder):
-            raise bad_file(path, f"cannot be read: {complaint}", "an unstructured grid as VTK writes it, which with all that it declares fits "
+            raise bad_file(path, f"cannot be read: {complaint}",
+                           "an unstructured grid as VTK writes it, which with all that it declares fits "
                            f"in the {left / 1e9:.2g} GB of memory that are free", CURE)
         with np.load(target) as found:
-            return dict(found), *({str(name): found[f"{what}_{i}"] for i, name in enumerate(found[f"{what}_names"])} for what in ("cell", "field"))
+            return dict(found), *({str(name): found[f"{what}_{i}"] for i, name in enumerate(found[f"{what}_names"])}
+                                  for what in ("cell", "field"))
 
 
 def _groups(path: Path, cell: dict[str, np.ndarray], field: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
@@ -96,7 +101,8 @@ def _groups(path: Path, cell: dict[str, np.ndarray], field: dict[str, np.ndarray
     texts = [name for name, values in arrays.items() if values.dtype.kind == "U"]
     if texts:
         if len(texts) > 1 and _rank(texts[0]) == len(GROUPS):
-            raise bad_file(path, "text on the cells in the arrays " + ", ".join(f"'{name}'" for name in texts), "one of them that names each "
+            raise bad_file(path, "text on the cells in the arrays " + ", ".join(f"'{name}'" for name in texts),
+                           "one of them that names each "
                            "cell's volume", f"call that one 'volume' (pyvista: grid.rename_array('{texts[0]}', 'volume'))")
         return _by_name(arrays[texts[0]]), None
     # numbers saved as floats by a program that has no others
@@ -109,7 +115,8 @@ def _groups(path: Path, cell: dict[str, np.ndarray], field: dict[str, np.ndarray
             continue
         names = _texts(field, name, numbers)
         if names is None and joined is not None:
-            names = {int(tag): str(own[0]) for tag in np.unique(numbers) if len(own := np.unique(joined[(numbers == tag) & (joined != "")])) == 1}
+            names = {int(tag): str(own[0]) for tag in np.unique(numbers)
+                     if len(own := np.unique(joined[(numbers == tag) & (joined != "")])) == 1}
             names = names if len(set(names.values())) == len(np.unique(numbers)) else None
         return ({}, numbers) if names is None else (_by_name(np.array([names[n] for n in numbers.tolist()])), None)
     return ({}, None) if joined is None else (_by_name(joined), None)

@@ -30,7 +30,8 @@ def means(points: np.ndarray, triangles: np.ndarray) -> tuple[sp.csr_array, np.n
     """
     size = np.linalg.norm(area_vectors(points, triangles), axis=1)
     rows, columns = np.repeat(triangles[:, :3, None], 6, axis=2), np.repeat(triangles[:, None, :], 3, axis=1)
-    moments = sp.csr_array(((size[:, None, None] * TRIANGLE_MOMENTS[6].T).ravel(), (rows.ravel(), columns.ravel())), shape=(len(points),) * 2)
+    moments = sp.csr_array(((size[:, None, None] * TRIANGLE_MOMENTS[6].T).ravel(), (rows.ravel(), columns.ravel())),
+                           shape=(len(points),) * 2)
     area = np.bincount(triangles[:, :3].ravel(), np.repeat(size / 3, 3), len(points))
     return sp.csr_array(sp.diags_array(1 / np.where(area > 0, area, 1.0)) @ moments), area
 
