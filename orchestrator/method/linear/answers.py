@@ -214,5 +214,5 @@ def _not_local(K: sp.csr_array, rim: RimStiffness, rows: np.ndarray, points: np.
         return ""
     return (f"a stiffness that is no sum over tets: near {format_point(points[rows[worst] // 3])} it is another one, by "
             f"{apart[worst]:.1e}, where the tets there are asked for alone; what it is made of has to be known of each tet by itself "
-            "(not the mesh's size, its volume, its name, or averages over neighbours). Or it varies from place to place and says that it does "
-            "not: leave uniform: true out, or translation_invariant = True in the solver's class")
+            "(not the mesh's size, its volume, its name, or averages over neighbours). Or it varies from place to place and says that it "
+            "does not: leave uniform: true out, or translation_invariant = True in the solver's class")
