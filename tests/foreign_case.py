@@ -78,7 +78,8 @@ def elements(kind, cells, at=(0, 0, 0), turned=False, size=SIZE):
     return nodes * np.array(size) / (2 * np.array(cells)) + np.array(at), place.reshape(len(first), -1)
 
 
-def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0), turned=False,
+def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0),
+               turned=False,
                size=SIZE):
     """part.inp and loads.inp: joint FLANGE at the far end in x, ROOT at the near one; returns nodes.
 

@@ -43,7 +43,8 @@ def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stress
     if turn:
         for part, (_, corner) in zip(parts, bodies.values()):
             # shift, then turn: as a turn first, then the shift turned
-            part["move"] = {"rotate": [turn], "translate": (there(np.array([corner], float), turn) - there(np.zeros((1, 3)), turn))[0].tolist()}
+            part["move"] = {"rotate": [turn],
+                            "translate": (there(np.array([corner], float), turn) - there(np.zeros((1, 3)), turn))[0].tolist()}
     boundary = list(held or [])
     if stresses is not None:
         R = axes(turn)
@@ -52,7 +53,8 @@ def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stress
     return Config.model_validate({
         "name": "blocks", "parts": parts, "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
         "boundary": boundary, "interfaces": [{"law": "perfect", **(law or {})}],
-        "blackbox": {**IN_PROCESS, "element": element}, "method": {"tolerance": {"law" if (law or {}).get("law", "perfect") != "perfect" else "error": 1e-11}}, **changes})
+        "blackbox": {**IN_PROCESS, "element": element},
+        "method": {"tolerance": {"law" if (law or {}).get("law", "perfect") != "perfect" else "error": 1e-11}}, **changes})
 
 
 def there(points, turn):

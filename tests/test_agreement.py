@@ -1,4 +1,5 @@
-"""What is prescribed agrees, in whatever directions, across jumps, round circuits of them and on both sides of interfaces, or is refused."""
+"""What is prescribed agrees, in whatever directions, across jumps, round circuits of them and on both sides of interfaces, or is
+refused."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ FRAME = {"axis": "z", "at": [-1, -1, 0]}
 LOW, LEFT, WALL = ({"on": on, "displacement": row} for on, row in (("zmin", [None, None, 0]), ("xmin", [0, None, None]), ("a/xmin", HELD)))
 FINE = {"b": 3}  # cells of b along each edge: nodes that do not match
 STEPS = {"histories": {"h": [0.0, 1.0]}}
-TWIST, HINGE = ({"motion": {"rotate": {"axis": axis, "degrees": 0.1, "about": about}}} for axis, about in (("z", HELD), ("y", [2.0, 0.3, 0.0])))
+TWIST, HINGE = ({"motion": {"rotate": {"axis": axis, "degrees": 0.1, "about": about}}}
+                for axis, about in (("z", HELD), ("y", [2.0, 0.3, 0.0])))
 
 
 def box(*boundary, **changes) -> dict:
@@ -27,7 +29,8 @@ def blocks(names, laws, *boundary, cells=None, **changes) -> dict:
     places = dict(zip("abcd", ([0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0])))
     made = box(*boundary, subdomains={"groups": True}, interfaces=laws, **changes)
     del made["mesh"]
-    return {**made, "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [(cells or {}).get(n, 2)] * 3}}, "move": {"translate": places[n]}}
+    return {**made, "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [(cells or {}).get(n, 2)] * 3}},
+                               "move": {"translate": places[n]}}
                               for n in names]}
 
 
@@ -36,7 +39,8 @@ def turned(degrees, digits, *boundary) -> dict:
     angle = np.deg2rad(degrees)
     matrix = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     axis, about = (np.round(matrix @ v, digits).tolist() for v in ([0, 1, 0], [2, 0.3, 0]))
-    made = box({"on": "p/zmin", "symmetry": True}, {"on": "p/xmax", "motion": {"rotate": {"axis": axis, "degrees": 0.1, "about": about}}}, {"on": "p/xmin", "displacement": HELD})
+    made = box({"on": "p/zmin", "symmetry": True}, {"on": "p/xmax", "motion": {"rotate": {"axis": axis, "degrees": 0.1, "about": about}}},
+               {"on": "p/xmin", "displacement": HELD})
     mesh = made.pop("mesh")
     return {**made, "parts": [{"name": "p", "mesh": mesh, "move": {"rotate": {"axis": "z", "degrees": degrees}}}]}
 
@@ -54,11 +58,14 @@ SOUND = {
     "a plane through the axis": box({"on": "xmin", "displacement": HELD}, radial("xmax", 0.0), LOW),
     "two of three directions": box(LOW, LEFT, {"on": "ymin", "displacement": [None, 0.01, None]}, radial("xmax", 0.02)),
     "the same in two entries": box(LOW, {"on": "xmin", "displacement": [None, 0, None]}, radial("xmax", 0.01), radial("ymax", 0.01)),
-    "a jump that both sides make": blocks("ab", [jump("a", "b", UP)], WALL, {"on": "a/zmin", "displacement": [None, None, 0]}, {"on": "b/zmin", "displacement": [None, None, 0.01]}),
+    "a jump that both sides make": blocks("ab", [jump("a", "b", UP)], WALL, {"on": "a/zmin", "displacement": [None, None, 0]},
+                                          {"on": "b/zmin", "displacement": [None, None, 0.01]}),
     "a jump along what is free": blocks("ab", [jump("a", "b", [0.01, 0, 0])], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}),
     "a cut that goes through": blocks("abcd", [BOND, jump("a", "b", UP), jump("c", "d", UP)], WALL),
-    "a circuit that closes": blocks("abcd", [BOND, jump("a", "b", UP), jump("b", "d", [0.01, 0, 0]), jump("c", "d", UP), jump("a", "c", [0.01, 0, 0])], WALL),
-    "jumps beside what opens": blocks("abcd", [TOUCH, jump("a", "b", UP), jump("c", "d", [0, 0, 0.02])], WALL, {"on": "c/xmin", "displacement": HELD}),
+    "a circuit that closes": blocks("abcd", [BOND, jump("a", "b", UP), jump("b", "d", [0.01, 0, 0]), jump("c", "d", UP),
+                                             jump("a", "c", [0.01, 0, 0])], WALL),
+    "jumps beside what opens": blocks("abcd", [TOUCH, jump("a", "b", UP), jump("c", "d", [0, 0, 0.02])], WALL,
+                                      {"on": "c/xmin", "displacement": HELD}),
     "one turn of both sides": blocks("ab", [BOND], {"on": "a/ymin", **TWIST}, {"on": "b/ymin", **TWIST}, cells=FINE),
     "a jump of unlike meshes": blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/ymin", "displacement": [None, 0, None]}, cells=FINE),
     "sides that part": blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": [0.01, 0, 0]}),
@@ -69,27 +76,43 @@ SOUND = {
 REFUSED = {  # and the entries that are named
     "an edge held otherwise": (box(radial("xmax", 0.1), {"on": "zmin", "displacement": HELD}), "boundary[0] and boundary[1]"),
     "two directions give the third": (box({"on": "zmin", "displacement": [0, 0, None]}, {"on": "xmin", "displacement": HELD},
-                                          {"on": "xmax", "displacement": [None, 0.02, None], "frame": FRAME}), "boundary[0] and boundary[2]"),
-    "one frame, two values": (box({"on": "xmin", "displacement": HELD}, radial("xmax", 0.01), radial("ymax", 0.02)), "boundary[1] and boundary[2]"),
-    "from the second step on": (box({"on": "xmin", "displacement": HELD}, {"on": "zmin", "displacement": [0, 0, None]}, radial("xmax", 0.01, history="h"), **STEPS), "load step 2"),
-    "three axes": (box(LEFT, radial("xmax", 0.01), {"on": "ymax", "displacement": [None, 0.01, None], "frame": {"axis": "z", "at": [-3, -1, 0]}},
-                       {"on": "zmax", "displacement": [0.05, None, None], "frame": {"axis": "z", "at": [-2, -7, 0]}}), "boundary[1] and boundary[2] and boundary[3]"),
-    "a coupled surface": (box({"on": "xmin", "displacement": HELD}, {"on": "xmax", "coupling": {"displacement": [0.01, 0, 0], "rotation": HELD}}, radial("zmin", 0.0),
+                                          {"on": "xmax", "displacement": [None, 0.02, None], "frame": FRAME}),
+                                          "boundary[0] and boundary[2]"),
+    "one frame, two values": (box({"on": "xmin", "displacement": HELD}, radial("xmax", 0.01), radial("ymax", 0.02)),
+                              "boundary[1] and boundary[2]"),
+    "from the second step on": (box({"on": "xmin", "displacement": HELD}, {"on": "zmin", "displacement": [0, 0, None]},
+                                    radial("xmax", 0.01, history="h"), **STEPS), "load step 2"),
+    "three axes": (box(LEFT, radial("xmax", 0.01),
+                       {"on": "ymax", "displacement": [None, 0.01, None], "frame": {"axis": "z", "at": [-3, -1, 0]}},
+                       {"on": "zmax", "displacement": [0.05, None, None], "frame": {"axis": "z", "at": [-2, -7, 0]}}),
+                       "boundary[1] and boundary[2] and boundary[3]"),
+    "a coupled surface": (box({"on": "xmin", "displacement": HELD},
+                              {"on": "xmax", "coupling": {"displacement": [0.01, 0, 0], "rotation": HELD}}, radial("zmin", 0.0),
                               subdomains={"groups": True}), "boundary[1] and boundary[2]"),
-    "a jump held on both sides": (blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}), "the jump of interfaces[0]"),
+    "a jump held on both sides": (blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}),
+                                  "the jump of interfaces[0]"),
     "a jump the other way": (blocks("ab", [jump("b", "a", UP)], WALL, {"on": "a/zmin", "displacement": [None, None, 0]},
                                     {"on": "b/zmin", "displacement": [None, None, 0.01]}), "boundary[1] and boundary[2], with the jump"),
-    "a jump at the second step": (blocks("ab", [jump("a", "b", UP, history="h")], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}, **STEPS), "load step 2"),
+    "a jump at the second step": (blocks("ab", [jump("a", "b", UP, history="h")], WALL, {"on": "*/zmin", "displacement": [None, None, 0]},
+                                         **STEPS), "load step 2"),
     "a jump and a frame": (blocks("ab", [jump("a", "b", [0, 0.01, 0])], WALL, radial("*/zmin", 0.02)), "the jump of interfaces[0]"),
     "a jump that ends inside": (blocks("abcd", [BOND, jump("a", "b", UP)], WALL), "closed circuit"),
-    "a circuit that stays open": (blocks("abcd", [BOND, jump("a", "b", UP), jump("c", "d", [0, 0, 0.02])], WALL), "interfaces[1] and interfaces[2]"),
-    "unlike meshes, unlike values": (blocks("ab", [BOND], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": [0, 0.01, 0]}, cells=FINE), "law: perfect forbids, by 0.01"),
-    "two turns": (blocks("ab", [BOND], {"on": "a/ymin", **TWIST}, {"on": "b/ymin", "displacement": HELD}, cells=FINE), "boundary[0] and boundary[1]"),
-    "a jump of unlike meshes": (blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}, cells=FINE), "law: jump forbids"),
-    "sides pressed into each other": (blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": [-0.01, 0, 0]}), "law: contact forbids, by 0.01"),
-    "and of unlike meshes": (blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD}, {"on": "b/ymin", "displacement": [-0.01, 0, 0], "history": "h"}, cells=FINE, **STEPS), "load step 2"),
+    "a circuit that stays open": (blocks("abcd", [BOND, jump("a", "b", UP), jump("c", "d", [0, 0, 0.02])], WALL),
+                                  "interfaces[1] and interfaces[2]"),
+    "unlike meshes, unlike values": (blocks("ab", [BOND], {"on": "a/ymin", "displacement": HELD},
+                                            {"on": "b/ymin", "displacement": [0, 0.01, 0]}, cells=FINE), "law: perfect forbids, by 0.01"),
+    "two turns": (blocks("ab", [BOND], {"on": "a/ymin", **TWIST}, {"on": "b/ymin", "displacement": HELD}, cells=FINE),
+                  "boundary[0] and boundary[1]"),
+    "a jump of unlike meshes": (blocks("ab", [jump("a", "b", UP)], WALL, {"on": "*/zmin", "displacement": [None, None, 0]}, cells=FINE),
+                                "law: jump forbids"),
+    "sides pressed into each other": (blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD},
+                                             {"on": "b/ymin", "displacement": [-0.01, 0, 0]}), "law: contact forbids, by 0.01"),
+    "and of unlike meshes": (blocks("ab", [TOUCH], {"on": "a/ymin", "displacement": HELD},
+                                    {"on": "b/ymin", "displacement": [-0.01, 0, 0], "history": "h"}, cells=FINE, **STEPS), "load step 2"),
     "a press fit that is held": (blocks("ab", [{**TOUCH, "gap": -0.01}], {"on": "*/ymin", "displacement": HELD}), "law: contact forbids"),
-    "a hinge beside the plane": (box({"on": "zmin", "symmetry": True}, {"on": "xmax", "motion": {"rotate": {"axis": "y", "degrees": 0.1, "about": [2.01, 0, 0]}}}), "uz = 0 and 1.7"),
+    "a hinge beside the plane": (box({"on": "zmin", "symmetry": True}, 
+                                    {"on": "xmax", "motion": {"rotate": {"axis": "y", "degrees": 0.1, "about": [2.01, 0, 0]}}}),
+                                    "uz = 0 and 1.7"),
 }
 
 

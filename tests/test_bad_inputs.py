@@ -116,9 +116,12 @@ BAD = {
     "plane without place": ({"loaded": "  {on: {plane: x}, traction: [1, 0, 0]}]"}, "at together"),
     "corners swapped": ({"loaded": "  {on: {box: [[4, 1, 1], [3, 0, 0]]}, traction: [1, 0, 0]}]"}, "lower corner first"),
     "unknown history": ({"loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]"}, "'ramp'"),
-    "empty history": ({"loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]", "extra": "histories: {ramp: []}"}, "at least 1 entry"),
-    "histories of two lengths": ({"held": "boundary: [{on: {plane: x, at: 0}, displacement: [0, 0, 0]}, {on: ymin, traction: [0, 1, 0], history: two},",
-        "loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]", "extra": "histories: {ramp: [1, 2, 3], two: [1, 2]}"}, "3 load steps"),
+    "empty history": ({"loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]", "extra": "histories: {ramp: []}"},
+                      "at least 1 entry"),
+    "histories of two lengths": ({
+        "held": "boundary: [{on: {plane: x, at: 0}, displacement: [0, 0, 0]}, {on: ymin, traction: [0, 1, 0], history: two},",
+        "loaded": "  {on: xmax, traction: [1, 0, 0], history: ramp}]", "extra": "histories: {ramp: [1, 2, 3], two: [1, 2]}"},
+        "3 load steps"),
     "load of no volume": ({"extra": "loads: [{on: bolt, body_force: [0, 0, 1]}]"}, "'bolt'"),
     # interfaces
     "unknown law": ({"interfaces": "interfaces: [{law: glued}]"}, "glued"),
@@ -130,7 +133,8 @@ BAD = {
     "tolerance 0": ({"method": "method: {tolerance: {error: 0}}"}, "> 0"),
     "tolerance 1": ({"method": "method: {tolerance: {error: 1}}"}, "< 1"),
     "unknown acceleration": ({"method": "method: {acceleration: andersen}"}, "did you mean 'anderson'"),
-    "gmres with contact": ({"method": "method: {acceleration: gmres}", "interfaces": "interfaces: [{law: contact, friction: 0}]"}, "use anderson"),
+    "gmres with contact": ({"method": "method: {acceleration: gmres}", "interfaces": "interfaces: [{law: contact, friction: 0}]"},
+                           "use anderson"),
     "no iterations": ({"method": "method: {max_iterations: 0}"}, ">= 1"),
     "relaxation 2": ({"method": "method: {relaxation: 2}"}, "<= 1"),
     # black box
@@ -154,7 +158,8 @@ def folder(tmp_path_factory):
     mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([8, 2, 2]), "box")
     left = mesh.surfaces["xmin"]
     meshio.Mesh(mesh.nodes, [("hexahedron", np.arange(8)[None])]).write(folder / "bricks.vtu")
-    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(folder / "twenty.msh", file_format="gmsh22")
+    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(
+        folder / "twenty.msh", file_format="gmsh22")
     tags = [np.full(len(mesh.cells), 1), np.full(len(left), 2)]
     meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", left)],
                 cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},

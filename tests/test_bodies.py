@@ -50,7 +50,8 @@ def test_nothing_carries_shear_where_nothing_rubs(tmp_path, shared, held):
     assert reactions.sum(axis=0) == pytest.approx(0, abs=1e-8 * reactions[0, 0])
 
 
-@pytest.mark.parametrize("name, element", [("frictionless", "P1"), ("friction", "P1"), ("press fit", "P1"), ("jump", "P1"), ("friction", "P2"),
+@pytest.mark.parametrize("name, element",
+                         [("frictionless", "P1"), ("friction", "P1"), ("press fit", "P1"), ("jump", "P1"), ("friction", "P2"),
                                            ("jump", "P2"), ("frictionless", "P2"), ("press fit", "P2")])
 @pytest.mark.long
 def test_one_piece_says_the_same(tmp_path, name, element):

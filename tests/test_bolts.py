@@ -86,7 +86,8 @@ def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pull
     told, = solution.summary["bolts"]
     assert told["state"] == ["tightened", "tightened", "locked"]
     assert told["force"][:2] == pytest.approx([200, 400], rel=1e-6)
-    pressed = sum(np.array(i["resultant"])[:, 2] for i in solution.summary["interface_resultants"] if "low" in i["name"] and "high" in i["name"])
+    pressed = sum(np.array(i["resultant"])[:, 2] for i in solution.summary["interface_resultants"] if "low" in i["name"]
+                  and "high" in i["name"])
     # across the joint: what the plates press and what holds the bolt's lower end is what the bolt pulls
     assert abs(pressed[:2]) == pytest.approx([200, 400], rel=1e-5)
     pull = 10 * 2 * 1.5
@@ -140,10 +141,12 @@ def test_the_axis_of_a_shank_is_found_from_the_corners_of_its_facets():
 
 def test_histories_multiply_jumps_and_gaps():
     """Of two blocks between walls: a jump of 1, 0 and −2 hundredths pulls, rests and presses; a press fit grows."""
-    blocks = {"name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
+    blocks = {"name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}},
+              "subdomains": {"slices": {"axis": "z", "count": 2}},
               "materials": [{"young": 100.0, "poisson": 0.0}], "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-9}},
               "boundary": [{"on": side, "displacement": [0, 0, 0]} for side in ("zmin", "zmax")], "histories": {"steps": [1, 0, -2]}}
-    for law in ({"law": "jump", "jump": [0, 0, 0.01], "history": "steps"}, {"law": "jump", "jump": [[0, 0, 0.01], [0, 0, 0], [0, 0, -0.02]]}):
+    for law in ({"law": "jump", "jump": [0, 0, 0.01], "history": "steps"},
+                {"law": "jump", "jump": [[0, 0, 0.01], [0, 0, 0], [0, 0, -0.02]]}):
         solution = solve(config_from({**blocks, "interfaces": [{"between": ["slice 0", "slice 1"], **law}]}))
         # two springs E A / l in series of length 1 each
         assert solution.reactions[1][:, 2] == pytest.approx([-0.5, 0, 1], abs=1e-8)
@@ -157,25 +160,34 @@ def test_histories_multiply_jumps_and_gaps():
 WRONG = {
     "no volume": ({"bolts": [{"on": "bolt_7", "force": 1.0}]}, ("bolts", 0, "on"), "no volume is called 'bolt_7'"),
     "no force": ({"bolts": [{"on": "*", "force": 0.0}]}, ("bolts", 0, "force"), "> 0"),
-    "a plane beside it": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 30.0}, "force": 1.0}]}, ("bolts", 0, "cut"), "reaches from 0 to 3"),
-    "no direction": ({"bolts": [{"on": "*", "cut": {"plane": [0, 0, 0], "at": [0, 0, 0]}, "force": 1.0}]}, ("bolts", 0, "cut", "plane"), "direction"),
-    "no cylinder": ({"bolts": [{"on": "*", "force": 1.0}], "mesh": {"polycrystal": {"grains": 1, "size": 1.0, "h": 0.6}}}, ("bolts", 0, "cut"), ""),
+    "a plane beside it": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 30.0}, "force": 1.0}]}, ("bolts", 0, "cut"),
+                          "reaches from 0 to 3"),
+    "no direction": ({"bolts": [{"on": "*", "cut": {"plane": [0, 0, 0], "at": [0, 0, 0]}, "force": 1.0}]}, ("bolts", 0, "cut", "plane"),
+                     "direction"),
+    "no cylinder": ({"bolts": [{"on": "*", "force": 1.0}], "mesh": {"polycrystal": {"grains": 1, "size": 1.0, "h": 0.6}}},
+                    ("bolts", 0, "cut"), ""),
     "an unknown end": ({"bolts": [{"on": "*", "force": 1.0, "then": "free"}]}, ("bolts", 0, "then"), "locked"),
     "no history": ({"bolts": [{"on": "*", "force": 1.0, "history": "none"}]}, ("bolts", 0, "history"), "'none'"),
-    "a bolt that pushes": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "down"}], "histories": {"down": [1, -1], "late": [0, 1]}},
+    "a bolt that pushes": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "down"}],
+                            "histories": {"down": [1, -1], "late": [0, 1]}},
                            ("bolts", 0, "history"), "a bolt pulls"),
-    "never tightened": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "never"}], "histories": {"never": [0, 0], "late": [0, 1]}},
+    "never tightened": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "never"}],
+                         "histories": {"never": [0, 0], "late": [0, 1]}},
                         ("bolts", 0, "history"), "never tightened"),
     "cut twice": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0}] * 2}, ("bolts", 1, "on"), "second entry"),
-    "cut along": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 1.4}, "force": 1.0}], "subdomains": {"slices": {"axis": "x", "count": 2}}},
+    "cut along": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 1.4}, "force": 1.0}],
+                   "subdomains": {"slices": {"axis": "x", "count": 2}}},
                   ("bolts", 0, "cut"), "interfaces"),
     "held at the cut": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0}], "boundary": [{"on": "ymin", "displacement": [None, None, 0]},
                         {"on": "zmin", "displacement": [0, 0, 0]}]}, ("boundary",), "along the axis"),
-    "history of nothing": ({"bolts": [], "interfaces": [{"law": "perfect", "history": "late"}]}, ("interfaces", 0, "history"), "prescribes nothing"),
+    "history of nothing": ({"bolts": [], "interfaces": [{"law": "perfect", "history": "late"}]}, ("interfaces", 0, "history"),
+                           "prescribes nothing"),
     "history without a gap": ({"bolts": [], "interfaces": [{"law": "contact", "history": "late"}]}, ("interfaces", 0, "history"), "gap"),
-    "a list and a history": ({"bolts": [], "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [[0, 0, 0], [0, 0, 1]], "history": "late"}]},
+    "a list and a history": ({"bolts": [],
+                              "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [[0, 0, 0], [0, 0, 1]], "history": "late"}]},
                              ("interfaces", 0, "history"), "one vector per step"),
-    "force of a pair that is found": ({"bolts": [], "interfaces": [{"law": "pretension", "between": "auto", "force": 1.0}]}, ("interfaces", 0, "between"), "bolts:"),
+    "force of a pair that is found": ({"bolts": [], "interfaces": [{"law": "pretension", "between": "auto", "force": 1.0}]},
+                                      ("interfaces", 0, "between"), "bolts:"),
 }
 
 

@@ -95,7 +95,8 @@ def test_many_loose_bodies_are_rigid_in_it():
     loose, held = SimpleNamespace(stabilisation=np.full(3, 1e-6)), SimpleNamespace(stabilisation=None)
     many = replace(scene, subdomains=scene.subdomains * (MANY // 2))
     assert kind_of("auto", many, loose, Team()) == "rigid"
-    assert {kind_of("auto", scene, loose, Team()), kind_of("auto", many, held, Team()), kind_of("affine", many, loose, Team())} == {"affine"}
+    assert {kind_of("auto", scene, loose, Team()), kind_of("auto", many, held, Team()),
+            kind_of("affine", many, loose, Team())} == {"affine"}
     joined = replace(many, interfaces=[replace(i, law=LAWS["perfect"]()) for i in many.interfaces])
     assert kind_of("auto", joined, loose, Team()) == "affine"
 

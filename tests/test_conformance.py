@@ -90,7 +90,8 @@ WRONG = {
         "return u", "import copy; m = copy.copy(model); m.materials = m.materials * np.array([[1, 1], [1, 1], [1e-3, 1], "
         "[1e-3, 1]])[: len(m.materials)]; return super().stiffness(m)", "region 3 of 4 counts 0.001 times"),
     "the last model prepared": ("return super().solve(self.last, forces)", "return k", "any more, now that 4 models are prepared"),
-    "the last model of that size": ("return super().solve(self.last[forces.shape[1]], forces)", "return k", "any more, now that 4 models are prepared"),
+    "the last model of that size": ("return super().solve(self.last[forces.shape[1]], forces)", "return k",
+                                    "any more, now that 4 models are prepared"),
     "512 load cases at most": ("u[512:] = u[:1]; return u", "return k", "of 600 load cases at once"),
     "zeros are answered": ("u[~forces.any(axis=1)] = u[0]; return u", "return k", "a load case of zeros"),
     "one size for all rows": ("return u if len(u) < 13 else np.rint(u / abs(u).max() * 1e9) * abs(u).max() / 1e9",
@@ -125,7 +126,8 @@ def test_models_that_are_mixed_up_are_told_as_such():
     assert any("of the body: those of another model of the same size, the twin body" in wrong for wrong in found), found
 
 
-@pytest.mark.parametrize("name", quick(["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"], "sign", "not finite"))
+@pytest.mark.parametrize("name", quick(["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"], "sign",
+                                       "not finite"))
 def test_a_run_stops_at_them_too(name, tmp_path):
     """Loading a subdomain suffices: the message quotes what is wrong and names the subdomain."""
     solve, stiffness, words = WRONG[name]

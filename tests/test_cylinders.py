@@ -34,7 +34,8 @@ def test_normals_of_a_cylinder(radius):
 
 
 @pytest.mark.parametrize("at", [
-    lambda s, z: (s, z, 0 * s), lambda s, z: (np.cos(s), 1.3 * np.sin(s), z), lambda s, z: ((3 + 0.2 * z) * np.cos(s), (3 + 0.2 * z) * np.sin(s), z),
+    lambda s, z: (s, z, 0 * s), lambda s, z: (np.cos(s), 1.3 * np.sin(s), z), lambda s,
+    z: ((3 + 0.2 * z) * np.cos(s), (3 + 0.2 * z) * np.sin(s), z),
     lambda s, z: (np.cos(s) * np.cos(z - 0.7), np.sin(s) * np.cos(z - 0.7), np.sin(z - 0.7)), lambda s, z: (s, z, 0.05 * s**2)],
     ids=["a plane", "an ellipse", "a cone", "a ball", "a parabola"])
 def test_other_faces_keep_theirs(at):

@@ -26,7 +26,8 @@ def boxes(z: float, down: float, *, low=(3, 3, 2), up=(4, 4, 2), entry=AUTO, siz
 
 
 @pytest.mark.parametrize("z, down, changes, force", [
-    (1.03, 0.05, {}, 10.0), (1.03, 0.05, {"low": (4, 4, 2), "up": (3, 3, 2)}, 10.0), (1.03, 0.05, {"low": (2, 2, 2), "up": (8, 8, 2)}, 10.0),
+    (1.03, 0.05, {}, 10.0), (1.03, 0.05, {"low": (4, 4, 2), "up": (3, 3, 2)}, 10.0),
+    (1.03, 0.05, {"low": (2, 2, 2), "up": (8, 8, 2)}, 10.0),
     (0.9997, 0.0, {}, 0.15), (0.9997, 0.0, {"up": (3, 3, 2)}, 0.15), (0.9997, 0.0, {"size": 1e-3}, 0.15), (0.99999, 0.0, {}, 0.005),
     (0.9997, 0.0, {"entry": {"between": ["low", "up"], "law": "contact", "gap": "geometry"}}, 0.15),
     (1.0003, 0.05, {"up": (3, 3, 2)}, 24.85),
@@ -36,7 +37,8 @@ def test_the_force_is_that_of_the_geometry(z, down, changes, force):
     made = config_from(boxes(z, down, **changes))
     scene = build_scene(made)
     assert solve(made, scene).summary["reactions"][0][0][2] == pytest.approx(force * changes.get("size", 1.0) ** 2, rel=1e-6)
-    assert [w for w in scene.warnings if "pressed together" in w] == [w for w in scene.warnings if z < 1 and "low | up: sides are up to" in w]
+    assert [w for w in scene.warnings if "pressed together" in w] == [w for w in scene.warnings if z < 1
+                                                                      and "low | up: sides are up to" in w]
     assert bool(scene.warnings) == (z < 1)
 
 
@@ -72,7 +74,8 @@ CUBE = {"box": {"size": [1, 1, 1], "cells": [3, 3, 3]}}
 
 @pytest.mark.parametrize("other, at", [
     (CUBE, [0, 0, 0]), ({"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, [0, 0, 0]), (CUBE, [1 / 3, 0, 0]),
-    ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0, 0, 0]), ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0.2, 0.2, 0.2]),
+    ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0, 0, 0]),
+    ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0.2, 0.2, 0.2]),
     ({"box": {"size": [1, 1, 0.02], "cells": [3, 3, 1]}}, [0, 0, 0]),
 ], ids=["twice", "another mesh", "shifted", "in a corner", "within", "a thin one"])
 @pytest.mark.parametrize("entries", [None, [AUTO], [{"between": ["one", "two"], "law": "perfect"}]], ids=["none", "auto", "named"])

@@ -87,7 +87,8 @@ def test_constant_pressure_slides_over_five_elements(slave):
         assert np.abs(fields.resultant[t, 0] - sign * 2 * PRESSURE * np.array([-forth * FRICTION, 0, 1])).max() < 1e-8 * PRESSURE
     if slave == "block":  # the way there and back, in all
         stretched = 1 + (300.0 + POISSON * (200.0 + PRESSURE)) / YOUNG
-        assert np.abs(fields.slip[-1] + [WHERE[0] + (WHERE[-1] - WHERE[0]) * stretched, 0, 0]).max() < 1e-9  # at first the slab is not stretched
+        assert np.abs(fields.slip[-1] + [WHERE[0] + (WHERE[-1] - WHERE[0]) * stretched, 0,
+                                         0]).max() < 1e-9  # at first the slab is not stretched
 
 
 def test_little_slip_is_that_of_fixed_pairs():

@@ -145,7 +145,8 @@ WRONG_MATRICES = {
     "another size": (dict(change=lambda K, t: (K[:-3][:, :-3], t)), {}, "rows and columns"),
     "a wrong sign": (dict(change=lambda K, t: (-K, t)), {}, "gives way|no stiffness"),
     "not finite": (dict(change=lambda K, t: (K * np.nan, t)), {}, "not finite"),
-    **{f"two {kind}{' of a held part' * clamp}": (dict(change=_exchanged(*nodes, columns), clamp=clamp, cells=(3, 3, 3)), {"held": clamp}, words)
+    **{f"two {kind}{' of a held part' * clamp}": (dict(change=_exchanged(*nodes, columns), clamp=clamp, cells=(3, 3, 3)), {"held": clamp},
+                                                  words)
        for kind, nodes, columns, words in (("rows exchanged", (5, 10), slice(None), "rotations cost force"),
                                            ("rows beside each other", (0, 1), slice(None), "rotations cost force"),
                                            ("ids exchanged", (5, 10), slice(1), "lie on each other"),
@@ -160,7 +161,8 @@ WRONG_MATRICES = {
 
 
 @pytest.mark.parametrize("without", [(), (8,), (0,), (0, 1, 2), (8, 9)], ids=str)
-@pytest.mark.parametrize("cut", [lambda p: p, lambda p: p + np.array([0.05, 0, 0]) * np.sin(3 * p[:, [1]] + 2 * p[:, [2]])], ids=["flat", "curved"])
+@pytest.mark.parametrize("cut", [lambda p: p, lambda p: p + np.array([0.05, 0, 0]) * np.sin(3 * p[:, [1]] + 2 * p[:, [2]])],
+                         ids=["flat", "curved"])
 def test_faces_that_seem_to_be_missing(tmp_path, without, cut):
     """At the border and inside, one and several, on the corner; of a curved joint those inside."""
     write_matrix(tmp_path, cells=(2, 3, 3), without=without)
@@ -172,7 +174,8 @@ def test_faces_that_seem_to_be_missing(tmp_path, without, cut):
     assert len(told) == (bool(without) and (cut(np.ones((1, 3)))[0, 0] == 1 or without in ((8,), (8, 9))))
 
 
-VOIDS = {"two feet": ([[0, 1, 2], [6, 7, 8]], [0, 1, 2], "may be a void"), "feet nearer": ([[0, 1, 2], [4, 5, 6]], [0, 1, 2], "2 of it in faces"),
+VOIDS = {"two feet": ([[0, 1, 2], [6, 7, 8]], [0, 1, 2], "may be a void"),
+         "feet nearer": ([[0, 1, 2], [4, 5, 6]], [0, 1, 2], "2 of it in faces"),
          "a frame": ([[0, 1, 5, 6]], [0, 1, 5, 6], "may be a void"), "a grid": ([[0, 1, 2]], [0, 1, 2, 3], ""),
          "a stretched grid": ([[0, 10, 20]], [0, 0.1, 0.2, 0.3], ""), "graded": ([[0, 1, 2.5, 4.7]], [0, 1, 2.5, 4.7], ""),
          "a line": ([[0, 1, 2]], [0], "all on one line")}
@@ -197,7 +200,8 @@ def test_flat_joints_without_faces(tmp_path, kind):
 
 
 @pytest.mark.parametrize("text, message", [("1,2,3\n", "3 numbers"), ("5,1,0,0\n5,1,0,0\n", "a second time"), ("99,1,0,0\n", "node 99"),
-                                           ("5,1,0,0,1,0,0\n", "2 columns of loads for 1"), ("5,1,0,0\n6,x,0,0\n", ":2: a word that is no number")])
+                                           ("5,1,0,0,1,0,0\n", "2 columns of loads for 1"),
+                                           ("5,1,0,0\n6,x,0,0\n", ":2: a word that is no number")])
 def test_wrong_tables_of_forces(tmp_path, text, message):
     write_matrix(tmp_path)
     (tmp_path / "f.csv").write_text(text)
@@ -254,7 +258,8 @@ def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
     joint = np.flatnonzero(np.array([line.count("NSET=FLANGE") for line in (folder / "part.inp").read_text().splitlines()]))[0]
     lines = (folder / "part.inp").read_text().splitlines()[joint + 1 :]
     ids = np.sort([int(line.rstrip(",")) for line in lines[: next(i for i, line in enumerate(lines) if line.startswith("*"))]])
-    number = [(ids if side == slave else first + np.arange(len(block.nodes)))[np.asarray(nodes)] for side, nodes in enumerate(interface.nodes)]
+    number = [(ids if side == slave else first + np.arange(len(block.nodes)))[np.asarray(nodes)]
+              for side, nodes in enumerate(interface.nodes)]
     one, two = ((interface.mortar.first, interface.mortar.second) if interface.mortar else (sp.eye_array(3 * len(number[0])),) * 2)
     text = "*INCLUDE,INPUT=part.inp\n*NODE\n" + "".join(
         f"{first + i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(scene.mesh.nodes[block.nodes].tolist()))
@@ -306,7 +311,8 @@ def two_decks(folder, kinds, turned, length=2) -> dict:
     return data(two[0], parts=two, boundary=[], interfaces=[{"between": ["hull", "tail"], "law": "perfect"}])
 
 
-@pytest.mark.parametrize("kinds", [("C3D20R", "C3D20R"), ("C3D20", "C3D20R"), ("C3D8", "C3D8"), ("C3D8", "C3D4"), ("C3D4", "C3D8")], ids="-".join)
+@pytest.mark.parametrize("kinds", [("C3D20R", "C3D20R"), ("C3D20", "C3D20R"), ("C3D8", "C3D8"), ("C3D8", "C3D4"), ("C3D4", "C3D8")],
+                         ids="-".join)
 def test_nodes_that_coincide_are_paired(tmp_path, kinds):
     """Whatever diagonals the numbering of a quadrilateral suggests."""
     for turned in (False, True):
@@ -374,7 +380,8 @@ def test_a_deck_rubs(tmp_path):
     text += "*NSET,NSET=SOLE\n" + "".join(f"{i},\n" for i in 1 + np.flatnonzero(x[:, 2] == 1))
     (tmp_path / "part.inp").write_text(text + "*MATERIAL,NAME=M\n*ELASTIC\n1e5,.3\n*SOLID SECTION,ELSET=EALL,MATERIAL=M\n")
     pulls = [[0.0, 0.0, -50.0], [8.0, 0.0, -50.0], [11.0, 0.0, -50.0], [-5.0, 8.0, -50.0]]
-    common = data(BLOCK, interfaces=[{"between": ["base", "block"], "law": "contact", "friction": 0.3}], method={"tolerance": {"error": 1e-6}})
+    common = data(BLOCK, interfaces=[{"between": ["base", "block"], "law": "contact", "friction": 0.3}],
+                  method={"tolerance": {"error": 1e-6}})
     base = {"name": "base", "mesh": {"box": {"size": [2, 2, 1], "cells": [3, 3, 1]}}}
     ours = {"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0.5, 0.5, 1]},
             "material": {"young": 100e3, "poisson": 0.3}}
@@ -407,7 +414,8 @@ TIMED = {
 @pytest.mark.parametrize("kind", TIMED)
 def test_total_time_runs_on_from_load_step_to_load_step(tmp_path, kind):
     """Amplitudes over it, as the deck's steps one after the other have them; a file of loads beside another of its name."""
-    x, files = write_deck(tmp_path, matter=HEAT, heat=True, more=AMPLITUDES), [tmp_path / f"{i}" / "loads.inp" for i in range(len(TIMED[kind]))]
+    x, files = write_deck(tmp_path, matter=HEAT, heat=True, more=AMPLITUDES), [tmp_path / f"{i}" / "loads.inp"
+                                                                               for i in range(len(TIMED[kind]))]
     for file, text in zip(files, TIMED[kind]):
         file.parent.mkdir()
         file.write_text(text)
@@ -445,7 +453,8 @@ def test_loads_of_a_later_step(tmp_path, kind):
     files = [tmp_path / f"{i}.inp" for i in range(2)]
     for file, text in zip(files, loads):
         file.write_text(text)
-    config = config_from(data(deck(tmp_path, loads=[str(f) for f in files]), boundary=[{"on": "block/xmax", "traction": [[1, 0, 0], [2, 0, 0]]}]))
+    config = config_from(data(deck(tmp_path, loads=[str(f) for f in files]),
+                              boundary=[{"on": "block/xmax", "traction": [[1, 0, 0], [2, 0, 0]]}]))
     with pytest.raises(InputError, match=message):
         FOREIGN[config.codes[-1].code](config.codes[-1]).condensed()
 
@@ -486,7 +495,8 @@ WRONG_DECKS = {
     "half a face": (dict(more="*NSET,NSET=MORE\nFLANGE,5\n"), {"joints": "MORE"}, "on no face"),
     "no matter": (dict(matter=""), {}, "CalculiX says"),
     "no such node": (dict(more="*NSET,NSET=FAR\nFLANGE,999\n"), {"joints": "FAR"}, "node 999"),
-    "not linear": (dict(matter=HEAT.replace("*SOLID", "*MATERIAL,NAME=SOFT\n*ELASTIC\n200e3,.3,20.\n50e3,.3,200.\n*EXPANSION\n1e-5\n*SOLID").replace(
+    "not linear": (dict(matter=HEAT.replace("*SOLID",
+                                            "*MATERIAL,NAME=SOFT\n*ELASTIC\n200e3,.3,20.\n50e3,.3,200.\n*EXPANSION\n1e-5\n*SOLID").replace(
         "MATERIAL=WOOD,ORIENTATION=TURNED", "MATERIAL=SOFT"), heat=True), {}, "do not move them as its stiffness says"),
     "held by nothing": ({"clamp": ""}, {"held": True}, "rigid motions cost nothing"),
     "not said to be held": ({}, {"held": False}, "supports that hold it are inside"),
@@ -510,7 +520,8 @@ def test_nodes_forgotten_in_a_joint(tmp_path, kind, cells):
 
     def told(nodes):
         head, tail = text.split("*NSET,NSET=FLANGE\n")
-        (tmp_path / "part.inp").write_text(head + "*NSET,NSET=FLANGE\n" + "".join(f"{i + 1},\n" for i in nodes) + tail[tail.index("*NSET"):])
+        (tmp_path / "part.inp").write_text(head + "*NSET,NSET=FLANGE\n" + "".join(f"{i + 1},\n"
+            for i in nodes) + tail[tail.index("*NSET"):])
         return read_joints(config_from(data(deck(tmp_path))).parts[0].foreign, ("parts", 0), "hull").remarks
 
     y, z = x[plane, 1:].T

@@ -88,7 +88,8 @@ def test_couplings_do_what_else_says_the_same(element):
     """All prescribed and rigid: a motion. All loaded and distributed: a resultant."""
     motion = {"translate": [0.01, 0, -0.02], "rotate": {"axis": "y", "degrees": 0.1, "about": [0.5, 0.5, 3]}}
     told = solved([HELD, {"on": "zmax", "motion": motion}], element)
-    found = solved([HELD, {"on": "zmax", "coupling": {"about": [0.5, 0.5, 3], "displacement": [0.01, 0, -0.02], "rotation": [0, 0.1, 0]}}], element)
+    found = solved([HELD, {"on": "zmax", "coupling": {"about": [0.5, 0.5, 3], "displacement": [0.01, 0, -0.02], "rotation": [0, 0.1, 0]}}],
+                   element)
     n = body(found)
     assert np.abs(found.displacement[:, :n] - told.displacement).max() < 1e-8 * np.abs(told.displacement).max()
     if element == "P1":
@@ -105,7 +106,8 @@ def test_couplings_do_what_else_says_the_same(element):
 def test_a_mean_motion_is_prescribed_while_the_rest_is_loaded_and_free_to_deform(element):
     about, history = [0.5, 0.5, 2.5], [1.0, 0.0, -0.5]
     solution = solved([HELD, {"on": "zmax", "history": "h", "coupling": {
-        "kind": "distributed", "about": about, "displacement": [0.01, None, None], "rotation": [None, 0.2, 0.0], "force": [0, 4.0, 0]}}], element,
+        "kind": "distributed", "about": about, "displacement": [0.01, None, None], "rotation": [None, 0.2, 0.0], "force": [0, 4.0, 0]}}],
+        element,
         histories={"h": history})
     ground = solution.scene.interfaces[0]
     points = solution.scene.mesh.nodes[ground.global_nodes]
@@ -152,7 +154,8 @@ def test_tractions_and_displacements_have_cylindrical_components(element, tmp_pa
     tau, a, b = 6.0, 1.0, 2.0
     frame = {"axis": [0, 0, 2.0], "at": [0, 0, 7.0]}
     x = ring(tmp_path / "ring.msh", a, b, 0.3, (3, 6, 1))
-    data = bar([{"on": "outer", "displacement": [0, 0, 0], "frame": frame}, {"on": "inner", "traction": [[0, tau, 0], [0, 0, tau]], "frame": frame}],
+    data = bar([{"on": "outer", "displacement": [0, 0, 0], "frame": frame},
+                {"on": "inner", "traction": [[0, tau, 0], [0, 0, tau]], "frame": frame}],
                element, mesh={"file": str(tmp_path / "ring.msh")})
     scene = build_scene(config_from(data))
     loads, points = scene.loads, scene.mesh.nodes
@@ -169,9 +172,11 @@ def test_tractions_and_displacements_have_cylindrical_components(element, tmp_pa
     assert np.cross(points, loads[0]).sum(axis=0)[2] == pytest.approx(moment, abs=1e-10)
     assert moment == pytest.approx(tau * a**2 * np.pi / 2 * 0.3, rel=0.02)
     assert loads[1].sum(axis=0) == pytest.approx([0, 0, tau * area.sum()], abs=1e-10)
-    grown = build_scene(config_from(bar([{"on": "outer", "displacement": [0.01, 0.02, 0.03], "frame": frame}], mesh={"file": str(tmp_path / "ring.msh")})))
+    grown = build_scene(config_from(bar([{"on": "outer", "displacement": [0.01, 0.02, 0.03], "frame": frame}],
+                                        mesh={"file": str(tmp_path / "ring.msh")})))
     even = {"on": "start", "displacement": [None, 0, None]}  # what a radial displacement is there, but for rounding
-    build_scene(config_from(bar([{"on": "outer", "displacement": [0.01, 0, 0], "frame": frame}, even], mesh={"file": str(tmp_path / "ring.msh")})))
+    build_scene(config_from(bar([{"on": "outer", "displacement": [0.01, 0, 0], "frame": frame}, even],
+                                mesh={"file": str(tmp_path / "ring.msh")})))
     at = np.flatnonzero(grown.fixed.any(axis=1))
     r = x[at, :2] / np.linalg.norm(x[at, :2], axis=1, keepdims=True)
     wanted = np.c_[0.01 * r + 0.02 * np.c_[-r[:, 1], r[:, 0]], np.full(len(at), 0.03)]
@@ -183,16 +188,22 @@ WRONG = {
     "no stiffness": ([{"on": "zmin", "foundation": {}}], ("boundary", 0, "foundation"), "nothing"),
     "tangential alone": ([{"on": "zmin", "foundation": {"tangential": 1.0}}], ("boundary", 0, "foundation"), "tangential"),
     "both ways": ([{"on": "zmin", "foundation": {"normal": 1.0, "stiffness": [1.0, 1.0, 1.0]}}], ("boundary", 0, "foundation"), "alone"),
-    "all zero": ([{"on": "zmin", "foundation": {"stiffness": [0.0, 0.0, 0.0]}}], ("boundary", 0, "foundation", "stiffness"), "no stiffness"),
+    "all zero": ([{"on": "zmin", "foundation": {"stiffness": [0.0, 0.0, 0.0]}}], ("boundary", 0, "foundation", "stiffness"),
+                 "no stiffness"),
     "negative": ([{"on": "zmin", "foundation": {"normal": -1.0}}], ("boundary", 0, "foundation", "normal"), "> 0"),
     "slides away": ([{"on": "zmin", "foundation": {"normal": 1.0}}], ("boundary",), "translation along x"),
-    "turns": ([HELD | {"displacement": [None, None, 0]}, {"on": "zmax", "coupling": {"displacement": [0, 0, None]}}], ("boundary",), "rotation about the z axis"),
+    "turns": ([HELD | {"displacement": [None, None, 0]}, {"on": "zmax", "coupling": {"displacement": [0, 0, None]}}], ("boundary",),
+              "rotation about the z axis"),
     "a history of springs": ([SPRINGS | {"history": "h"}], ("boundary", 0, "history"), "springs are what they are"),
     "a frame of nothing": ([HELD, {"on": "zmax", "pressure": 1.0, "frame": {"axis": "z"}}], ("boundary", 1, "frame"), "nothing to turn"),
-    "a frame without direction": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": [0, 0, 0]}}], ("boundary", 1, "frame", "axis"), "direction"),
-    "on the axis": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}], ("boundary", 1, "frame"), "radial"),
-    "through a face": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}], ("boundary", 1, "frame"), "runs through"),
-    "held through a face": ([HELD, {"on": "zmax", "displacement": [0, None, None], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}], ("boundary", 1, "frame"), "runs through"),
+    "a frame without direction": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": [0, 0, 0]}}],
+                                  ("boundary", 1, "frame", "axis"), "direction"),
+    "on the axis": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}], ("boundary", 1, "frame"),
+                    "radial"),
+    "through a face": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}],
+                       ("boundary", 1, "frame"), "runs through"),
+    "held through a face": ([HELD, {"on": "zmax", "displacement": [0, None, None], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}],
+                            ("boundary", 1, "frame"), "runs through"),
     "loaded and prescribed": ([HELD, {"on": "zmax", "coupling": {"displacement": [0, None, None], "force": [1.0, 0, 0]}}],
                               ("boundary", 1, "coupling", "force"), "component x"),
     "nothing": ([HELD, {"on": "zmax", "coupling": {"kind": "distributed"}}], ("boundary", 1, "coupling"), "nothing prescribed"),
@@ -218,4 +229,5 @@ def test_what_is_zero_or_axial_is_so_on_the_axis_too():
 
 def test_a_surface_that_several_subdomains_share_is_no_coupling():
     with pytest.raises(InputError, match="a surface of one subdomain"):
-        build_scene(config_from(bar([HELD, {"on": "xmax", "coupling": {"force": [1.0, 0, 0]}}], subdomains={"slices": {"axis": "z", "count": 2}})))
+        build_scene(config_from(bar([HELD, {"on": "xmax", "coupling": {"force": [1.0, 0, 0]}}],
+                                    subdomains={"slices": {"axis": "z", "count": 2}})))

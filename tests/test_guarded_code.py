@@ -236,7 +236,8 @@ def of_body(model, young=lambda model, centre: 200e3, poisson=0.3):
 OWN = {  # what stiffness() of matter of one's own returns, words of the message; None: it is sound
     "a bulk modulus below zero": (  # by 0.3 of a shear modulus of 77e3
         lambda m: of_body(m, lambda *_: -27 * 77e3, -14.5), "not positive: displacements near .* give energy away"),
-    "a modulus below zero": (lambda m: of_body(m, lambda _, x: 200e3 * np.where(x[:, 0] > 3.5, -0.5, 1.0)), "not positive: to move a node near"),
+    "a modulus below zero": (lambda m: of_body(m, lambda _, x: 200e3 * np.where(x[:, 0] > 3.5, -0.5, 1.0)),
+                             "not positive: to move a node near"),
     "the whole's average": (lambda m: of_body(m, lambda m, x: 200e3 * (1 + 0.1 * x[:, 0].mean())), "no sum over tets"),
     "the model's name": (lambda m: of_body(m, lambda m, _: 200e3 * (1 + 1e-6 * m.name.startswith("rim"))), "no sum over tets"),
     "soft and hard": (lambda m: of_body(m, lambda _, x: 200e3 * 10.0 ** np.round(-6 * x[:, 0] / 4)), None),
@@ -254,7 +255,8 @@ def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterate
     scene = build_scene(config)
     sides, own = sides_by_subdomain(scene), scene.subdomains
     worker = type("OwnWorker", (InProcessWorker,), {"stiffness": lambda self, index, model: make(model)})
-    code = type("OwnCode", (InProcess,), {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
+    code = type("OwnCode", (InProcess,),
+                {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
     with GuardedCode(Pool({0: code})) as blackbox:
         def judge():
             rims = assemble_rims(scene, own, sides, blackbox, True, Savings())

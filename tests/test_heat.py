@@ -67,10 +67,12 @@ def test_a_bar_between_walls_presses_as_hard_as_theory_says():
 HELD = [{"on": side, "symmetry": True} for side in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")]
 STILL = {
     "held": {}, "ten nodes": {"blackbox": {**IN_PROCESS, "element": "P2"}}, "pieces": {"subdomains": {"metis": 3}},
-    "no slip": {"boundary": [{"on": "*", "displacement": [0, 0, 0]}]}, "moved": {"boundary": [{"on": "*", "displacement": [0.01, 0.02, 0.03]}]},
+    "no slip": {"boundary": [{"on": "*", "displacement": [0, 0, 0]}]},
+    "moved": {"boundary": [{"on": "*", "displacement": [0.01, 0.02, 0.03]}]},
     "steps of nothing": {"loads": [{"temperature": 100.0, "history": "h"}], "histories": {"h": [1.0, 0.0]}},
     "contact": {"interfaces": [{"law": "contact", "friction": 0.2}],
-                "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}} for n, z in (("a", 0), ("b", 1))],
+                "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
+                          for n, z in (("a", 0), ("b", 1))],
                 "boundary": [{"on": on, "symmetry": True} for on in ("*/x*", "*/y*", "a/zmin", "b/zmax")], "subdomains": {"groups": True}}}
 
 
@@ -92,11 +94,14 @@ def test_what_is_heated_and_cannot_move_is_sound(what):
 
 def test_a_body_that_is_carried_away_as_a_whole_is_sound():
     """Every node of its surface is moved alike: no stress, and rounding of the motion is no error."""
-    solution = solve(config_from(bar(loads=[], boundary=[{"on": "*", "motion": {"translate": [0.1, 0.2, 0.3], "rotate": {"axis": "z", "degrees": 1}}}], histories={})))
+    solution = solve(config_from(bar(loads=[], boundary=[{"on": "*", "motion": {"translate": [0.1, 0.2, 0.3],
+                                                                                "rotate": {"axis": "z", "degrees": 1}}}], histories={})))
     assert solution.converged and np.abs(solution.fields.stress(0)).max() < 1e-6 * STEEL["young"]
     assert solution.summary["discretisation_error"] < 1e-5
-    cubes = [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}} for n, z in (("a", 0), ("b", 1))]
-    apart = {**bar(loads=[], boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}], histories={}), "parts": cubes, "subdomains": {"groups": True},
+    cubes = [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
+             for n, z in (("a", 0), ("b", 1))]
+    apart = {**bar(loads=[], boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}], histories={}), "parts": cubes,
+             "subdomains": {"groups": True},
              "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [0.01, 0, 0.01]}]}
     del apart["mesh"]
     solution = solve(config_from(apart))
@@ -109,7 +114,8 @@ def test_temperatures_come_from_a_file_in_any_order(tmp_path):
     warmth = LINEAR["value"] + x @ LINEAR["gradient"]
     rows = np.random.default_rng(2).permutation(np.c_[x, warmth, -2 * warmth])
     np.savetxt(tmp_path / "warm.csv", rows, delimiter=", ", header="x y z T1 T2", fmt="%.9g")
-    found = build_scene(config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "to"}], histories={"to": [1, 1]})))
+    found = build_scene(config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "to"}],
+                                        histories={"to": [1, 1]})))
     assert np.allclose(found.loads, plain.loads, atol=1e-7 * np.abs(plain.loads).max())
 
 
@@ -122,7 +128,8 @@ def test_a_thick_cylinder_under_pressure_and_heat_is_what_lame_says(tmp_path):
     solution = solve(config_from({
         "name": "cylinder", "mesh": {"file": str(tmp_path / "ring.msh")}, "subdomains": {"metis": 2}, "materials": [
             {"young": young, "poisson": nu, "expansion": alpha}],
-        "boundary": [*({"on": side, "symmetry": True} for side in ("start", "end", "low", "high")), {"on": "inner", "pressure": p, "history": "first"}],
+        "boundary": [*({"on": side, "symmetry": True} for side in ("start", "end", "low", "high")),
+                     {"on": "inner", "pressure": p, "history": "first"}],
         "loads": [{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "second"}],
         "histories": {"first": [1, 0], "second": [0, 1]}, "blackbox": {**IN_PROCESS, "element": "P2"}}))
     nodes = solution.scene.mesh.nodes[: len(x)]
@@ -150,7 +157,8 @@ def test_a_curved_beam_bends_as_golovin_says(tmp_path):
         "name": "curved", "mesh": {"file": str(tmp_path / "ring.msh")}, "subdomains": {"metis": 2},
         "materials": [{"young": 200e3, "poisson": 0.0}],
         "boundary": [*({"on": side, "symmetry": True} for side in ("start", "low", "high")),
-                     {"on": "end", "resultant": {"moment": [0, 0, -moment]}}, {"on": {"box": [[2.4, 0, 0], [2.7, 0, 0.2]]}, "displacement": [0, None, None]}],
+                     {"on": "end", "resultant": {"moment": [0, 0, -moment]}},
+                     {"on": {"box": [[2.4, 0, 0], [2.7, 0, 0.2]]}, "displacement": [0, None, None]}],
         "blackbox": {**IN_PROCESS, "element": "P2"}}))
     moment /= 0.2  # per thickness
     n = (b**2 - a**2) ** 2 - 4 * a**2 * b**2 * np.log(b / a) ** 2
@@ -167,7 +175,8 @@ def test_a_curved_beam_bends_as_golovin_says(tmp_path):
 
 
 @pytest.mark.parametrize("place, warmth, told", [
-    ((0.5, 0.5, 0.0), 51.0, "two temperatures"), ((0.5, 0.5, 4e-7), 51.0, None), ((0.5, 0.5, 0.0), 5.000001, None), ((0.5, 0.5, 0.0), 5.0, None)],
+    ((0.5, 0.5, 0.0), 51.0, "two temperatures"), ((0.5, 0.5, 4e-7), 51.0, None), ((0.5, 0.5, 0.0), 5.000001, None),
+    ((0.5, 0.5, 0.0), 5.0, None)],
     ids=["another temperature", "a place beside", "rounded", "repeated"])
 def test_two_rows_at_one_place_agree(place, warmth, told, tmp_path):
     """What differs by the digits of a file only agrees; of two temperatures at one place, the file has to say which is meant."""
@@ -178,7 +187,8 @@ def test_two_rows_at_one_place_agree(place, warmth, told, tmp_path):
     (tmp_path / "warm.csv").write_text("\n".join(text))
     heated = config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}}]))
     if told is None:
-        assert np.allclose(build_scene(heated).thermal[0, :, 0], 1.2e-5 * 10 * x[build_scene(heated).mesh.cells[:, 0], 0], rtol=1e-12, atol=1e-12)
+        assert np.allclose(build_scene(heated).thermal[0, :, 0], 1.2e-5 * 10 * x[build_scene(heated).mesh.cells[:, 0], 0], rtol=1e-12,
+                           atol=1e-12)
         return
     with pytest.raises(InputError, match="two temperatures at") as caught:
         build_scene(heated)
@@ -220,7 +230,8 @@ def test_a_thin_part_needs_rows_on_both_faces(tmp_path):
 
 
 @pytest.mark.parametrize("content, words", [
-    ("0 0 0", "3 columns"), ("0 0 0 warm", "line 1, column 4: no number"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
+    ("0 0 0", "3 columns"), ("0 0 0 warm", "line 1, column 4: no number"), ("0 0 0 1", "no row for"),
+    ("0 0 0 nan", "not all of them numbers"),
     ("", "0 columns in 0 rows"), ("# x y z T", "0 columns in 0 rows"), ("0;0;0;20,5", "decimal point"), ("0 0 0 1e999", "not all of them"),
     (None, "no file")])
 def test_what_is_wrong_with_a_file_of_temperatures_is_told_with_its_line(content, words, tmp_path):

@@ -63,7 +63,8 @@ def test_it_stays_whole_whatever_the_sole(tmp_path, kind):
 
 def test_what_faces_hold_together_gets_no_other_interface(tmp_path):
     """Cuts that cross in the inside of a body: every interface has faces."""
-    scene = build_scene(config(mesh={"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, subdomains={"grid": [2, 2, 2]}, boundary=pulled(EDGE)))
+    scene = build_scene(config(mesh={"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, subdomains={"grid": [2, 2, 2]},
+                               boundary=pulled(EDGE)))
     assert len(scene.interfaces) == 12 and all(len(i.triangles) for i in scene.interfaces)
 
 
@@ -89,7 +90,8 @@ def test_an_edge_is_a_hinge(tmp_path):
     made = dict(mesh=saved(voxels(APART), tmp_path / "voxels.mesh"), subdomains={"metis": 2})
     with pytest.raises(InputError, match=r"can still move as a rigid body: rotation about the z axis through \(1, 1, 0.5\)"):
         build_scene(config(**made, boundary=[WEST, EAST]))
-    assert_bounded(solved(**made, boundary=[WEST, {**EAST, "traction": [1, 1, 2]}, {"on": {"plane": "y", "at": 2}, "displacement": [None, 0.1, None]}],
+    assert_bounded(solved(**made, boundary=[WEST, {**EAST, "traction": [1, 1, 2]},
+                                            {"on": {"plane": "y", "at": 2}, "displacement": [None, 0.1, None]}],
                           **method(tolerance={"error": 1e-6})))
 
 
@@ -117,7 +119,8 @@ def test_few_points_of_meshes_that_do_not_match_are_hinges(law, at):
     assert "so little in common beside the size of their facets that" in str(caught.value) and "mesh both finer there" in str(caught.value)
 
 
-@pytest.mark.parametrize("made", [pads([(1.7, 1.7), (-0.7, -0.7), (1.7, -0.7)], {"law": "perfect"}), pads([(1.7, 1.7)], {"law": "contact", "friction": 0.3}),
+@pytest.mark.parametrize("made", [pads([(1.7, 1.7), (-0.7, -0.7), (1.7, -0.7)], {"law": "perfect"}),
+                                  pads([(1.7, 1.7)], {"law": "contact", "friction": 0.3}),
                                   pads([(1.0, 0.7)], {"law": "perfect"})], ids=["three corners", "contact", "a whole side"])
 def test_points_that_hold_together_are_enough(made):
     build_scene(made)

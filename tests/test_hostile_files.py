@@ -48,7 +48,8 @@ output: {{figures: false, fields: false}}
 """
 BOX = "mesh: {box: {size: [1, 1, 1], cells: [2, 2, 2]}}"
 # a part of another kind, by three of its nodes on the top of a box
-ON_A_BOX = "interfaces: [{{between: auto, law: perfect}}]\nparts:\n  - {{name: a, mesh: {{box: {{size: [1, 1, 1], cells: [2, 2, 2]}}}}}}\n  - {{name: b, {}}}"
+ON_A_BOX = ("interfaces: [{{between: auto, law: perfect}}]\nparts:\n"
+            "  - {{name: a, mesh: {{box: {{size: [1, 1, 1], cells: [2, 2, 2]}}}}}}\n  - {{name: b, {}}}")
 # name → content: none is what its name says, and gmsh would run them all
 FORGED = {
     "script.msh": SCRIPT, "breaks.msh": "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + SCRIPT, "blank.msh": "\n$MeshFormat\n" + SCRIPT,
@@ -56,7 +57,8 @@ FORGED = {
     "part.unv": SCRIPT, "part.bdf": SCRIPT, "part.nas": SCRIPT, "part.med": SCRIPT, "part.mesh": SCRIPT, "part.inp": SCRIPT,
     "part.step": SCRIPT, "part.stp": SCRIPT, "part.brep": SCRIPT, "part.igs": SCRIPT, "part.stl": SCRIPT,
     "part.vtk": SCRIPT, "part.vtu": SCRIPT, "part.pvtu": SCRIPT, f"; touch {MARK};.msh": SCRIPT,
-    "entity.xdmf": '<!DOCTYPE Xdmf [<!ENTITY x SYSTEM "file:///etc/passwd">]><Xdmf>&x;</Xdmf>', "entity.xml": "<!DOCTYPE dolfin [<!ENTITY x 'y'>]><dolfin/>",
+    "entity.xdmf": '<!DOCTYPE Xdmf [<!ENTITY x SYSTEM "file:///etc/passwd">]><Xdmf>&x;</Xdmf>',
+    "entity.xml": "<!DOCTYPE dolfin [<!ENTITY x 'y'>]><dolfin/>",
     "entity.vtu": '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + VTU.format("", "", "&x;", ""),
     "pickled.npz": pickle.dumps(eval), "pickled.h5": pickle.dumps(eval), "code.py": f"open('{MARK}', 'w')",
 }
@@ -211,7 +213,8 @@ def test_solvers_and_forms_are_not_run_by_check(tmp_path):
     for blackbox in ("{code: solver.py}", "{code: 'solver:Solver'}", "{form: form.idp}"):
         for command in ("check", "inspect"):
             done = call(command, written(tmp_path, blackbox=blackbox))
-            assert done.exit_code == 0 and ("not checked: whether FreeFEM" in done.output) == ("form" in blackbox and command == "check"), blackbox
+            assert done.exit_code == 0 and ("not checked: whether FreeFEM" in done.output) == (
+                "form" in blackbox and command == "check"), blackbox
     assert not (tmp_path / MARK).exists()
     call("check", written(tmp_path, blackbox="{form: form.idp}"), "--run-programs")
     (tmp_path / MARK).unlink()  # it does what it says
@@ -289,7 +292,8 @@ def secret(tmp_path):
 
 def deck(secret):
     nodes = "*NODE, NSET=J\n1,0,0,1\n2,1,0,1\n3,0,1,1\n*NODE\n4,0,0,2\n*ELEMENT, TYPE=C3D4, ELSET=E\n1,1,2,3,4\n"
-    return nodes + f"*MATERIAL, NAME=M\n*ELASTIC\n200e3, .3\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*MATERIAL, NAME=N\n*ELASTIC\n*INCLUDE, INPUT={secret}\n"
+    matter = "*MATERIAL, NAME=M\n*ELASTIC\n200e3, .3\n*SOLID SECTION, ELSET=E, MATERIAL=M\n*MATERIAL, NAME=N\n*ELASTIC\n"
+    return nodes + matter + f"*INCLUDE, INPUT={secret}\n"
 
 
 @pytest.mark.parametrize("door", ["mesh", "deck", "included", "nodes", "facets", "stiffness", "loads", "temperature", *FORGED])
@@ -443,5 +447,6 @@ def test_a_report_shows_the_runs_own_pictures_alone(tmp_path):
 def test_every_line_of_the_threat_model_has_its_test():
     """And every test its line."""
     told = set(re.findall(r"`(test_\w+)`", (Path(__file__).parents[1] / "docs" / "security.md").read_text(encoding="utf-8")))
-    there = {name for name in globals() if name.startswith("test_")} - {"test_the_script_is_one", "test_every_line_of_the_threat_model_has_its_test"}
+    there = {name for name in globals() if name.startswith("test_")} - {
+        "test_the_script_is_one", "test_every_line_of_the_threat_model_has_its_test"}
     assert told == there

@@ -52,7 +52,8 @@ CASES = {
     "nonlinear, step by step": {**PRESSED, "boundary": [PRESSED["boundary"][0], {"on": "zmax", "displacement": [
         [0, 0, -0.005], [0.004, 0, -0.005]]}], "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "on": "block 0-0-0"}]},
     "bonded, nodes that do not match": {**TURNED, **APART, "interfaces": [{"law": "perfect"}], "boundary": [
-        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
+        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
+        {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
     "contact, nodes that do not match": {**PRESSED, **APART, "boundary": [
         {**entry, "on": {"plane": "z", "at": at}} for entry, at in zip(PRESSED["boundary"], (0.0, 2.0))]},
     "contact, sides that slide on": {**APART, "interfaces": [{"law": "contact", "friction": 0.3, "pairing": "follow"}], "boundary": [
@@ -226,7 +227,8 @@ def test_fingerprint_allows_for_what_changes_no_state():
 FILES = {
     "a mesh's surfaces": ({"mesh": {"file": "plate.msh"}}, {"plate.msh": ""}, "plate.msh"),
     "a solid": ({"mesh": {"step": "plate.stp"}}, {"plate.stp": ""}, "plate.stp"),
-    "an included mesh": ({"mesh": {"file": "all.inp"}}, {"all.inp": "*NODE\n*INCLUDE, INPUT=sub/bolts.inp\n", "sub/bolts.inp": ""}, "sub/bolts.inp"),
+    "an included mesh": ({"mesh": {"file": "all.inp"}}, {"all.inp": "*NODE\n*INCLUDE, INPUT=sub/bolts.inp\n", "sub/bolts.inp": ""},
+                         "sub/bolts.inp"),
     "one included by that": ({"mesh": {"file": "all.inp"}}, {
         "all.inp": "*Include,input = 'sub/bolts.inp'\r\n", "sub/bolts.inp": "*INCLUDE, INPUT=nut.inp", "sub/nut.inp": ""}, "sub/nut.inp"),
     "a piece": ({"mesh": {"file": "all.pvtu"}}, {"all.pvtu": '<Piece Source="all_0.vtu"/> <Piece Source="all_1.vtu"/>',
@@ -240,16 +242,19 @@ FILES = {
     "a deck": ({"parts": [{"deck": {"calculix": "pump.inp"}}]}, {"pump.inp": ""}, "pump.inp"),
     "a deck's matter": ({"parts": [{"deck": {"calculix": "pump.inp"}}]}, {
         "pump.inp": "*MATERIAL, NAME=STEEL\n  *INCLUDE,INPUT=steel.mat\n", "steel.mat": ""}, "steel.mat"),
-    "a deck's loads": ({"parts": [{"deck": {"loads": ["step.txt"]}}]}, {"step.txt": "*INCLUDE, INPUT=forces.txt", "forces.txt": ""}, "forces.txt"),
+    "a deck's loads": ({"parts": [{"deck": {"loads": ["step.txt"]}}]}, {"step.txt": "*INCLUDE, INPUT=forces.txt", "forces.txt": ""},
+                       "forces.txt"),
     "a program": ({"parts": [{"program": {"run": "solve.sh"}}]}, {"solve.sh": ""}, "solve.sh"),
     "a program's module": ({"parts": [{"program": {"run": "solve.py"}}]}, {"solve.py": "from model import K", "model.py": ""}, "model.py"),
     "an argument": ({"parts": [{"program": {"run": "solve.sh", "arguments": ["-n", "k.npy"]}}]}, {"solve.sh": "", "k.npy": ""}, "k.npy"),
     "an argument's value": ({"parts": [{"program": {"arguments": ["--table=k.npy"]}}]}, {"k.npy": ""}, "k.npy"),
     "a form": ({"blackbox": {"form": "matter.idp"}}, {"matter.idp": ""}, "matter.idp"),
     "what a form includes": ({"blackbox": [{"form": "matter.txt"}]}, {
-        "matter.txt": '// matter\ninclude "sub/law.idp"\n', "sub/law.idp": 'include "constants.idp"', "constants.idp": ""}, "constants.idp"),
+        "matter.txt": '// matter\ninclude "sub/law.idp"\n', "sub/law.idp": 'include "constants.idp"', "constants.idp": ""},
+        "constants.idp"),
     "a solver": ({"blackbox": {"code": "mine.py:Solver"}}, {"mine.py": ""}, "mine.py"),
-    "a solver's package": ({"blackbox": {"code": "mine.py"}}, {"mine.py": "import os, laws.creep as creep\n", "laws/creep.py": ""}, "laws/creep.py"),
+    "a solver's package": ({"blackbox": {"code": "mine.py"}}, {"mine.py": "import os, laws.creep as creep\n", "laws/creep.py": ""},
+                           "laws/creep.py"),
     "a module beside": ({"blackbox": {"code": "mine.py"}}, {"mine.py": "    from . import (law, other)\n", "law.py": ""}, "law.py"),
 }
 

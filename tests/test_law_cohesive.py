@@ -134,7 +134,8 @@ def test_glue_written_to_files_is_checked_node_by_node():
     length, opening, damage = np.array([1.0, 0.6, 1.0, 0.6]), np.array([0.5, 0.3, -0.5, -0.3]), np.array([0.0, 0.5, 0.5, 1.0])
     slip = np.random.default_rng(0).normal(size=(1, 4, 3))
     left = 3.0 * (1 - damage)
-    sound = dict(opening=opening[None], slip=slip, shear=left[:, None] * slip, chosen=np.arange(4), length=length, own={"damage": damage[None]},
+    sound = dict(opening=opening[None], slip=slip, shear=left[:, None] * slip, chosen=np.arange(4), length=length,
+                 own={"damage": damage[None]},
                  pressure=(-np.where(opening > 0, left, 3.0) * opening / length**2)[None])
 
     def worst(**change):

@@ -263,8 +263,10 @@ def test_measures_have_the_units_that_they_are_divided_by(name, keys):
     status, own = np.full((1, COUNT), int(SLIP)), {v.name: random.random((1, COUNT)) for v in law.variables}
     powers = {"gap": b, "friction": 1.0, "first": b, "last": b}  # of all else: stiffnesses
     scaled = Points(points.normal, points.stiff_n * a / b, points.stiff_t * a / b, points.area,
-                    {key: value * powers.get(key, a / b) for key, value in law.parameters(np.arange(COUNT), np.ones(COUNT), points.area).items()})
-    plain = Points(points.normal, points.stiff_n, points.stiff_t, points.area, law.parameters(np.arange(COUNT), np.ones(COUNT), points.area))
+                    {key: value * powers.get(key, a / b)
+                     for key, value in law.parameters(np.arange(COUNT), np.ones(COUNT), points.area).items()})
+    plain = Points(points.normal, points.stiff_n, points.stiff_t, points.area,
+                   law.parameters(np.arange(COUNT), np.ones(COUNT), points.area))
     small, large = (law.residuals(p, Stages(f * force[None], u * jump[None], u * answered[None], u * before, status, own))
                     for p, f, u in ((plain, 1.0, 1.0), (scaled, a, b)))
     assert large[0] == pytest.approx(a * small[0])

@@ -80,7 +80,8 @@ def test_friction_of_pressures_that_are_there():
     assert motion(pressed, load(0.6, 0, -7.0), load(0, 0, -7.0)).factor == pytest.approx(0.5, rel=1e-6)
     points, normal = np.vstack([CORNERS, [[0.5, 0.0, 0.0]]]), np.column_stack([UP, [-1.0, 0.0, 0.0]])
     for apart, held in ((0.01, True), (1.5, False)):  # a stop in the way, of what may move by 1
-        beside = standing(Carries.pressed(normal, 0.3), normal, points).at_pressures(np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart])
+        beside = standing(Carries.pressed(normal, 0.3), normal, points).at_pressures(
+            np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart])
         found = motion(beside, load(0.6, 0, -1.0))
         assert (found.lacking < 0.02 if held else found.lacking > 0.1), apart
 

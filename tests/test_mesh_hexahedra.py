@@ -232,7 +232,8 @@ def test_names_in_files_of_vtk(saved, tmp_path, monkeypatch):
     numbered = ["volume_0", "volume_1"]
     for made, expected in (
             (of(PhysicalName=words[right]), ["left", "right"]), (of(any=words[right]), ["left", "right"]),
-            (of(volume=right, stress=right + .5), numbered), (of(Material_Id=right.astype(float)), numbered), (of(subdomain=right), numbered),
+            (of(volume=right, stress=right + .5), numbered), (of(Material_Id=right.astype(float)), numbered),
+            (of(subdomain=right), numbered),
             (of([("names", words)], volume=right), ["left", "right"]), (of([("part", words)], part=right + 1), ["left", "right"]),
             (of([("names", np.array([*words, "third"]))], volume=right + 1), ["volume_1", "volume_2"]),  # from 0 or 1? nobody knows
             (of([("bolt", [1, 3]), ("nut", [2, 3])], **{"gmsh:physical": right + 1}), ["bolt", "nut"]), (of(other=right), ["volume_1"])):

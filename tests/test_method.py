@@ -201,7 +201,8 @@ def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
 
 ALL = list(itertools.product(STRATEGIES, ["none", "anderson", "gmres"], KPLUS, KINDS))
 # A third of them has every pair of choices: the indices of the first three add up to a multiple of three.
-COMBINATIONS = quick(ALL, *(ALL[18 * i + 6 * j + 2 * k + sole] for i, j, k, sole in itertools.product(range(3), range(3), range(3), range(2))
+COMBINATIONS = quick(ALL,
+                     *(ALL[18 * i + 6 * j + 2 * k + sole] for i, j, k, sole in itertools.product(range(3), range(3), range(3), range(2))
                             if (i + j + k) % 3 == 0))
 
 

@@ -213,7 +213,8 @@ def bent(folder, sizes):
     (step,), whole = Monolithic(scene).solve(), Monolithic(scene)
     exact = np.concatenate([(scene.mesh.nodes @ strains[0].T)[s.nodes].ravel() for s in scene.subdomains])
     wrong = np.concatenate([u.ravel() for u in step.parts]) - exact
-    return np.sqrt(wrong @ (whole.K @ wrong) / (exact @ (whole.K @ exact))), scene.interfaces[0].mortar, np.abs(mesh.nodes - scene.mesh.nodes)
+    return np.sqrt(wrong @ (whole.K @ wrong) / (exact @ (whole.K @ exact))), scene.interfaces[0].mortar, \
+        np.abs(mesh.nodes - scene.mesh.nodes)
 
 
 @pytest.mark.long

@@ -36,7 +36,8 @@ def test_what_names_nothing_is_a_part_or_a_wildcard(pattern, names, meant):
     assert matching(pattern, names) == meant
 
 
-@pytest.mark.parametrize("names, said", [(["v[1]", "v1"], "'v[1]'"), (["*", "a"], "* means all of them"), (["Rod", "rod"], "by case or blanks"),
+@pytest.mark.parametrize("names, said",
+                         [(["v[1]", "v1"], "'v[1]'"), (["*", "a"], "* means all of them"), (["Rod", "rod"], "by case or blanks"),
                                          (["rod 1", "rod1 "], "'rod1 '"), (["v[1]", "v2", "rod", "rod/a"], None)])
 def test_names_that_look_alike_are_told(names, said):
     assert [said in text for text in look_alike(names, "volume")] == ([True] if said else [])
@@ -59,7 +60,8 @@ def test_a_scene_of_such_names_is_that_of_plain_ones(tmp_path):
         return build_scene(config_from(bar(
             mesh={"file": str(tmp_path / "two.msh")}, materials=[{"young": 1.0, "poisson": 0.3}, {"young": 2.0, "poisson": 0.3, "on": one}],
             boundary=[{"on": f"{one}e", "displacement": [0, 0, 0]}, {"on": f"{other}e", "traction": [1, 0, 0]}],
-            loads=[{"on": one, "body_force": [1, 0, 0]}], interfaces=[{"law": "elastic", "stiffness_n": 3.0, "stiffness_t": 3.0, "between": [one, other]}],
+            loads=[{"on": one, "body_force": [1, 0, 0]}],
+            interfaces=[{"law": "elastic", "stiffness_n": 3.0, "stiffness_t": 3.0, "between": [one, other]}],
             blackbox=[{"code": "freefem"}, {"code": "calculix", "on": one}],
             output={"figures": False, "probes": [{"at": [1, 0, 0], "part": one, "quantity": "displacement"}]})))
 

@@ -87,7 +87,8 @@ def test_a_part_that_flows_and_slides_by_a_third_of_itself(tmp_path):
     """It is not asked under forces that nothing bears: a load step begins with the elastic answer to what it adds."""
     data = {"name": "slides", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
             "parts": [{"name": "table", "mesh": {"box": {"size": [4, 3, 1], "cells": [4, 3, 2]}}},
-                      {"name": "slider", "mesh": {"box": {"size": [1.2, 1.2, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0.7, 0.9, 1]}}],
+                      {"name": "slider", "mesh": {"box": {"size": [1.2, 1.2, 1], "cells": [2, 2, 2]}},
+                       "move": {"translate": [0.7, 0.9, 1]}}],
             "boundary": [{"on": "table/zmin", "displacement": [0, 0, 0]},
                          {"on": "slider/zmax", "displacement": [[0, 0, -0.0013], [0.4, 0, -0.0013]]}],
             "interfaces": [{"between": "auto", "law": "contact", "friction": 0.1}], "method": {"tolerance": {"error": 1e-4}},

@@ -196,7 +196,8 @@ def test_springs_and_jumps_act_across():
         assert np.abs(mean - given).max() < 1e-9 * np.abs(given).max()
 
 
-AS_ONE = {"jump": ({"law": "jump", "jump": [0, 0, 0]}, 1e-7), "springs": ({"law": "elastic", "stiffness_n": 1e12, "stiffness_t": 1e12}, 1e-5)}
+AS_ONE = {"jump": ({"law": "jump", "jump": [0, 0, 0]}, 1e-7),
+          "springs": ({"law": "elastic", "stiffness_n": 1e12, "stiffness_t": 1e12}, 1e-5)}
 
 
 @pytest.mark.parametrize("law, off", AS_ONE.values(), ids=AS_ONE)

@@ -174,7 +174,8 @@ def test_a_file_is_inspected(tmp_path, flange):
     assert len(rows) == 15 and sum("not matching" in row for row in rows) >= 12
     path = tmp_path / "two.yaml"
     slab = "{box: {size: [1, 1, 0.5], cells: [4, 4, 2]}}"
-    path.write_text(f"name: two\nparts:\n  - {{name: base, mesh: {slab}}}\n  - {{name: lid, mesh: {slab}, move: {{translate: [0, 0, 0.5]}}}}\n"
+    path.write_text(f"name: two\nparts:\n  - {{name: base, mesh: {slab}}}\n"
+                    f"  - {{name: lid, mesh: {slab}, move: {{translate: [0, 0, 0.5]}}}}\n"
                     "subdomains: groups\nmaterials: [{young: 1, poisson: 0.3}]\ninterfaces: [{between: auto, law: contact}]\n"
                     "boundary: [{on: base/zmin, displacement: [0, 0, 0]}, {on: lid/zmax, displacement: [0, 0, 0]}]\n")
     done = CliRunner().invoke(app, ["inspect", str(path)])

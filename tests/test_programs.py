@@ -191,7 +191,8 @@ def test_a_sound_program_whatever_its_units_and_loads(tmp_path):
 WRONG = {  # what is put in → words of the message
     "exit code": ({"end": "print('no licence'); sys.exit(7)"}, "ended with exit code 7: no licence"),
     "killed": ({"end": "os.kill(os.getpid(), 11)"}, "killed by signal 11"),
-    "no displacements": ({"end": "open('joint.txt', 'w').write('1 0 0 1\\n2 1 0 1\\n3 0 1 1\\n4 1.1 .9 1\\n'); sys.exit(0)"}, "left no displacements.txt"),
+    "no displacements": ({"end": "open('joint.txt', 'w').write('1 0 0 1\\n2 1 0 1\\n3 0 1 1\\n4 1.1 .9 1\\n'); sys.exit(0)"},
+                         "left no displacements.txt"),
     "no joint": ({"end": "sys.exit(0)"}, "left no joint.txt"),
     "empty joint": ({"end": "joint = []"}, "joint.txt is empty"),
     "joint without heights": ({"end": "joint = [row[:3] for row in joint]"}, "joint.txt, line 1"),
@@ -344,7 +345,8 @@ def test_a_program_that_remembers_load_steps(tmp_path):
     (tmp_path / "facets.csv").write_text("".join(" ".join(str(1 + corners.index(i)) for i in row) + "\n" for row in foot))
     data = {"name": "flows", "subdomains": "groups", "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-7}},
             "parts": [{"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}},
-                      {"name": "bars", "program": {"run": str(run), "facets": str(tmp_path / "facets.csv"), "held": True, "nonlinear": True}}],
+                      {"name": "bars",
+                       "program": {"run": str(run), "facets": str(tmp_path / "facets.csv"), "held": True, "nonlinear": True}}],
             "materials": [{"young": 500.0, "poisson": 0.25}], "boundary": [{"on": "block/zmax", "traction": steps}],
             "interfaces": [{"between": "auto", "law": "perfect"}]}
     made = config_from(data)

@@ -164,11 +164,13 @@ def test_the_page_says_what_the_text_says(tmp_path):
 def test_question_then_answer_then_the_rest(tmp_path):
     """Supports, loads and matter as tables; three numbers; errors that stand out; numbers that are not wrapped, on paper too."""
     config = {"name": "made_up", "mesh": {"box": {"size": [3, 1, 1], "cells": [6, 2, 2]}}, "materials": [{"young": 2e5, "poisson": 0.3}],
-              "boundary": [{"on": "xmin", "displacement": [0, 0, None]}, {"on": {"plane": "x", "at": 3.0}, "pressure": 2.0, "history": "h"}],
+              "boundary": [{"on": "xmin", "displacement": [0, 0, None]},
+                           {"on": {"plane": "x", "at": 3.0}, "pressure": 2.0, "history": "h"}],
               "histories": {"h": [0.5, 1.0]}, "interfaces": [{"between": ["a*", "b"], "law": "contact", "friction": 0.1}],
               "method": {"tolerance": {"error": 1e-6}, "relaxation": 0.7}, "output": {"units": {"length": "mm", "force": "N"}}}
     peak = {"value": 12.5, "at": [1.0, 2.0, 3.0], "part": "box", "load_step": 2}
-    probe = {"name": "tip", "quantity": "point", "of": "displacement", "at": [1.0, 0.0, 0.0], "values": {"ux": [0.1, 0.2], "uy": [0, 0], "uz": [0, 1]}}
+    probe = {"name": "tip", "quantity": "point", "of": "displacement", "at": [1.0, 0.0, 0.0],
+             "values": {"ux": [0.1, 0.2], "uy": [0, 0], "uz": [0, 1]}}
     lost = {"name": "seat", "quantity": "max", "of": "stress", "at": [0.0, 0.0, 0.0], "values": {"sxx": None}, "why": "not known"}
     Solution(case.summary(config=config, peak_stress=peak, peak_displacement=peak | {"value": 0.25}, reaction_names=["xmin", "x = 3"],
                           reaction_moments={"about": [0, 0, 0], "moments": np.ones((2, 2, 3))}, discretisation_error=0.31,

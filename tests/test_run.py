@@ -143,9 +143,11 @@ def written(tmp_path, **changes):
 
 
 def test_the_shipped_example(tmp_path, temporary):
-    """configs/traction_beam.yaml, its elements twice as long, from the shell: exit code, summary, history, fields and figures of the contract."""
+    """configs/traction_beam.yaml, its elements twice as long, from the shell: exit code, summary, history, fields and figures of the
+    contract."""
     out = tmp_path / "out"
-    code, shown, err = ended(launch(temporary, "run", "configs/traction_beam.yaml", "--set", "mesh.beam.h=2.5", "--reference", "--output", out))
+    code, shown, err = ended(launch(temporary, "run", "configs/traction_beam.yaml", "--set", "mesh.beam.h=2.5", "--reference", "--output",
+                                    out))
     assert code == 0, err
     summary = json.loads((out / "summary.json").read_text())
     assert CONTRACT_KEYS <= set(summary)
@@ -275,7 +277,8 @@ def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
                             "--set", "output.fields=false")
     assert code == 0
     assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "extremes.csv",
-                                                                     "interfaces.csv", "mine.txt", "measured.vtu", "holiday.png", "manifest", "lock"}
+                                                                     "interfaces.csv", "mine.txt", "measured.vtu", "holiday.png",
+                                                                     "manifest", "lock"}
     assert (out / "mine.txt").read_text() == "old"
 
 

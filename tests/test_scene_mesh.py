@@ -194,7 +194,8 @@ def test_file_without_tets(tmp_path):
 
 
 def test_tets_of_twenty_nodes(tmp_path):
-    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(tmp_path / "a.msh", file_format="gmsh22")
+    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(
+        tmp_path / "a.msh", file_format="gmsh22")
     problem = one_problem(from_file, tmp_path / "a.msh")
     assert "higher order (tetra20)" in problem.found and "linear" in problem.cure
 
@@ -203,7 +204,8 @@ def test_other_solid_elements(tmp_path):
     mesh = small()
     meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron", np.arange(8)[None])]).write(tmp_path / "a.vtu")
     assert "1 of 1 hexahedra are too distorted" in one_problem(from_file, tmp_path / "a.vtu").found
-    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron64", np.arange(64)[None] % 8)]).write(tmp_path / "a.msh", file_format="gmsh22")
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron64", np.arange(64)[None] % 8)]).write(
+        tmp_path / "a.msh", file_format="gmsh22")
     assert "not known here: hexahedron64" in one_problem(from_file, tmp_path / "a.msh").found
 
 

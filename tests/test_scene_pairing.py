@@ -163,7 +163,8 @@ def test_what_nothing_holds(tmp_path):
     pushed = {"on": "upper zmax", "pressure": 1.0}
     build_scene(made(tmp_path, two_parts(), LAWS["friction"], (HELD, pushed)))
     apart, wrong = problems(made(tmp_path, two_parts(lambda x: x + [0, 0, 0.01]), LAWS["friction"], (HELD, pushed)))
-    assert apart.path == ("interfaces", 0, "between") and wrong.path == ("boundary",) and wrong.found.startswith("upper (one of 2 separate bodies")
+    assert apart.path == ("interfaces", 0, "between")
+    assert wrong.path == ("boundary",) and wrong.found.startswith("upper (one of 2 separate bodies")
 
 
 def test_pairs_prescribed_on_one_side_only(tmp_path):

@@ -40,12 +40,14 @@ SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results sh
         and "nut" in i["name"])),
     "flange": (["method.tolerance.error=1e-3"], 25, tightened),
     "bolts": (["method.tolerance.error=1e-3"], 25, lambda s, f: all(
-        b["state"][1:] == ["tightened" if b["force"][0] < 100 else "locked", "locked"] and 8000 < b["force"][2] < 9000 for b in s["bolts"])),
+        b["state"][1:] == ["tightened" if b["force"][0] < 100 else "locked", "locked"] and 8000 < b["force"][2] < 9000
+        for b in s["bolts"])),
     "stack": (["method.tolerance.error=1e-3"], 30, lambda s, f: s["detached"] == [[]] * 4 and statuses(s, "stick")[0] > 0
               and abs(s["reactions"][0][1][2] + s["reactions"][1][1][2]) < 1),
     "portal": ([], 50, lambda s, f: abs(s["reactions"][0][2][2] - 3.5) < 1e-4 and statuses(s, "slip")[2] > 0
                and {"deck file", "matrix file"} < {f"{c['code']} {c['transport']}" for c in s["codes"]}),
-    "five_doors": (["method.tolerance.error=1e-3"], 35, lambda s, f: np.abs(np.array(s["reactions"][0][2]) - [-3.272, 0, 7.912]).max() < 1e-2 and sum(statuses(s, "stick"))
+    "five_doors": (["method.tolerance.error=1e-3"], 35, lambda s,
+                   f: np.abs(np.array(s["reactions"][0][2]) - [-3.272, 0, 7.912]).max() < 1e-2 and sum(statuses(s, "stick"))
                    and {f"{c['code']} {c['transport']}" for c in s["codes"]} == {
                        "freefem pipe", "beam.py pipe", "deck file", "matrix file", "program file"}),
     "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),

@@ -220,7 +220,8 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     # stopped before, at and after it, it goes on as if nothing had happened
     stops = sorted({stop for after in weakened for stop in (after - 1, after, after + 1)})
     resumed, heard = stopped_and_resumed(tmp_path, made, one.scene, stops)
-    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1)) and resumed.summary["stabilised"]["weakened"] == weakened
+    assert [event.iteration
+            for event in heard] == list(range(1, one.iterations + 1)) and resumed.summary["stabilised"]["weakened"] == weakened
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # and so it does load step by load step, each of which begins with stiff ones
     steps = [[0.0, 0.0, None], [2e-2, 0.0, None], [2e-2, 1e-3, None]]
@@ -269,7 +270,8 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
 
     def now(number, rest):
         laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
-        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, reason="", changes=(), laws=laws, excess=0.0))
+        return SimpleNamespace(number=number, last=False, problem=problem,
+                               verdict=SimpleNamespace(met=False, reason="", changes=(), laws=laws, excess=0.0))
 
     changed = {}
     for number in range(1, 80):  # near at first, then lost for good
