@@ -31,7 +31,7 @@ class Verdict:
     reason : why this iteration is the last one; empty where another follows
     changes : names of the monitors that change the problem before the next iteration
     anew : the acceleration begins anew with this iteration's state
-    excess : the error over its tolerance, where it stands still while the laws come to hold; 0: it does not
+    excess : the error over what springs may leave of it, where it stands still while the laws come to hold; 0: it does not
     measure : what has been compared with the tolerance; nan where it is not known
     bound : error bound and energy of the best fields, as far as they are known
     laws : measures of the interface laws; lengths : what these are relative to

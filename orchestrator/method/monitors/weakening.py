@@ -31,9 +31,8 @@ AT_ONCE, STAGES = 2, 2
 LEAST = 1e-10
 FAINTEST = 1e-14  # the least ε where they do: what such springs carry is rounding of what points do
 NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
-# Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12.
-PATIENCE = 20
-FALLS = 0.1  # of the error when springs became a hundredth on its account, below which it was theirs
+# Iterations after which springs that became weaker are withdrawn. 27 to 125 grains were as near again after at most 12, to 1e-4.
+PATIENCE = 50
 LESS = 0.5  # of what springs carried when they became weaker last, below which that has served the energy error
 
 
@@ -42,17 +41,17 @@ class Weakening(Monitor):
 
     allowed : law residual that the tolerance stands for
     at : iterations after which springs have become weaker by a factor of ten, more than once where by more
-    carried, excess : what springs carried then, and of the error, over its tolerance, where that asked for it
+    carried, left : what springs carried when they became weaker last, and the largest residual beside
     near : the last iteration that was near the tolerance
     withdrawn : iteration after which the last step until then has been taken back, which is done once; 0: none has
     """
 
-    name, remembered = "weakening", ("at", "carried", "excess", "near", "withdrawn")
+    name, remembered = "weakening", ("at", "carried", "left", "near", "withdrawn")
 
     def __init__(self, allowed: float):
         self.allowed, self.at = allowed, []
         self.near = self.withdrawn = 0
-        self.carried = self.excess = math.inf
+        self.carried, self.left = math.inf, 0.0
 
     @classmethod
     def of(cls, case: Case) -> Weakening | None:
@@ -76,8 +75,9 @@ class Weakening(Monitor):
         return not self.withdrawn and bool(self.at) and self.near <= self.at[-1] and number - self.at[-1] >= PATIENCE
 
     def is_near(self, laws: LawResiduals, met: bool) -> bool:
-        """Whether everything but the springs is near the tolerance; ``met``: the stopping criterion holds."""
-        return met or laws.largest_other <= NEAR * self.allowed
+        """Whether everything but the springs is near the tolerance, or as it was when they became weaker; ``met``: the stopping
+        criterion holds."""
+        return met or laws.largest_other <= max(NEAR * self.allowed, self.left)
 
     def due(self, verdict: Verdict, springs: float) -> int:
         """How many times springs are to become weaker; all ranks see the same.
@@ -89,7 +89,7 @@ class Weakening(Monitor):
             return int(WEAKER * weaker >= FAINTEST)
         if self.withdrawn:
             return 0
-        if laws.springs <= LESS * self.carried and 0 < verdict.excess <= FALLS * self.excess:  # the error falls with ε
+        if verdict.excess and laws.springs <= LESS * self.carried:  # the error falls with ε
             return max(AT_ONCE, math.ceil(math.log(1 / verdict.excess, WEAKER)))
         more = len(self.at) < STAGES * AT_ONCE and WEAKER ** AT_ONCE * weaker >= LEAST
         return AT_ONCE if more and self.is_near(laws, bool(verdict.met)) else 0
@@ -100,7 +100,7 @@ class Weakening(Monitor):
             return now.problem.weakened(WEAKER ** -self.taken_back)
         times = self.due(now.verdict, now.problem.springs)
         self.at += [now.number] * times
-        self.carried, self.excess = now.verdict.laws.springs, now.verdict.excess or self.excess
+        self.carried, self.left = now.verdict.laws.springs, now.verdict.laws.largest_other
         return now.problem.weakened(WEAKER ** times)
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
