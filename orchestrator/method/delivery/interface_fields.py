@@ -122,8 +122,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     """
     if all(i.law.perfect for i in d.scene.interfaces):
         return None
-    pairs, steps, scene = d.local.pairs, d.scene.steps, d.scene
-    chosen = own_interfaces(d)
+    pairs, steps, scene, chosen = d.local.pairs, d.scene.steps, d.scene, own_interfaces(d)
     corners = [i.corners for i in chosen]
     offsets = np.cumsum([0] + [len(c) for c in corners])
     start = {i.index: a for i, a in zip(chosen, offsets)}
@@ -145,23 +144,20 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         normal, length = at_corners(normals, 3), at_corners(lengths)
         areas[t] = area = at_corners([point_areas(scene.points(i), i) for i in chosen])
         jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
-        mine = here.mine
-        jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (jumps, forces))
+        jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
         jump[:, place[shown]], force[t, place[shown]] = jumps[:, shown], forces[:, shown]
         for result, found in [(status, statuses), *((own[name], x) for name, x in own_values.items() if name in own)]:
-            result[t, place[shown]] = found[:, mine][:, shown]
+            result[t, place[shown]] = found[:, here.mine][:, shown]
         for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
             np.add.at(force, (t, end), 0.5 * forces[:, ~shown])
-        opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force[t]))
-        size = np.where(area > 0, area, np.inf)
-        traction[t], pressure[t] = (force[t] - push[:, :, None] * normal) / size[:, None], -push / (length * size)
-        gap[t], slip[t] = apart[t] + length * opening, jump - opening[:, :, None] * normal
+        (opening, slip[t]), (push, shear), size = _parted(jump, normal), _parted(force[t], normal), np.where(area > 0, area, np.inf)
+        traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (length * size), apart[t] + length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
-            moved[:, place[shown]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, mine][:, shown]
-            along = np.einsum("tni,ni->tn", moved, normal)
-            shifts[:, t] = length * along, np.linalg.norm(moved - along[:, :, None] * normal, axis=2)
+            moved[:, place[shown]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, shown]
+            along, across = _parted(moved, normal)
+            shifts[:, t] = length * along, np.linalg.norm(across, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
             if i.mortar is not None:
@@ -176,6 +172,12 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         at_corners([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own,
         *(() if shifts is None else shifts))
+
+
+def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(steps, N) components of vectors (steps, N, 3) along normals (N, 3), and (steps, N, 3) what is across."""
+    along = np.einsum("tni,ni->tn", x, normal)
+    return along, x - along[:, :, None] * normal
 
 
 def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -> tuple:
