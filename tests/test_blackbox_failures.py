@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from quick import quick
 from blackbox_case import box, forces, settings
-from processes import begin, gone, running
+from processes import begin, gone
 
 from orchestrator import folders
 from orchestrator.blackbox.start import make_blackbox

@@ -22,8 +22,7 @@ from quick import quick
 from test_certificate import Exact, at_pairs, case, certified, rows_of
 from test_mpi import SECONDS, start
 
-from orchestrator.method.stopping import bound as bounds
-from orchestrator.method.stopping import certificate
+from orchestrator.method.stopping import certificate, dual_energy
 from orchestrator.parallel.team import join
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
@@ -39,8 +38,8 @@ BONDED = [{"law": "contact", "friction": 0.0}, {"between": ["block 0-0-0", "bloc
 
 def closely(patch):
     """Lets the error be known to ``CLOSE``, from above or by the tail of the conjugate gradients."""
-    patch.setattr(certificate, "dual_energy", partial(bounds.dual_energy, share=CLOSE))
-    patch.setattr(bounds, "RELATIVE_TAIL", CLOSE)
+    patch.setattr(certificate, "Enough", partial(dual_energy.Enough, share=CLOSE))
+    patch.setattr(dual_energy, "RELATIVE_TAIL", CLOSE)
 
 
 def apart(friction, path):

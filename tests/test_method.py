@@ -18,7 +18,8 @@ from orchestrator.method.increments import Start, iterate
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.monitors import Monitor, Verdict
-from orchestrator.method.stopping.bound import dual_energy, relative
+from orchestrator.method.stopping.bound import relative
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -337,8 +338,8 @@ def test_dual_energy(mesh, kind, ratio):
         s = fields.f
         balanced = 0.5 * (s - d.space.across(s))
         h = d.space.loads(s - balanced)
-        estimate, sweeps, _ = dual_energy(d.stage, h, np.zeros(1), 0.0)
-        early, spent, _ = dual_energy(d.stage, h, np.zeros(1), 0.0, lambda total: total[0] > 0.1 * estimate[0])
+        estimate, sweeps, _ = dual_energy(d.stage, h, np.zeros(1), Enough())
+        early, spent, _ = dual_energy(d.stage, h, np.zeros(1), Enough(), lambda total: total[0] > 0.1 * estimate[0])
         full = d.bound(fields)
         asked = 0.1 * full.relative
         part = d.bound(fields, useful=asked)

@@ -12,6 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg.blas import daxpy
 
+DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
+
 
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
     """(T, m) matrix (m, n) times each of the rows (T, n)."""
@@ -34,9 +36,6 @@ def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
 def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
     """The parts one after the other; whole numbers of the shape ``empty`` where there are none."""
     return np.concatenate(parts) if parts else np.empty(empty, int)
-
-
-DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
 
 
 def orthonormal(gram: np.ndarray) -> np.ndarray:

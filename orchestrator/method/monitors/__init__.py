@@ -22,6 +22,8 @@ from orchestrator.method.stopping.indicator import Measures
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale, Lengths
 from orchestrator.registry import MONITORS
 
+FIRST = 0.1  # what ``error: auto`` begins with, before there is an estimate
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -85,9 +87,6 @@ class Evaluation:
     local: LocalState
     measures: Measures | None = None
     verdict: Verdict = Verdict()
-
-
-FIRST = 0.1  # what ``error: auto`` begins with, before there is an estimate
 
 
 @dataclass

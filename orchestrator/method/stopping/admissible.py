@@ -28,6 +28,12 @@ from orchestrator.method.linear.macro import pushing
 from orchestrator.method.linear.macro_basis import independent, known_widths
 
 RIGID = 6
+# Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
+# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
+UNBALANCED = 1e-7
+BALANCED = 1e-6  # of the resultants, what may be left after it
+UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
+TINY = np.finfo(float).tiny
 
 
 class RigidModes:
@@ -82,14 +88,6 @@ class Repositioning:
         """(T, modes) c for traces (T, D + G)."""
         asked, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
         return self._solve(-asked)
-
-
-# Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
-# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
-UNBALANCED = 1e-7
-BALANCED = 1e-6  # of the resultants, what may be left after it
-UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
-TINY = np.finfo(float).tiny
 
 
 class Balancing:

@@ -23,8 +23,9 @@ import numpy as np
 from orchestrator.laws.points import norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.stopping.bound import dual_energy, ROUNDING
+from orchestrator.method.stopping.bound import ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, Certified
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.judged import CLOSELY
 
 EXACT, LAWFUL = 1e-13, 1e-12  # of the largest force: what a jump is improved to, and what is a law's to rounding
@@ -65,7 +66,7 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
     if x is None:
         nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
         h = certificate.beside.balanced(certificate.change(fields, forces))
-        left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), nothing, softness=certificate.softness(), share=CLOSELY)
+        left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), Enough(nothing, CLOSELY), softness=certificate.softness())
         at_odds = not np.isfinite(left).all()
     w, = space.extended(certificate.stage.trace(u + x))
     jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []

@@ -11,9 +11,7 @@ Both errors then are the legs of a right-angled triangle,
     ‖u_D − u_exact‖²_K + ‖û − u_exact‖²_K = ‖u_D − û‖²_K = a² + b² − 2 δᵀNᵀδf
 
 with a = ‖u_D − u₂‖_K (δ on the boundary, zero inside), b = ‖K⁺Nᵀδf‖_K. Both a and the
-cross term are sparse products; b takes a few back-substitutions (``dual_energy``): b² = hᵀS⁺h, h = Nᵀδf, by conjugate gradients
-preconditioned with the black box itself. S is the subdomains' Schur complement on their boundary, which nobody forms:
-N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, so that S p = (S + k) p − k p, of which the first term follows by recurrence.
+cross term are sparse products; b² = hᵀS⁺h, h = Nᵀδf, takes a few back-substitutions (``dual_energy``).
 """
 
 from __future__ import annotations
@@ -26,11 +24,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.config.method import ROUNDING
-from orchestrator.method.interface.rows import Segments, dots, times
+from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ class ErrorBound:
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
-        b2, sweeps, _ = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, reached)
+        b2, sweeps, _ = dual_energy(self.stage, h, rest, Enough((ROUNDING * size) ** 2), reached)
         if reached.least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
         return replace(bound, relative=relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
@@ -166,94 +165,3 @@ def relative(error: float, size: float) -> float:
     if error == 0:
         return 0.0
     return float(np.hypot(error / (size - error), ROUNDING)) if size > error else np.inf
-
-
-RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
-MAX_STEPS = 100
-LONGER = 3
-LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
-MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
-CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
-SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
-
-
-def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
-                beyond: Callable[[np.ndarray], bool] = lambda total: False, softness: np.ndarray | None = None,
-                share: float = LEFT, met: float = 0.0) -> tuple[np.ndarray, int, np.ndarray]:
-    """(T,) hᵀS⁺h over all subdomains, the back-substitutions spent, and (T, B) S⁺h without rigid motions.
-
-    The iterates approach from below; the geometric tail of the steps is added, and for the
-    tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
-    almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
-
-    h : (T, B) forces on the boundary dofs, balanced on floating subdomains
-    rest : (T,) what b² is added to: a² and the cross term
-    negligible : sum over the steps that is not worth being told from zero
-    beyond : of the sums that have been reached so far, (T,), whether they are more than can be of use: what is returned then is that,
-        and the true one is larger
-    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
-        bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
-    share : of the sum, what may be left where it is known from above
-    met : every load step's sum below which ``MET`` of it may be left
-    """
-    space, of = stage.space, Segments(stage.space.boundary)
-    if not space.team.max(h.any())[0]:
-        return np.zeros(len(h)), 0, np.zeros_like(h)
-    r, x, total, p, q, rz_old, steps, enough = h.copy(), np.zeros_like(h), np.zeros(len(h)), None, None, None, [], 0
-    reach, alpha = None, None
-    for sweeps in range(1, MAX_STEPS + 1):
-        z = stage.solve(r)
-        rz = np.maximum(of.sums(r * z), 0.0)
-        if softness is not None:
-            reach = _reach(softness, reach, alpha, rz, rz_old)
-            left, = space.team.sum((rz * reach).sum(axis=1))
-            most = total + left
-            may = max(share, MET) if (most + rest).max() <= met else share
-            if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), negligible):
-                return most, sweeps, x
-        if p is None:
-            p, q = z, r.copy()
-        else:
-            beta = of.spread(_safe_ratio(rz, rz_old))
-            p, q = z + beta * p, r + beta * q
-        s_p = q - stage.direction.robin(p)
-        alpha = _safe_ratio(rz, of.sums(p * s_p))
-        gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
-        far = of.spread(alpha)
-        total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
-        steps.append(float(gained.sum()))
-        if beyond(total + rest):
-            return total, sweeps, x
-        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
-        enough = enough or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, share) * worth else 0)
-        if enough and (softness is None or sweeps >= LONGER * enough):
-            each = gained / max(steps[-1], np.finfo(float).tiny)
-            return total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x
-    return np.full(len(h), np.inf), MAX_STEPS, x
-
-
-def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:
-    """(T, S) what rᵀS⁺r is at most, over rᵀM⁻¹r, after another step of the conjugate gradients.
-
-    By Gauss–Radau quadrature with the node μ = σ/(1 + σ) below all eigenvalues of M⁻¹S: γ_0 = 1/μ, γ ← (γ − α)/(μ (γ − α) + β)
-    (Meurant & Tichý, Numer. Algorithms 62, 2013, eq. 4.6). Where rounding leaves nothing of γ − α it is 1/μ again.
-
-    before, alpha : γ and steps α (T, S) of the step before, None at first; rz, rz_old : rᵀM⁻¹r (T, S) now and before
-    """
-    worst = np.broadcast_to(1 + 1 / softness, rz.shape)
-    if before is None:
-        return worst
-    left, beta = before - alpha, _safe_ratio(rz, rz_old)
-    return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
-
-
-def _tail(steps: list[float]) -> float:
-    """What the steps to come would add: a geometric series, at the slower of the last two rates."""
-    last = steps[-3:]
-    rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
-    rate = min(max(rates, default=SLOWEST), SLOWEST)
-    return steps[-1] * rate / (1 - rate)
-
-
-def _safe_ratio(top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
-    return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), 0.0)

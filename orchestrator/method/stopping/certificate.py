@@ -37,8 +37,9 @@ from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
-from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, dual_energy, moved_energy, relative
+from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, moved_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
@@ -135,7 +136,8 @@ class Certificate:
         times_at_most = 1.0 if np.isnan(factor) else factor
         met = max(size / (1 + 1 / useful) - self.floor * size, 0.0) / times_at_most if np.isfinite(useful) else 0.0
         # what rounding leaves of resultants has no energy
-        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, (ROUNDING * size) ** 2, reached, self.softness(), met=met**2)
+        enough = Enough((ROUNDING * size) ** 2, met=met**2)
+        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
         if reached.least > useful:
             return replace(known, sweeps=sweeps, least=reached.least)
         errors = np.sqrt(np.maximum(rest + b2, 0.0)) * times_at_most + self.floor * size

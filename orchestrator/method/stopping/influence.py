@@ -22,8 +22,8 @@ import scipy.sparse as sp
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.stopping.admissible import Repositioning, RigidModes
-from orchestrator.method.stopping.bound import CANCELLED
 from orchestrator.method.stopping.certificate import Certificate
+from orchestrator.method.stopping.dual_energy import CANCELLED
 
 SWEEPS = 10  # at most; three to five are usual
 GAIN = 0.03  # of an energy, below which another sweep is not worth while

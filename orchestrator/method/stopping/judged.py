@@ -10,8 +10,9 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.stopping.bound import LEFT, ROUNDING, Bound, dual_energy
+from orchestrator.method.stopping.bound import ROUNDING, Bound
 from orchestrator.method.stopping.certificate import Certificate, Certified
+from orchestrator.method.stopping.dual_energy import LEFT, Enough, dual_energy
 
 CLOSELY = 1e-4  # of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
 
@@ -77,7 +78,7 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
     worth = np.minimum(rest + 2 * gap, 0.0)
     nothing = (max(ROUNDING, floor) * stage.loading.size(bound.energy)) ** 2
     for share in (CLOSELY, LEFT):  # bodies of which some are far softer than others may not be known so well
-        b2, _, x = dual_energy(stage, h, worth, nothing, softness=certificate.softness(), share=share)
+        b2, _, x = dual_energy(stage, h, worth, Enough(nothing, share), softness=certificate.softness())
         if np.isfinite(b2).all():
             break
     else:

@@ -42,6 +42,9 @@ from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 ROUNDING = 1e-12  # of the largest length that a scene was told, what counts as none
 # Forces are differences of k u: below this share of it they count as none, as where all contacts are open.
 REST = 1e-4
+STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"
+SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
+
 
 @dataclass(frozen=True)
 class Lengths:
@@ -115,10 +118,6 @@ class LengthScale(Bodies):
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
         deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
         return Lengths(deformation, self.told, loose, self.size)
-
-
-STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"
-SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
 
 
 @dataclass(frozen=True)

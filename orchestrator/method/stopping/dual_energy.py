@@ -1,0 +1,117 @@
+"""b² = hᵀS⁺h, the energy of forces h on the boundary of all subdomains, by conjugate gradients on the black box.
+
+S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, and
+serves as the preconditioner, so that S p = (S + k) p − k p, of which the first term follows by recurrence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.interface.rows import Segments
+from orchestrator.method.linear.stage import LinearStage
+
+RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
+MAX_STEPS = 100
+LONGER = 3
+LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
+MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
+CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
+SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
+
+
+@dataclass(frozen=True)
+class Enough:
+    """How well b² + rest has to be known.
+
+    negligible : sum over the steps that is not worth being told from zero
+    share : of the sum, what may be left where it is known from above
+    met : every load step's sum below which ``MET`` of it may be left
+    """
+
+    negligible: float = 0.0
+    share: float = LEFT
+    met: float = 0.0
+
+
+def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
+                beyond: Callable[[np.ndarray], bool] = lambda total: False,
+                softness: np.ndarray | None = None) -> tuple[np.ndarray, int, np.ndarray]:
+    """(T,) hᵀS⁺h over all subdomains, the back-substitutions spent, and (T, B) S⁺h without rigid motions.
+
+    The iterates approach from below; the geometric tail of the steps is added, and for the
+    tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
+    almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
+
+    h : (T, B) forces on the boundary dofs, balanced on floating subdomains
+    rest : (T,) what b² is added to: a² and the cross term
+    enough : when that sum is known well enough
+    beyond : of the sums that have been reached so far, (T,), whether they are more than can be of use: what is returned then is that,
+        and the true one is larger
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
+        bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
+    """
+    space, of = stage.space, Segments(stage.space.boundary)
+    if not space.team.max(h.any())[0]:
+        return np.zeros(len(h)), 0, np.zeros_like(h)
+    r, x, total, p, q, rz_old, steps, ready = h.copy(), np.zeros_like(h), np.zeros(len(h)), None, None, None, [], 0
+    reach, alpha = None, None
+    for sweeps in range(1, MAX_STEPS + 1):
+        z = stage.solve(r)
+        rz = np.maximum(of.sums(r * z), 0.0)
+        if softness is not None:
+            reach = _reach(softness, reach, alpha, rz, rz_old)
+            left, = space.team.sum((rz * reach).sum(axis=1))
+            most = total + left
+            may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
+            if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
+                return most, sweeps, x
+        if p is None:
+            p, q = z, r.copy()
+        else:
+            beta = of.spread(_safe_ratio(rz, rz_old))
+            p, q = z + beta * p, r + beta * q
+        s_p = q - stage.direction.robin(p)
+        alpha = _safe_ratio(rz, of.sums(p * s_p))
+        gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
+        far = of.spread(alpha)
+        total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
+        steps.append(float(gained.sum()))
+        if beyond(total + rest):
+            return total, sweeps, x
+        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
+        ready = ready or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, enough.share) * worth else 0)
+        if ready and (softness is None or sweeps >= LONGER * ready):
+            each = gained / max(steps[-1], np.finfo(float).tiny)
+            return total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x
+    return np.full(len(h), np.inf), MAX_STEPS, x
+
+
+def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:
+    """(T, S) what rᵀS⁺r is at most, over rᵀM⁻¹r, after another step of the conjugate gradients.
+
+    By Gauss–Radau quadrature with the node μ = σ/(1 + σ) below all eigenvalues of M⁻¹S: γ_0 = 1/μ, γ ← (γ − α)/(μ (γ − α) + β)
+    (Meurant & Tichý, Numer. Algorithms 62, 2013, eq. 4.6). Where rounding leaves nothing of γ − α it is 1/μ again.
+
+    before, alpha : γ and steps α (T, S) of the step before, None at first; rz, rz_old : rᵀM⁻¹r (T, S) now and before
+    """
+    worst = np.broadcast_to(1 + 1 / softness, rz.shape)
+    if before is None:
+        return worst
+    left, beta = before - alpha, _safe_ratio(rz, rz_old)
+    return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
+
+
+def _tail(steps: list[float]) -> float:
+    """What the steps to come would add: a geometric series, at the slower of the last two rates."""
+    last = steps[-3:]
+    rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
+    rate = min(max(rates, default=SLOWEST), SLOWEST)
+    return steps[-1] * rate / (1 - rate)
+
+
+def _safe_ratio(top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
+    return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), 0.0)
