@@ -4,8 +4,8 @@
 
 E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
 fallen so far that E may be met; where there are springs of stabilisation, once a digit before. Where E stands still while the residual
-falls, springs are what is left of it: they are to become weaker (``weakening``), unless that has not helped the last time. Where no admissible fields are found, a law residual of a tenth of the tolerance has to do, and no
-error is told.
+falls, springs are what is left of it: they are to become weaker (``weakening``), unless that has not helped the last time. Where no
+admissible fields are found, a law residual of a tenth of the tolerance has to do, and no error is told.
 """
 
 from __future__ import annotations

@@ -45,11 +45,11 @@ class Held:
     across: np.ndarray
 
     def some(self, chosen: np.ndarray) -> Held:
-        """Some of them."""
+        """Those that are chosen, (r,) bool or places."""
         return Held(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def and_then(self, other: Held) -> Held:
-        """Both."""
+        """These, and the others behind."""
         return Held(*(np.concatenate([getattr(held, field.name) for held in (self, other)]) for field in fields(self)))
 
     def of(self, jump: np.ndarray) -> np.ndarray:

@@ -111,7 +111,7 @@ class Certificate:
         self.softness = lambda: None if np.isnan(self.factor()) else softness()  # an estimate does without: it takes a third of the sweeps
 
     def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
-        """The same for some of the load steps; ``earlier``: what those before have ended with."""
+        """The certificate of some load steps; ``earlier``: what those before have ended with."""
         part = copy(self)
         part.pairs, part.external, part.stage = self.pairs.batch(steps), self.external[steps], stage
         if earlier is not None:

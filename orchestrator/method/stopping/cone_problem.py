@@ -89,8 +89,11 @@ class Reach:
                         for f in fields(self)})
 
     def extremes(self) -> Reach:
-        """The same without points that carry no more than others: on a plane, of one normal and one friction, forces within the corners
-        of the points' convex hull are sums of forces at these, with their moments."""
+        """The same without points that carry no more than others.
+
+        On a plane, with one normal and one friction, forces at points within the convex hull are sums of forces at its corners, with
+        their moments.
+        """
         from scipy.spatial import ConvexHull  # for this alone
 
         cone, kept = (self.side != 0) & (self.limit == 0) & (self.apart == 0), np.ones(len(self.J), dtype=bool)

@@ -84,7 +84,7 @@ def of_displacements(certificate: Certificate, fields: Admissible, at: Judged, l
 
 
 class _Work:
-    """What the loads t q show."""
+    """Evaluates what loads t q beside the others tell of displacements."""
 
     def __init__(self, certificate: Certificate, fields: Admissible, at: Judged, loads: PointLoads):
         self.certificate, self.fields, self.at, self.loads = certificate, fields, at, loads

@@ -1,4 +1,4 @@
-"""The admissible fields of an iterate, v and û with λ̂, as far as what is delivered asks for them; see ``stopping.certificate``."""
+"""The admissible fields of an iterate that results and intervals are made of: v, û and λ̂ of ``stopping.certificate``."""
 
 from __future__ import annotations
 

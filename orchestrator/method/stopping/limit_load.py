@@ -77,7 +77,7 @@ class LimitLoad:
 
 
 class LimitLoads:
-    """Those of the load steps of a case.
+    """Looks for limit loads in the load steps of a case.
 
     loads : (scene's steps, bodies, 6) in the motions that supports leave, forces, and moments over the body's size
     noise : (bodies,) what rounding leaves of them
