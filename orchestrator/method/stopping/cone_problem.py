@@ -43,8 +43,8 @@ DEPENDENT = 1e-10  # singular value over the largest, below which a row follows 
 TOLERANCE = 1e-9  # of the interior-point method, on a problem whose loads are of order one
 
 
-@dataclass(frozen=True)
-class Reach:
+@dataclass
+class Reach(Carries):
     """What P points of bodies may carry.
 
     J : (P, 3, 12) jumps in the motions of the body on side 1, then of that on side 2; zero columns where it is held
@@ -59,21 +59,14 @@ class Reach:
     ends: np.ndarray
     group: np.ndarray
     normal: np.ndarray
-    directions: np.ndarray
-    side: np.ndarray
-    limit: np.ndarray
-    friction: np.ndarray
-    motions: np.ndarray
-    works: np.ndarray
-    apart: np.ndarray
 
     @classmethod
     def of(cls, J: np.ndarray, ends: np.ndarray, group: np.ndarray, normal: np.ndarray, carries: Carries) -> Reach:
         """Motions are padded to six."""
         more = RIGID - len(carries.motions)
-        return cls(J, ends, group, normal, carries.directions, carries.side, carries.limit, carries.friction,
+        return cls(carries.directions, carries.side, carries.limit, carries.friction,
                    np.pad(carries.motions, ((0, more), (0, 0), (0, 0))), np.pad(carries.works, ((0, more), (0, 0))),
-                   np.zeros(len(J)))
+                   np.zeros(len(J)), J, ends, group, normal)
 
     @classmethod
     def joined(cls, parts: Sequence[Reach]) -> Reach:
