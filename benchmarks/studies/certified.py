@@ -23,7 +23,7 @@ from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.monolithic import Monolithic
 from benchmarks.problems.cases import with_method
-from orchestrator import OrchestratorError, Scene, build_scene, config_from, solve
+from orchestrator import OrchestratorError, Scene, Solution, build_scene, config_from, solve
 
 MEDIAN, LARGEST = 2.0, 6.0  # of guaranteed bounds over true errors
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5)
@@ -192,15 +192,22 @@ class Truth:
         return float(np.sqrt(energy(self.scene, [u - exact for u, exact in zip(sides, self.parts)]).max() / self.size))
 
 
-def _judged(data: dict[str, Any]) -> dict[str, Any]:
-    """Columns of a run, and its true error; where there is no run or nothing to compare it with, why."""
+def solved_in(data: Mapping[str, Any]) -> tuple[Scene, Solution, float] | str:
+    """Scene, solution and seconds of a run; where there is none, why."""
     try:
         config = config_from(data)
         scene, begin = build_scene(config), time.perf_counter()
-        solved = solve(config, scene)
+        return scene, solve(config, scene), time.perf_counter() - begin
     except OrchestratorError as error:
-        return {"failure": " ".join(str(error).split())}
-    seconds, summary = time.perf_counter() - begin, solved.summary
+        return " ".join(str(error).split())
+
+
+def _judged(data: dict[str, Any]) -> dict[str, Any]:
+    """Columns of a run, and its true error; where there is no run or nothing to compare it with, why."""
+    if isinstance(run := solved_in(data), str):
+        return {"failure": run}
+    scene, solved, seconds = run
+    summary = solved.summary
     row = {"bodies": summary["subdomains"], "dofs": summary["dofs_decomposed"], "iterations": solved.iterations,
            "stop_reason": solved.stop_reason, "error_kind": summary["error_kind"] or "unknown", "error_bound": solved.error_bound,
            "law_residual": summary["residuals"]["law_residual"], "seconds": round(seconds, 2)}

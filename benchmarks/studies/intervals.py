@@ -8,7 +8,6 @@ those that have one: without friction the forces across normals are known to be 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,8 +18,8 @@ from benchmarks.kit.drawing import BLUE, ORANGE, panels
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.monolithic import Monolithic
-from benchmarks.studies.certified import EXACT, drawn
-from orchestrator import OrchestratorError, Scene, build_scene, config_from, solve
+from benchmarks.studies.certified import EXACT, drawn, solved_in
+from orchestrator import Scene
 
 SAMPLE, PER_SCENE = 100, 4  # quantities in the sample, at most so many of a scene
 POINTS = 2  # at which displacements are asked for
@@ -73,13 +72,10 @@ def asked(number: int, code: str = "freefem") -> tuple[dict[str, Any], dict[str,
 
 def compared(data: Mapping[str, Any]) -> dict[str, Any]:
     """Columns of a run, and its intervals: kind, least, greatest and true value of each component at each load step."""
-    try:
-        config = config_from(data)
-        scene, begin = build_scene(config), time.perf_counter()
-        solved = solve(config, scene)
-    except OrchestratorError as error:
-        return {"failure": " ".join(str(error).split())}
-    seconds, found = time.perf_counter() - begin, solved.summary["intervals"]
+    if isinstance(run := solved_in(data), str):
+        return {"failure": run}
+    scene, solved, seconds = run
+    found = solved.summary["intervals"]
     row = {"bodies": solved.summary["subdomains"], "error_kind": found["kind"] or "unknown", "error_bound": solved.error_bound,
            "seconds": round(seconds, 2), "stop_reason": solved.stop_reason, "values": [], "outside": 0, "without": 0}
     if not found["kind"]:
