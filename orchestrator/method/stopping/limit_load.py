@@ -87,15 +87,15 @@ class LimitLoads:
         self.team, self.bodies = d.space.team, Bodies(d, lambda law: law.perfect)
         self.loads = np.zeros((d.scene.steps, self.bodies.count, RIGID))
         self.noise = np.zeros(self.bodies.count)
-        boundary = np.zeros((RIGID, len(d.space.global_dof)))
-        for s, b, rows, part in zip(d.own, self.bodies.own, self.bodies.motions, self.bodies.boundary):
+        boundary = {}
+        for e, (s, b, rows) in enumerate(zip(d.own, self.bodies.own, self.bodies.motions)):
             loose, load = self.bodies.loose[b], np.where(s.fixed, 0.0, s.loads).reshape(d.scene.steps, -1)
             moved = self.bodies.of(b, d.scene.mesh.nodes[s.nodes]).reshape(-1, RIGID) @ loose
             self.loads[:, b] += load @ moved
             self.noise[b] += ROUNDING * float(np.abs(load).sum(axis=1).max())
-            boundary[:, part] = (rows @ loose).T
+            boundary[e] = rows @ loose
         self.loads, self.noise = self.team.sum(self.loads, self.noise)
-        self.everywhere, = d.space.extended(d.space.trace(boundary))
+        self.everywhere, = d.space.extended(d.space.trace(d.space.side_by_side(boundary, RIGID)))
 
     @property
     def loose(self) -> bool:
