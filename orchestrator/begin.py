@@ -1,4 +1,4 @@
-"""``orchestrator init``: a configuration to begin with, its file's own names filled in."""
+"""``orchestrator init``: a configuration to begin with, the names in its files, their pairs and their bolts filled in."""
 
 from __future__ import annotations
 
@@ -6,28 +6,39 @@ import json
 import os
 import re
 import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from orchestrator.config.mesh import Curved
 from orchestrator.errors import some, wrong
 from orchestrator.inspect import section_of
-from orchestrator.scene.inspection import SurfaceRow, pairs_of_mesh, surfaces_of
-from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.proposal import Proposal
+from orchestrator.scene.inspection import SurfaceRow, surfaces_of
+from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.sources import joined, make_mesh, placed
+from orchestrator.scene.names import unique_names
 
 SHOWN = 60  # names of a kind in a comment
 WIDTH = 100
 METIS = 20_000  # dofs of a subdomain, where the file has one volume
+CIRCLE = 12  # elements on a full circle: chords are off it by 3 % of its radius, ten-node tets bend with it
+LEAST = 0.1  # of the largest element the smallest, so that no fillet decides how large the mesh gets
+NAMELESS = re.compile(r"solid(_\d+)?")
 
 
-def begin(target: Path, source: Path | None, h: float | None) -> list[str]:
-    """Writes the configuration ``target`` for the mesh or CAD file ``source``, or for a beam without one.
+def begin(target: Path, sources: Sequence[Path], h: float | None) -> list[str]:
+    """Writes the configuration ``target`` for mesh and CAD files, or for a beam without any.
 
-    h : element size for CAD files; None: the mesher derives one
+    h : element size for CAD files; None: by thickness and curvature
     Returns what was written and what to do next, lines
-    Raises InputError: the file cannot be read or has no surfaces; the target is there already, or its folder cannot be written to
+    Raises InputError: a file cannot be read or has no surfaces; the target is there already, or its folder cannot be written to
     """
-    text = _beam(target.stem) if source is None else _of_file(target, source, h)
+    text, remarks = _of_files(target, [_read(source, h) for source in sources]) if sources else (_beam(target.stem), [])
     try:
         with open(target, "x", encoding="utf-8") as file:
             file.write(text)
@@ -35,30 +46,77 @@ def begin(target: Path, source: Path | None, h: float | None) -> list[str]:
         raise wrong((), f"{target}, which is there already", "a file that is not", "name another one") from None
     except OSError as error:
         raise wrong((), f"{target}: {error.strerror}", "a place that can be written to", "name another one") from error
-    return [f"{target} is written: look for EDIT in it, then", f"    orchestrator check {target}", f"    orchestrator run {target}"]
+    return [*remarks, f"{target} is written: look for EDIT in it, then",
+            f"    orchestrator check {target}", f"    orchestrator run {target}"]
 
 
-def _of_file(target: Path, source: Path, h: float | None) -> str:
-    section = section_of(source, h)
-    mesh, faces = make_mesh(section)
+@dataclass
+class Source:
+    """A file with its mesh.
+
+    h : element sizes that are proposed for it, as text of the YAML; empty: no word of them
+    left : names of solids that cannot be meshed, and why; rename : names of its volumes, and better ones
+    """
+
+    path: Path
+    mesh: Mesh
+    cad: bool
+    h: str = ""
+    left: dict[str, str] = field(default_factory=dict)
+    rename: dict[str, str] = field(default_factory=dict)
+
+
+def _read(path: Path, h: float | None) -> Source:
+    section, failed = section_of(path, h), {}
+    if section.step and h is None:
+        section = section.model_copy(update={"h": Curved(curvature=CIRCLE)})
+    mesh, faces = make_mesh(section, failed)
+    size = f"{h:g}" if h else _sizes(mesh, faces)
+    return Source(path, mesh, bool(section.step), size if section.step else "", {name: problem.found for name, problem in failed.items()})
+
+
+def _sizes(mesh: Mesh, faces: Faces) -> str:
+    """Element sizes by curvature, none larger than the thickest solid is thick: twice its volume over its area."""
+    each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[faces.outer]), axis=1)
+    thick = 2 * np.bincount(mesh.volume, tet_volumes(mesh.nodes, mesh.cells)) / np.bincount(mesh.volume[faces.owner[faces.outer]], each)
+    largest = float(f"{thick.max():.2g}")
+    return f"{{curvature: {CIRCLE}, min: {LEAST * largest:.2g}, max: {largest:g}}}"
+
+
+def _of_files(target: Path, sources: list[Source]) -> tuple[str, list[str]]:
+    """The configuration's text; and what was left out, lines."""
+    names = unique_names([re.sub(r"[^\w. -]", "_", source.path.stem) for source in sources])
+    mesh = sources[0].mesh if len(sources) == 1 else joined([placed(s.mesh, name, None) for s, name in zip(sources, names)])
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    proposal = Proposal.of(mesh, faces)
+    mesh = proposal.renamed({volume: name for volume, name in proposal.roles.items() if NAMELESS.fullmatch(volume.rpartition("/")[2])})
+    for source, name in zip(sources, names):
+        inside = "" if len(sources) == 1 else f"{name}/"
+        source.rename = {old.removeprefix(inside): new.removeprefix(inside)
+                         for old, new in proposal.new_names.items() if old.startswith(inside)}
     rows = [row for row in surfaces_of(mesh) if row.area > 0]
     if not rows:
-        raise wrong((), f"{source} without surfaces that have names", "physical groups of surfaces, node sets or a CAD file",
+        raise wrong((), f"{some([str(s.path) for s in sources])} without surfaces that have names",
+                    "physical groups of surfaces, node sets or a CAD file",
                     "name the surfaces where the mesh is made, or select faces by {plane: z, at: 0}")
-    held, loaded = _lowest_and_highest(rows)
-    several = len(mesh.volumes) > 1
-    place = str(source) if str(source).startswith("gmsh:") else os.path.relpath(source, target.parent)
-    pairs = len(list(pairs_of_mesh(mesh, faces))) if several else 0
-    given = f"file: {json.dumps(place)}"
-    if section.step:
-        given = f"step: {json.dumps(place)}" + (f", h: {h:g}" if h else "") + ", conforming: false"
-    subdomains = "groups                # one per volume" if several else (
+    said = [f"remark: {text}; it is left out" for source in sources for text in source.left.values()]
+    return _text(target, sources, names, mesh, rows, proposal), said
+
+
+def _text(target: Path, sources: list[Source], names: list[str], mesh: Mesh, rows: list[SurfaceRow], proposal: Proposal) -> str:
+    if len(sources) == 1:
+        given = f"mesh: {_mesh(target, sources[0])}"
+    else:
+        given = "parts:\n" + "\n".join(f"  - {{name: {json.dumps(name)}, mesh: {_mesh(target, s)}}}" for name, s in zip(names, sources))
+    subdomains = "groups                # one per volume" if len(mesh.volumes) > 1 else (
         f"{{metis: {max(2, round(3 * len(mesh.nodes) / METIS))}}}            # connected parts of about equal size")
+    held, loaded = _ends(rows, bool(proposal.bolts))
     # names as YAML has them: JSON's texts are YAML's
-    return f"""# A first configuration for {source.name}, by orchestrator init. Units are yours: one system throughout, such as N, mm, MPa.
+    return f"""# A first configuration for {some([s.path.name for s in sources])}, by orchestrator init.
+# Units are yours: one system throughout, such as N, mm, MPa.
 name: {re.sub(r"[^A-Za-z0-9_. -]", "_", target.stem)}
 
-mesh: {{{given}}}
+{given}
 
 # Volumes:  {_names(mesh.volumes)}
 # Surfaces: {_names([row.name for row in rows])}
@@ -69,31 +127,32 @@ subdomains: {subdomains}
 materials:                          # EDIT: the last match wins
   - {{young: 200e3, poisson: 0.3}}    # everywhere; a part of its own: {{young: 70e3, poisson: 0.33, on: {json.dumps(mesh.volumes[-1])}}}
 
-boundary:                           # EDIT: what is held and what acts
-  - {{on: {json.dumps(held.name)}, displacement: [0, 0, 0]}}      # the lowest plane surface; null leaves a component free
-  - {{on: {json.dumps(loaded.name)}, resultant: {{force: [0, 0, -1]}}}}   # the highest; or traction: [..], pressure: 1, motion: {{..}}
-{_joints(pairs)}
+{proposal.boundary(held, loaded)}
+{proposal.interfaces()}
 blackbox: {{element: auto}}         # ten-node tets (P2) unless the mesh is too large for them; P1: four-node ones
 method:
-  tolerance: {{error: 1.0e-6}}        # bonded: guaranteed bound on the energy error; with contact, the laws' residual
+  tolerance: {{error: {proposal.tolerance}}}        # bonded: guaranteed bound on the energy error; with contact, the laws' residual
 """
 
 
-def _joints(pairs: int) -> str:
-    if not pairs:
-        return ""
-    count = "one pair of parts lies" if pairs == 1 else f"{pairs} pairs of parts lie"
-    return f"""
-interfaces:                         # {count} on each other
-  - {{between: auto, law: perfect}}   # EDIT: bonded; or law: contact, friction: 0.1, between: auto or [one, other]
-"""
+def _mesh(target: Path, source: Source) -> str:
+    """What ``mesh:`` says of a file."""
+    place = str(source.path) if str(source.path).startswith("gmsh:") else os.path.relpath(source.path, target.parent)
+    words = [f"{'step' if source.cad else 'file'}: {json.dumps(place)}"]
+    if source.cad:
+        words += [f"h: {source.h}", "conforming: false"]
+    if source.left:
+        words.append(f"exclude: {json.dumps(list(source.left))}")
+    if source.rename:
+        words.append("rename: {" + ", ".join(f"{json.dumps(old)}: {new}" for old, new in source.rename.items()) + "}")
+    return "{" + ", ".join(words) + "}"
 
 
 def _beam(name: str) -> str:
     return f"""# A first configuration, by orchestrator init. Units are yours: one system throughout, such as N, mm, MPa.
 name: {re.sub(r"[^A-Za-z0-9_. -]", "_", name)}
 
-mesh: {{beam: {{size: [160, 10, 10], h: 2.5}}}}    # EDIT: or file: my.msh, or step: my.stp (orchestrator init my.yaml my.stp)
+mesh: {{beam: {{size: [160, 10, 10], h: 2.5}}}}    # EDIT: or file: my.msh, or step: my.stp (orchestrator init my.stp)
 subdomains: {{slices: {{axis: x, count: 8}}}}
 materials:
   - {{young: 200e3, poisson: 0.3}}
@@ -105,12 +164,17 @@ method:
 """
 
 
-def _lowest_and_highest(rows: list[SurfaceRow]) -> tuple[SurfaceRow, SurfaceRow]:
-    """Of the plane surfaces if there are two, along the longest extent of the surfaces' centres."""
+def _ends(rows: list[SurfaceRow], across: bool) -> tuple[SurfaceRow, SurfaceRow]:
+    """The lowest and the highest of the plane surfaces if there are two, along the longest extent of the surfaces' centres.
+
+    across : of those that look along it, where there are two
+    """
     plane = [row for row in rows if row.shape.kind == "plane"]
     chosen = plane if len(plane) > 1 else rows
+    axis = int(np.ptp([row.centre for row in chosen], axis=0).argmax())
+    facing = [row for row in chosen if row.shape.kind == "plane" and abs(row.shape.direction[axis]) > 0.9] if across else []
+    chosen = facing if len(facing) > 1 else chosen
     centres = np.array([row.centre for row in chosen])
-    axis = int(np.ptp(centres, axis=0).argmax())
     return chosen[int(centres[:, axis].argmin())], chosen[int(centres[:, axis].argmax())]
 
 

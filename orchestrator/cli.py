@@ -141,13 +141,15 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
 
 
 @command
-def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file to write")],
-         source: Annotated[Optional[Path], typer.Argument(metavar="FILE", help="a mesh, STEP or BREP file; none: a beam")] = None,
-         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> int | None:
-    """Write a commented configuration to begin with, the file's names filled in."""
+def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...", help=(
+             "the YAML file to write, none: called as the first of the others; then mesh, STEP and BREP files, none: a beam"))],
+         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files; none: by thickness and curvature")] = None
+         ) -> int | None:
+    """Write a commented configuration to begin with: names, pairs and bolts of the files filled in."""
     from orchestrator.begin import begin
 
-    print(visible("\n".join(begin(target, source, h))))
+    named = files[0].suffix.lower() in (".yaml", ".yml")
+    print(visible("\n".join(begin(files[0] if named else Path(f"{files[0].stem}.yaml".removeprefix("gmsh:")), files[named:], h))))
 
 
 @command

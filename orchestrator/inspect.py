@@ -11,7 +11,7 @@ from orchestrator.blackbox.start import find_codes
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError
+from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
@@ -29,12 +29,13 @@ PAIRS = 50  # that ``check`` shows; ``inspect`` shows all
 
 
 def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
-    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one, and the mesh.
+    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one, and the mesh; solids that cannot be are told.
 
     Raises InputError: it cannot be read, or is no sound mesh
     """
-    mesh, faces = make_mesh(section_of(path, h))
-    return _lines(mesh, faces), mesh
+    failed: dict[str, Problem] = {}
+    mesh, faces = make_mesh(section_of(path, h), failed)
+    return [*_lines(mesh, faces), *(f"remark: {problem.found}; {problem.cure}" for problem in failed.values())], mesh
 
 
 def section_of(path: Path, h: float | None = None) -> Section:

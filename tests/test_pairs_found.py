@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.skins import bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.opposite import outer_bodies
 from orchestrator.scene.interfaces.skins import Skin
-from orchestrator.scene.mesh.solids import _arrays
+from orchestrator.scene.mesh.shared_faces import arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved
@@ -111,7 +111,7 @@ def cylinder(radius: float, h: float, length: float = 1.0, hole: float = 0.0) ->
 
         gmsh.option.setNumber("Mesh.MeshSizeMax", h)
         gmsh.model.mesh.generate(3)
-        return _arrays("cylinder", ["ring" if hole else "shaft"], {gmsh.model.getEntities(3)[0][1]: 0})
+        return arrays("cylinder", ["ring" if hole else "shaft"], {gmsh.model.getEntities(3)[0][1]: 0})
 
 
 @pytest.mark.parametrize("clearance", [0.0, 0.03])

@@ -175,7 +175,9 @@ def _exactly_one(kinds: Mapping[str, Any], where: str) -> str:
 @cache
 def _on_faces() -> type[Acting]:
     return create_model("BoundaryCondition", __base__=OnFaces, __module__=__name__, __doc__=_exactly_one(ON_FACES, "on a place"),
-        on=(Where, Field(description="a surface group (shell wildcards allowed), a plane or a box")), **_keys(ON_FACES),
+        on=(Where, Field(description="a surface group (shell wildcards allowed), a plane or a box")),
+        part=(Name | None, Field(None, description=(
+            "name of the volume whose faces are meant, shell wildcards allowed; none: whichever has them"))), **_keys(ON_FACES),
         frame=(Frame | None, Field(None, description=(
             "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))),
         history=(Name | None, Field(None, description="name of the factors per load step; none: the same at every step")))

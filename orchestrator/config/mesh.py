@@ -14,9 +14,6 @@ from pydantic.json_schema import JsonSchemaValue
 from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Rotate, Sizes, Vector, auto_or, either
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list), "a number > 0 (a cube's side), or three of them")
-# One element size, or one for each pattern of names.
-Size = either(Annotated[dict[Name, Positive], Field(min_length=1)], Positive, lambda value: isinstance(value, dict),
-              "a number > 0, or {name: number}")
 # a tetrahedron has twelve
 Dofs = auto_or(Annotated[int, Field(ge=12)], "a number of dofs >= 12")
 
@@ -46,6 +43,28 @@ class Polycrystal(Part):
     lloyd: int = Field(0, ge=0, le=100, description="relaxation steps towards rounder grains; 0: the paper's kind of grains")
 
 
+class Curved(Part):
+    """Elements as small as curved faces ask for."""
+
+    curvature: Annotated[float, Field(ge=3, le=1000)] = Field(description="elements on a full circle, 12 say; plane faces do not count")
+    min: Positive | None = Field(None, description="elements are no smaller, however small a fillet is; none: no such limit")
+    max: Positive | None = Field(None, description="elements are no larger; none: a tenth of the model's size")
+
+
+OneSize = either(Curved, Positive, lambda value: isinstance(value, (dict, Curved)), "a number > 0, or {curvature: 12, max: 5}")
+# One element size, or one for each pattern of names.
+Size = either(Annotated[dict[Name, OneSize], Field(min_length=1)], OneSize,
+              lambda value: isinstance(value, dict) and "curvature" not in value,
+              "a number > 0, {curvature: 12, max: 5}, or one of these for each solid: {name: number}")
+
+
+class Refined(Part):
+    """Smaller elements on some faces, and around them."""
+
+    on: Names = Field(description="names of solids or of their faces, shell wildcards allowed: plate:3, 'bolt*'")
+    h: Positive = Field(description="element size there; sizes grow into the solid from there on")
+
+
 class Mesh(Part):
     """Exactly one source, and how to scale it."""
 
@@ -55,12 +74,16 @@ class Mesh(Part):
     file: Name | None = Field(None, description="a mesh file of solid elements, relative to the YAML file")
     step: Name | None = Field(None, description="a STEP or BREP file, relative to the YAML file")
     h: Size | None = Field(None, description=(
-        "element size for `step`; none: the mesher derives one from the shape; with `conforming: false` also by solid, "
-        "{'*': 5, 'bolt*': 2}, the last match wins"))
+        "element size for `step`, or {curvature: 12, min: 0.5, max: 5} by curved faces; none: the mesher derives one from the shape; "
+        "with `conforming: false` also by solid, {'*': 5, 'bolt*': 2}, the last match wins"))
+    refine: list[Refined] | None = Field(None, description=(
+        "of `step`: smaller elements on solids or faces, [{on: 'plate:3', h: 1}], the smallest wins"))
     conforming: bool | None = Field(None, description=(
         "of `step`: false: each solid is meshed by itself, at its own h, and touching ones share nothing; none: true, "
         "touching solids share their faces"))
     exclude: Names | None = Field(None, description=("of `step`: names of solids that are left out, shell wildcards allowed"))
+    rename: Annotated[dict[Name, Name], Field(min_length=1)] | None = Field(None, description=(
+        "of `step` and `file`: names of your own for volumes, {solid_1: bolt}; all other keys then go by these"))
     scale: Positive = Field(1.0, description="factor on all coordinates; 1 because files are taken as they are")
 
 

@@ -52,16 +52,24 @@ def exactly_one(data: Any) -> Iterator[Problem]:
 def belongs_to(data: Any) -> Iterator[Problem]:
     """Keys that mean something only beside another one."""
     meshes = (("mesh",), ("parts", "*", "mesh"))
-    for pattern, key, partner in (*((mesh, key, "step") for mesh in meshes for key in ("h", "conforming", "exclude")),
+    for pattern, key, partner in (*((mesh, key, "step") for mesh in meshes for key in ("h", "conforming", "exclude", "refine")),
                                   (("subdomains",), "split_above", "groups")):
         for path, value in find(data, pattern):
             if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
                 yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only", f"remove {key}, or use {partner}")
     for mesh in meshes:
         for path, value in find(data, mesh):
-            if isinstance(value, dict) and isinstance(value.get("h"), dict) and value.get("conforming") is not False:
+            sizes = value.get("h") if isinstance(value, dict) else None
+            if isinstance(sizes, dict) and "curvature" not in sizes and value.get("conforming") is not False:
                 yield Problem((*path, "h"), "an element size for each solid, where solids share their faces",
                               "one number, or solids that share nothing", "write conforming: false beside it")
+            if isinstance(sizes, dict):
+                for name, size in [("", sizes), *sizes.items()]:
+                    low, high = get(size, "min"), get(size, "max")
+                    if is_number(low) and is_number(high) and low > high:
+                        yield Problem((*path, "h", *[name] * bool(name)), f"min: {low:g} above max: {high:g}", "min below max", "swap them")
+            if isinstance(value, dict) and value.get("rename") is not None and value.get("step") is None and value.get("file") is None:
+                yield Problem((*path, "rename"), "rename without step or file", "rename beside volumes of a file", "remove rename")
     for path, tolerance in find(data, ("method", "tolerance")):
         if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
             fixed = next((f"{key}: {shown(tolerance[key])}" for key in ("error", "law", "indicator")

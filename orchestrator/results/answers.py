@@ -77,7 +77,7 @@ class Answers:
 
 def reaction_names(config: Config) -> list[str]:
     """What the entries of ``boundary`` are called: by their own name, else by their place."""
-    return [place_text(entry.model_dump(exclude_none=True)["on"]) for entry in config.boundary]
+    return [place_text(entry.model_dump(exclude_none=True)["on"], entry.part) for entry in config.boundary]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
 SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
+UNKNOWN = Shape("curved")
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,9 @@ def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
             yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), Shape("empty"), [])
             continue
         centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / area
-        yield SurfaceRow(name, len(triangles), area, centre, shape_of(mesh.nodes, triangles[each > 0]), beside[name])
+        shape = mesh.smooth.get(name, UNKNOWN)  # what the CAD model says, else what the nodes tell
+        yield SurfaceRow(name, len(triangles), area, centre,
+                         shape_of(mesh.nodes, triangles[each > 0]) if shape.kind == UNKNOWN.kind else shape, beside[name])
 
 
 def _neighbours(mesh: Mesh) -> dict[str, list[str]]:

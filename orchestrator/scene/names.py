@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 
-from orchestrator.errors import some
+from orchestrator.errors import KeyPath, Problems, some
 
 # In names of what is in a part, between the part's and its own: base/rod, base/zmin.
 INSIDE = "/"
@@ -65,6 +65,23 @@ def suggestion(pattern: str, names: Iterable[str], what: str) -> str:
     near = get_close_matches(pattern.strip("*?"), names, n=3, cutoff=0.5)
     shown = ", ".join(names[:12]) + (f", … ({len(names)} in all)" if len(names) > 12 else "")
     return (f"did you mean {' or '.join(near)}? " if near else "") + f"Known: {shown}"
+
+
+def renamed(names: list[str], rename: Mapping[str, str] | None, path: KeyPath) -> list[str]:
+    """The names, those that ``rename`` has as it says.
+
+    path : of ``rename`` in the YAML
+    Raises InputError: names that there are not, or two of one name afterwards
+    """
+    problems = Problems()
+    for name in rename or {}:
+        if name not in names:
+            problems.add((*path, name), f"no volume is called {name!r}", "names as inspect lists them", suggestion(name, names, "volume"))
+    made = [(rename or {}).get(name, name) for name in names]
+    if twice := [name for name, count in Counter(made).items() if count > 1]:
+        problems.add(path, f"several volumes called {some(twice)}", "a name for each", "give them different names")
+    problems.raise_if_any()
+    return made
 
 
 def unique_names(names: list[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +20,23 @@ FLATTEST = 50.0
 
 @dataclass(frozen=True)
 class Shape:
-    """``kind``: plane, cylinder, sphere or curved; the plane's normal or the cylinder's axis (3,); its radius."""
+    """``kind``: plane, cylinder, sphere or curved; the plane's normal or the cylinder's axis (3,); its radius; a point (3,) of the
+    plane or the axis, or the sphere's centre."""
 
     kind: str
     direction: np.ndarray | None = None
     radius: float | None = None
+    through: np.ndarray | None = None
+
+    def placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Shape:
+        """Where a similarity, points (n, 3) → (n, 3), puts it."""
+        if self.through is None:
+            return self
+        ends = place(self.through + np.array([np.zeros(3), [1.0, 0.0, 0.0]]))
+        size, direction = float(np.linalg.norm(ends[1] - ends[0])), None
+        if self.direction is not None:
+            direction = (place((self.through + self.direction)[None])[0] - ends[0]) / size
+        return Shape(self.kind, direction, None if self.radius is None else size * self.radius, ends[0])
 
 
 def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
@@ -33,18 +46,29 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     mean = vectors.sum(axis=0) / each.sum()
     normals = vectors / each[:, None]
     if np.abs(normals - mean).max() < PLANE:
-        return Shape("plane", mean)
+        return Shape("plane", mean, None, nodes[triangles[0, 0]])
     points = nodes[np.unique(triangles[:, :3])]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     if len(points) < 6:
         return Shape("curved")
+    middles, found = nodes[triangles[:, :3]].mean(axis=1), []
     centre, radius = _sphere(points)
     if _fits(np.linalg.norm(points - centre, axis=1), radius, size) and len(points) > 6:
-        return Shape("sphere", None, radius)
+        found.append((_off(middles - centre, normals), Shape("sphere", None, radius, centre)))
     # facets of a cylinder look across its axis, but for what their size makes of it
     axis = np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0]
-    axis, radius, off = _cylinder(points, axis)
-    return Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius) if _fits(off, radius, size) else Shape("curved")
+    axis, radius, off, through = _cylinder(points, axis)
+    if _fits(off, radius, size):
+        arm = middles - through
+        found.append((_off(arm - np.outer(arm @ axis, axis), normals),
+                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius, through)))
+    # the nodes of two rings are on a cylinder and on a sphere: the facets between them tell which
+    return min(found, key=lambda each: each[0])[1] if found else Shape("curved")
+
+
+def _off(arms: np.ndarray, normals: np.ndarray) -> float:
+    """How far facets' normals (k, 3) are from the directions of arms (k, 3), or their opposites, on the mean."""
+    return float(np.linalg.norm(np.cross(arms, normals), axis=1).sum() / np.linalg.norm(arms, axis=1).sum())
 
 
 def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
@@ -59,8 +83,8 @@ def _sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
     return shift + found[:3], float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.0)))
 
 
-def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """Axis, radius and distances from the axis (n,) of the cylinder that fits best, near a direction."""
+def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    """Axis, radius, distances from the axis (n,) and a point (3,) of it, of the cylinder that fits best, near a direction."""
     from scipy.optimize import least_squares  # for what is inspected alone
 
     x = points - points.mean(axis=0)
@@ -77,4 +101,4 @@ def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, 
 
     best = least_squares(lambda of: distance(of) - of[4], np.r_[0.0, 0.0, found[:2], radius],
                          x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
-    return turned(best[:2]), float(best[4]), distance(best)
+    return turned(best[:2]), float(best[4]), distance(best), points.mean(axis=0) + best[2:4] @ across

@@ -19,7 +19,7 @@ LARGE = 0.1  # an error that stands out
 MOST = 40  # rows of a table; of more, the largest
 _SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
 _ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual", "mesh's error")
-_BESIDE = ("on", "history", "name")  # keys of an entry that are not what it prescribes
+_BESIDE = ("on", "part", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
 _QUANTITIES = [
     ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; "
@@ -78,7 +78,8 @@ def _asked(summary: Mapping[str, object], config: Mapping[str, object]) -> str:
 def _entries(entries: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, ...]]:
     for entry in entries:
         what = [key for key in entry if key not in _BESIDE]
-        yield (", ".join(entry["on"]) if isinstance(entry["on"], list) else place_text(entry["on"]), ", ".join(what),
+        where = ", ".join(entry["on"]) if isinstance(entry["on"], list) else place_text(entry["on"], entry.get("part"))
+        yield (where, ", ".join(what),
                "; ".join(flow(entry[key]) for key in what), flow(entry.get("history", "")))
 
 

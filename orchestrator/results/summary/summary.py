@@ -119,8 +119,10 @@ def units_of(summary: Mapping[str, object]) -> dict[str, str]:
     return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
 
 
-def place_text(on: str | Mapping[str, object]) -> str:
-    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
+def place_text(on: str | Mapping[str, object], part: str | None = None) -> str:
+    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1), and the ``part`` that is meant."""
+    if part is not None:
+        return f"{place_text(on)} of {part}"
     if isinstance(on, str):
         return on
     if "plane" in on:

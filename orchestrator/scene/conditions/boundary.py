@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import KeyPath, Problems
+from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.loads.base import Cylindrical, OnFaces, Prescribed
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.interfaces.search import bonded
@@ -20,6 +20,7 @@ from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import BoundaryEntry, Interface
+from orchestrator.scene.names import matching, suggestion
 
 # Two entries agree when their values differ by rounding only.
 SAME = 1e-12
@@ -34,7 +35,8 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
     resolved = []
     for i, (entry, times) in enumerate(zip(entries, factors)):
         path = ("boundary", i)
-        chosen = _with_meshes(mesh, faces, select(mesh, faces, entry.on, (*path, "on"), problems), path, problems)
+        chosen = _of_part(mesh, faces, select(mesh, faces, entry.on, (*path, "on"), problems), entry.part, path, problems)
+        chosen = _with_meshes(mesh, faces, chosen, path, problems)
         triangles = faces.triangles[chosen]
         does = acting(mesh, triangles, entry, times, path, problems)
         inside = chosen[faces.neighbour[chosen] >= 0]
@@ -52,6 +54,24 @@ def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[floa
     """What an entry of ``boundary:`` does to faces (k, 3 or 6)."""
     where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems)
     return entry.kind.made(entry.given, where)
+
+
+def _of_part(mesh: Mesh, faces: Faces, chosen: np.ndarray, part: str | None, path: KeyPath, problems: Problems) -> np.ndarray:
+    """Those of the faces that are a part's; all where none is named."""
+    if part is None or not len(chosen):
+        return chosen
+    meant = matching(part, mesh.volumes)
+    if not meant:
+        problems.add((*path, "part"), f"no volume is called {part!r}", "a name of one, shell wildcards allowed",
+                     suggestion(part, mesh.volumes, "volume"))
+        return chosen[:0]
+    own = np.isin(mesh.volumes, meant)
+    kept = own[mesh.volume[faces.owner[chosen]]] | ((faces.neighbour[chosen] >= 0) & own[mesh.volume[faces.neighbour[chosen]]])
+    if not kept.any():
+        whose = some(list(dict.fromkeys(mesh.volumes[v] for v in mesh.volume[faces.owner[chosen]].tolist())), 4)
+        problems.add((*path, "part"), f"{part!r} has none of these faces, which are of {whose}", "a part that has",
+                     "name another part, or leave it out")
+    return chosen[kept]
 
 
 def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:

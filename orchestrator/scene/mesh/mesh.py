@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import PAIRS, format_point, tet_volumes
+from orchestrator.scene.shapes import Shape
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Mesh:
     surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
     remarks : sentences on how it differs from what was asked for
-    smooth : names of the surfaces that are each a single face of a CAD model, without a crease
+    smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names
     foreign : the volumes that stand for parts whose mesh is not ours
     """
 
@@ -65,7 +66,7 @@ class Mesh:
     surfaces: dict[str, np.ndarray] = field(default_factory=dict)
     source: str = ""
     remarks: list[str] = field(default_factory=list)
-    smooth: list[str] = field(default_factory=list)
+    smooth: dict[str, Shape] = field(default_factory=dict)
     foreign: list[StandIn] = field(default_factory=list)
 
     def is_foreign(self, cells: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from itertools import permutations
@@ -10,13 +11,13 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from orchestrator.config.base import Rotate, unit
-from orchestrator.errors import InputError, KeyPath, Problems, visible, wrong
+from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible, wrong
 from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.faces import Faces, MAX_NODES, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.mesh.checks import check_size, coarser
-from orchestrator.scene.names import INSIDE
+from orchestrator.scene.names import INSIDE, renamed
 
 if TYPE_CHECKING:
     from orchestrator.config.mesh import Move, OnePart
@@ -26,18 +27,28 @@ SOURCES = {"beam": "mesh.sources", "box": "mesh.sources", "file": "mesh.files",
            "polycrystal": "mesh.polycrystal", "step": "mesh.solids"}
 
 
-def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
+def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry, its names such as can be shown.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
+
+    failed : takes what is wrong with single solids of a CAD file, by name: they are left out then
     Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
     key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
-    made = _named(getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)(mesh))
-    scale = getattr(mesh, "scale", None)
-    if scale is not None:
-        made.nodes = made.nodes * float(scale)
+    make, more = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key), () if failed is None or key != "step" else (failed,)
+    made = _named(make(mesh, *more))
+    if key == "file" and getattr(mesh, "rename", None):
+        made = replace(made, volumes=renamed(made.volumes, mesh.rename, ("mesh", "rename")))
+    factor = float(getattr(mesh, "scale", None) or 1.0)
+    if factor != 1.0:
+        made = _placed(made, lambda points: factor * points)
     return checked(made)
+
+
+def _placed(mesh: Mesh, place: Callable[[np.ndarray], np.ndarray]) -> Mesh:
+    """The mesh where a similarity, points (n, 3) → (n, 3), puts it; in place of its nodes alone the shapes of its surfaces, too."""
+    return replace(mesh, nodes=place(mesh.nodes), smooth={name: shape.placed(place) for name, shape in mesh.smooth.items()})
 
 
 def _named(mesh: Mesh) -> Mesh:
@@ -47,7 +58,7 @@ def _named(mesh: Mesh) -> Mesh:
     if len(set(volumes)) < len(set(mesh.volumes)) or len(surfaces) < len(mesh.surfaces):
         raise wrong(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
                     "rename the groups")
-    return replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth],
+    return replace(mesh, volumes=volumes, surfaces=surfaces, smooth={names[name]: shape for name, shape in mesh.smooth.items()},
                    remarks=[*map(visible, mesh.remarks)])
 
 
@@ -110,10 +121,10 @@ def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[M
 def placed(mesh: Mesh, name: str, move: Move | None) -> Mesh:
     """A part's mesh where it belongs, with the part's names."""
     inside = name + INSIDE
+    mesh = mesh if move is None else _placed(mesh, lambda points: moved(points, move))
     volumes = [name] if len(mesh.volumes) == 1 else [inside + volume for volume in mesh.volumes]
-    return replace(mesh, nodes=mesh.nodes if move is None else moved(mesh.nodes, move), volumes=volumes,
-                   surfaces={inside + s: t for s, t in mesh.surfaces.items()}, source=f"{name} ({mesh.source})",
-                   remarks=[f"{name}: {text}" for text in mesh.remarks], smooth=[inside + s for s in mesh.smooth])
+    return replace(mesh, volumes=volumes, surfaces={inside + s: t for s, t in mesh.surfaces.items()}, source=f"{name} ({mesh.source})",
+                   remarks=[f"{name}: {text}" for text in mesh.remarks], smooth={inside + s: shape for s, shape in mesh.smooth.items()})
 
 
 def moved(nodes: np.ndarray, move: Move) -> np.ndarray:
@@ -142,7 +153,7 @@ def joined(meshes: list[Mesh]) -> Mesh:
                 np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]), [name for m in meshes for name in m.volumes],
                 {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
                 " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
-                [name for m in meshes for name in m.smooth],
+                {name: shape for m in meshes for name, shape in m.smooth.items()},
                 [replace(stand, volume=stand.volume + v, first=stand.first + n, triangles=stand.triangles + n)
                  for m, v, n in zip(meshes, volumes.tolist(), nodes.tolist()) for stand in m.foreign])
 

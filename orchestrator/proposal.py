@@ -1,0 +1,132 @@
+"""What ``orchestrator init`` proposes for parts that touch: contact and bonds, bolts with a pretension, load steps."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from orchestrator.scene.fits import Bolt, Fit, Pressed, bolts, fits, pressed, round_faces
+from orchestrator.scene.inspection import SurfaceRow, pairs_of_mesh
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.names import INSIDE, unique_names
+
+# Half the yield limit of bolts of class 8.8, N/mm²: what a first pretension may put on the shank's section.
+STRESS = 320.0
+# Search distance of gaps, of the largest clearance: chords of holes and shanks are off them by some per cent.
+FARTHER = 1.3
+# Of what friction holds the pull that is proposed, in so many equal steps: it slips within the last ones.
+PULL, STEPS, FRICTION = 1.2, 4, 0.15
+
+
+@dataclass
+class Proposal:
+    """Of a mesh of several volumes.
+
+    roles : name of a volume → a better one, where it is a bolt or a nut; new_names : those of them that are taken
+    """
+
+    mesh: Mesh
+    fits: list[Fit]
+    pressed: list[Pressed]
+    bolts: list[Bolt]
+    pairs: int
+    roles: dict[str, str]
+    new_names: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, mesh: Mesh, faces: Faces) -> Proposal:
+        """Finds what there is."""
+        if len(mesh.volumes) < 2:
+            return cls(mesh, [], [], [], 0, {})
+        found, touching = fits(round_faces(mesh, faces)), list(pressed(mesh, faces))
+        clamps = bolts(mesh, found, touching)
+        roles = {}
+        for number, bolt in enumerate(clamps, 1):
+            for volume, what in ((bolt.volume, "bolt"), (bolt.nut, "nut")):
+                if volume is not None:
+                    inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
+                    roles[mesh.volumes[volume]] = f"{inside}{sign}{what}_{number}"
+        return cls(mesh, found, touching, clamps, len(list(pairs_of_mesh(mesh, faces))), roles)
+
+    def renamed(self, new_names: dict[str, str]) -> Mesh:
+        """The mesh with other names of volumes, and of their surfaces, which are told from now on."""
+        known = set(self.mesh.volumes) - set(new_names)
+        self.new_names = {old: new for old, new in new_names.items() if new not in known}
+        volumes = [self.new_names.get(name, name) for name in self.mesh.volumes]
+
+        def of_surface(name: str) -> str:
+            volume, sign, number = name.rpartition(":")
+            return f"{self.new_names.get(volume, volume)}{sign}{number}"
+
+        self.mesh = replace(self.mesh, volumes=unique_names(volumes), surfaces={of_surface(s): t for s, t in self.mesh.surfaces.items()},
+                            smooth={of_surface(s): shape for s, shape in self.mesh.smooth.items()})
+        return self.mesh
+
+    @property
+    def tolerance(self) -> str:
+        return "1.0e-4" if self.bolts else "1.0e-6"
+
+    @property
+    def force(self) -> float:
+        """A first pretension of a bolt."""
+        return float(f"{STRESS * np.pi * min(bolt.shank.radius for bolt in self.bolts) ** 2:.2g}")
+
+    def boundary(self, held: SurfaceRow, loaded: SurfaceRow) -> str:
+        """What holds and loads, and for bolts the load steps."""
+        one, other = json.dumps(held.name), json.dumps(loaded.name)
+        if not self.bolts:
+            return f"""boundary:                           # EDIT: what is held and what acts
+  - {{on: {one}, displacement: [0, 0, 0]}}      # the lowest plane surface; null leaves a component free
+  - {{on: {other}, resultant: {{force: [0, 0, -1]}}}}   # the highest; or traction: [..], pressure: 1, motion: {{..}}
+"""
+        normal = np.zeros(3) if loaded.shape.direction is None else loaded.shape.direction
+        axis = int(np.abs(normal).argmax())
+        size = float(f"{PULL * FRICTION * len(self.bolts) * self.force:.2g}")
+        force = [float(size * np.sign(normal[axis])) if k == axis else 0 for k in range(3)]
+        rest = ", ".join("null" if k == axis else "0" for k in range(3))
+        names = [json.dumps(self.mesh.volumes[bolt.volume]) for bolt in self.bolts]
+        lines = "\n".join(f"  - {{on: {name}, force: {self.force:g}, history: tighten}}" for name in names)
+        return f"""boundary:                           # EDIT: what is held and what acts
+  - {{on: {one}, displacement: [0, 0, 0]}}      # the lowest plane surface; null leaves a component free
+  - {{on: {other}, resultant: {{force: [{', '.join(f'{x:g}' for x in force)}]}}, history: pull}}     # EDIT: the force
+  - {{on: {other}, displacement: [{rest}]}}     # guided; leave it out if the part is free there
+
+histories:                          # a factor per load step: tighten, then pull
+  tighten: [{', '.join('1' for _ in range(STEPS + 1))}]
+  pull:    [{', '.join(f'{k / STEPS:g}' for k in range(STEPS + 1))}]
+
+bolts:                              # EDIT: the force; the cut is across the shank, see docs/bolts.md
+{lines}
+"""
+
+    def interfaces(self) -> str:
+        """Laws of what touches and of what is in holes with room."""
+        room = [fit for fit in self.fits if not fit.same and fit.clearance > 0]
+        count = "one pair of parts lies" if self.pairs == 1 else f"{self.pairs} pairs of parts lie"
+        if not self.pairs and not room:
+            return ""
+        if not room and not self.bolts:
+            return f"""interfaces:                         # {count} on each other
+  - {{between: auto, law: perfect}}   # EDIT: bonded; or law: contact, friction: {FRICTION:g}, between: auto or [one, other]
+"""
+        text, within = f"interfaces:                         # {count} on each other; the last match wins\n", ""
+        if room:
+            within = f", within: {FARTHER * max(fit.clearance + fit.eccentric for fit in room):.2g}"
+            holes = f"{len(room)} shafts are" if len(room) > 1 else "one shaft is"
+            low, high = min(fit.clearance for fit in room), max(fit.clearance for fit in room)
+            wide = f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
+            text += f"  # {holes} in holes with room, {wide} all round: contact over that gap, which is read from the geometry\n"
+        text += f"  - {{between: auto, law: contact, friction: {FRICTION:g}{within}}}   # EDIT: the friction\n"
+        threads = [bolt.thread for bolt in self.bolts if bolt.thread is not None]
+        for fit in threads:
+            names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
+            text += f"  - {{between: [{names}], law: perfect}}   # a thread\n"
+        tight = [fit for fit in self.fits if (fit.same or fit.clearance < 0) and not any(fit is own for own in threads)]
+        for fit in tight:
+            names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
+            what = f"gap: {fit.clearance:.3g}}}   # a press fit" if fit.clearance < 0 and not fit.same else "gap: 0}   # without room"
+            text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, {what}\n"
+        return text

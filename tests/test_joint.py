@@ -1,0 +1,116 @@
+"""A lap joint as CAD draws it: ``init`` finds bolts, nuts, threads and clearances; element sizes, names and faces of parts."""
+
+import gmsh
+import numpy as np
+import pytest
+from joint_case import lap_joint
+from typer.testing import CliRunner
+
+from orchestrator import InputError, build_scene, config_from
+from orchestrator.cli import app
+from orchestrator.config.load import load_config
+from orchestrator.config.mesh import Mesh as Section
+from orchestrator.config.mesh import Move
+from orchestrator.scene.fits import bolts, fits, pressed, round_faces
+from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.sources import make_mesh, placed
+from orchestrator.scene.shapes import Shape, shape_of
+
+
+def call(*words):
+    return CliRunner().invoke(app, list(map(str, words)))
+
+
+def section(**keys):
+    return Section.model_validate(keys)
+
+
+def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = call("init", "joint.yaml", *lap_joint(tmp_path, shift=0.1))
+    assert done.exit_code == 0, done.output
+    config = load_config(tmp_path / "joint.yaml").config
+    assert [part.mesh.rename for part in config.parts] == [None, {f"solid_{k}": name for k, name in enumerate(
+        ["bolt_1", "nut_1", "bolt_2", "nut_2"], 1)}]
+    assert all(part.mesh.h.curvature == 12 and part.mesh.h.min < part.mesh.h.max for part in config.parts)
+    assert [bolt.on for bolt in config.bolts] == ["bolts/bolt_1", "bolts/bolt_2"] and config.steps == 5
+    contact, *threads = config.interfaces
+    assert contact.law == "contact" and contact.between == "auto" and 0.6 < contact.within < 1  # 0.5 of room, 0.1 off the middle
+    assert [(entry.law, entry.between) for entry in threads] == [("perfect", [f"bolts/bolt_{k}", f"bolts/nut_{k}"]) for k in (1, 2)]
+
+
+def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
+    """A screw with its thread in a plate is a bolt without a nut; a bushing with a collar, tight in its hole, clamps nothing."""
+    with session():
+        occ = gmsh.model.occ
+        plate = [(3, occ.addBox(0, 0, 0, 60, 30, 10))]
+        occ.cut(plate, [(3, occ.addCylinder(x, 15, 0, 0, 0, 10, r)) for x, r in ((15, 4), (45, 4))])
+        occ.cut([(3, occ.addBox(0, 0, 10, 30, 30, 6))], [(3, occ.addCylinder(15, 15, 10, 0, 0, 6, 4.5))])
+        occ.fuse([(3, occ.addCylinder(15, 15, 2, 0, 0, 14, 4))], [(3, occ.addCylinder(15, 15, 16, 0, 0, 5, 7))])
+        occ.fuse([(3, occ.addCylinder(45, 15, 0, 0, 0, 10, 4))], [(3, occ.addCylinder(45, 15, 10, 0, 0, 2, 7))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "screw.brep"))
+    mesh, faces = make_mesh(section(step=str(tmp_path / "screw.brep"), h={"curvature": 12, "max": 10.0}, conforming=False))
+    found = fits(round_faces(mesh, faces))
+    assert sorted(round(fit.clearance, 9) for fit in found) == [0.0, 0.0, 0.5]
+    (screw,) = bolts(mesh, found, list(pressed(mesh, faces)))
+    assert screw.nut is None and mesh.volumes[screw.thread.hole.volume] == "solid_1" and np.isclose(screw.thread.length, 8)
+    (left,) = fits(round_faces(*make_mesh(section(step=str(tmp_path / "screw.brep"), h=5.0))))  # shared faces are inside
+    assert np.isclose(left.clearance, 0.5)
+
+
+def test_sizes_by_curvature_on_faces_and_names(tmp_path):
+    plates, _ = lap_joint(tmp_path)
+    keys = {"step": str(plates), "conforming": False, "rename": {"solid_1": "lower"}}
+    coarse, fine, refined = (make_mesh(section(**keys, **more))[0] for more in (
+        {"h": 8.0}, {"h": {"*": 8.0, "lower": {"curvature": 24, "max": 8.0}}}, {"h": 8.0, "refine": [{"on": "lower:1", "h": 2.0}]}))
+    assert coarse.volumes == ["lower", "solid_2"] and "lower:8" in coarse.surfaces
+    sides = [len({int(n) for n in mesh.surfaces["lower:7"].ravel()} & {int(n) for n in mesh.surfaces["lower:3"].ravel()})
+             for mesh in (coarse, fine)]
+    assert sides[1] == 24 and sides[0] < 12
+    assert len(refined.surfaces["lower:1"]) > 8 * len(coarse.surfaces["lower:1"])
+    assert len(refined.surfaces["solid_2:1"]) == len(coarse.surfaces["solid_2:1"])
+    with pytest.raises(InputError, match="did you mean solid_2 or solid_1"):
+        make_mesh(section(**{**keys, "rename": {"solid_l": "lower"}}))
+    with pytest.raises(InputError, match="several volumes called lower"):
+        make_mesh(section(**{**keys, "rename": {"solid_1": "lower", "solid_2": "lower"}}))
+    with pytest.raises(InputError, match="no face and no solid is called 'upper'"):
+        make_mesh(section(**keys, refine=[{"on": "upper", "h": 1.0}]))
+
+
+def test_shapes_are_the_models_own_wherever_it_is_put(tmp_path):
+    _, made = lap_joint(tmp_path)
+    mesh, _ = make_mesh(section(step=str(made), h=6.0, conforming=False, scale=2.0))
+    move = Move.model_validate({"rotate": {"axis": "y", "degrees": 90}, "translate": [1, 2, 3]})
+    shapes = placed(mesh, "a", move).smooth
+    head = next(shape for shape in shapes.values() if shape.kind == "cylinder" and np.isclose(shape.radius, 16))
+    assert np.allclose(np.abs(head.direction), [1, 0, 0]) and np.allclose(head.through[1:], [2, 3 - 110])
+
+
+def test_two_rings_of_nodes_are_a_cylinder():
+    """They are on a sphere, too: facets tell."""
+    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring = np.c_[8 * np.cos(turn), 8 * np.sin(turn)]
+    nodes = np.concatenate([np.c_[ring, np.zeros(12)], np.c_[ring, np.full(12, 6.0)]])
+    k, after = np.arange(12), np.roll(np.arange(12), -1)
+    shape = shape_of(nodes, np.r_[np.c_[k, after, k + 12], np.c_[after, after + 12, k + 12]])
+    assert shape.kind == "cylinder" and np.isclose(shape.radius, 8) and np.allclose(shape.direction, [0, 0, 1])
+    assert Shape("curved").placed(lambda x: 2 * x) == Shape("curved")
+
+
+def slabs(**entry):
+    slab = {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 1]}}
+    return config_from({"name": "slabs", "parts": [{"name": "base", "mesh": slab},
+                                                   {"name": "lid", "mesh": slab, "move": {"translate": [0, 0, 0.5]}}],
+                        "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}],
+                        "interfaces": [{"between": "auto", "law": "perfect"}],
+                        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], **entry}]})
+
+
+def test_faces_of_a_part_on_a_plane():
+    whole, lid = (build_scene(slabs(**entry)).boundary[0] for entry in ({}, {"part": "l*"}))
+    assert len(whole.triangles) == 8 and len(lid.triangles) == 4
+    with pytest.raises(InputError, match="no volume is called 'ldi'"):
+        build_scene(slabs(part="ldi"))
+    with pytest.raises(InputError, match="'base' has none of these faces, which are of lid"):
+        build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
