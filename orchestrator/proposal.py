@@ -45,10 +45,9 @@ class Proposal:
         clamps = bolts(mesh, found, touching)
         roles = {}
         for number, bolt in enumerate(clamps, 1):
-            for volume, what in ((bolt.volume, "bolt"), (bolt.nut, "nut")):
-                if volume is not None:
-                    inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
-                    roles[mesh.volumes[volume]] = f"{inside}{sign}{what}_{number}"
+            for volume, what in ((bolt.volume, f"bolt_{number}"), *((nut, f"nut_{number}" + "b" * k) for k, nut in enumerate(bolt.nuts))):
+                inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
+                roles[mesh.volumes[volume]] = f"{inside}{sign}{what}"
         return cls(mesh, found, touching, clamps, len(list(pairs_of_mesh(mesh, faces))), roles)
 
     def renamed(self, new_names: dict[str, str]) -> Mesh:
@@ -120,13 +119,11 @@ bolts:                              # EDIT: the force; the cut is across the sha
             wide = f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
             text += f"  # {holes} in holes with room, {wide} all round: contact over that gap, which is read from the geometry\n"
         text += f"  - {{between: auto, law: contact, friction: {FRICTION:g}{within}}}   # EDIT: the friction\n"
-        threads = [bolt.thread for bolt in self.bolts if bolt.thread is not None]
+        threads = [fit for bolt in self.bolts for fit in bolt.threads]
         for fit in threads:
             names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
             text += f"  - {{between: [{names}], law: perfect}}   # a thread\n"
-        tight = [fit for fit in self.fits if (fit.same or fit.clearance < 0) and not any(fit is own for own in threads)]
-        for fit in tight:
+        for fit in (fit for fit in self.fits if fit.clearance < 0 and not fit.same):
             names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
-            what = f"gap: {fit.clearance:.3g}}}   # a press fit" if fit.clearance < 0 and not fit.same else "gap: 0}   # without room"
-            text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, {what}\n"
+            text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}   # a press fit\n"
         return text

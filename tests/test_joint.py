@@ -54,7 +54,8 @@ def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
     found = fits(round_faces(mesh, faces))
     assert sorted(round(fit.clearance, 9) for fit in found) == [0.0, 0.0, 0.5]
     (screw,) = bolts(mesh, found, list(pressed(mesh, faces)))
-    assert screw.nut is None and mesh.volumes[screw.thread.hole.volume] == "solid_1" and np.isclose(screw.thread.length, 8)
+    (thread,) = screw.threads
+    assert not screw.nuts and mesh.volumes[thread.hole.volume] == "solid_1" and np.isclose(thread.length, 8)
     (left,) = fits(round_faces(*make_mesh(section(step=str(tmp_path / "screw.brep"), h=5.0))))  # shared faces are inside
     assert np.isclose(left.clearance, 0.5)
 

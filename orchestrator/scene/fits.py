@@ -2,13 +2,13 @@
 
 A shaft of radius r is in a hole of radius R where both go about nearly one axis and along some of it together. Its clearance is
 R − r; what is eccentric by e leaves R − r − e on one side and R − r + e on the other. A bolt is a volume whose shank is in holes
-and that clamps: a plane of its own presses on one part, and on the other side its thread is in another one, or a second plane presses.
+and that clamps: along its axis planes press from both sides, its own or those of what its threads are in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,11 +25,13 @@ from orchestrator.scene.shapes import shape_of
 TILTED, WIDER, TOGETHER = 1e-3, 0.35, 0.1
 # Radii that differ by less than that share are one: a thread drawn without its turns, a bonded or a press fit.
 SAME = 1e-3
+# Of a full circle, what is less is a fillet.
+ROUND = 0.5
 # A nut is no larger than that many times its bolt.
 NUT = 2.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RoundFace:
     """A cylindrical surface: its volume, axis (3,), a point (3,) of it, radius, from where to where along the axis, whether matter is
     outside."""
@@ -42,6 +44,26 @@ class RoundFace:
     low: float
     high: float
     hollow: bool
+
+    def eccentric(self, other: RoundFace) -> float:
+        """How far another one's axis is from this one's; infinite where they are not parallel."""
+        if np.linalg.norm(np.cross(self.axis, other.axis)) > TILTED:
+            return np.inf
+        return float(np.linalg.norm(np.cross(other.through - self.through, self.axis)))
+
+    def extent_of(self, other: RoundFace) -> tuple[float, float]:
+        """From where to where another one goes, along this one's axis."""
+        turn, shift = float(np.sign(self.axis @ other.axis)), float((other.through - self.through) @ self.axis)
+        low, high = sorted((shift + turn * other.low, shift + turn * other.high))
+        return low, high
+
+    def continued_by(self, other: RoundFace) -> bool:
+        """Whether another face is of the same cylinder, beside this one."""
+        near = SAME * self.radius
+        if self.volume != other.volume or self.hollow != other.hollow or abs(self.radius - other.radius) > near:
+            return False
+        low, high = self.extent_of(other)
+        return self.eccentric(other) <= near and low <= self.high + near and high >= self.low - near
 
 
 @dataclass(frozen=True)
@@ -88,21 +110,23 @@ class Pressed:
 class Bolt:
     """A volume that clamps others.
 
-    shank : its longest round face that is in holes; thread : the fit in which it is held, None where a second plane presses
-    heads : numbers of the volumes that its planes press on
-    nut : number of the volume that holds its thread where that is a nut, else None
+    shank : its longest round face that is in holes; threads : fits in which it is held, none where planes of its own press on both sides
+    nuts : numbers of the volumes that hold its threads, where these are nuts
     """
 
     volume: int
     shank: RoundFace
-    thread: Fit | None
-    heads: list[int]
-    nut: int | None
+    threads: list[Fit]
+    nuts: list[int]
 
 
 def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
-    """The named surfaces that are cylinders, by what the CAD model says of them, else by their nodes; those inside the mesh are none."""
-    found = []
+    """The named surfaces that are cylinders, by what the CAD model says of them, else by their nodes; those inside the mesh are none.
+
+    What goes about one axis at one radius, beside each other, is one face: many a CAD program has two halves.
+    """
+    found: list[RoundFace] = []
+    covered: list[float] = []
     for name, triangles in mesh.surfaces.items():
         at = faces.find(triangles) if len(triangles) else np.empty(0, int)
         if not len(at) or (at < 0).any() or (faces.neighbour[at] >= 0).any():
@@ -116,9 +140,18 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         arm = points.mean(axis=1) - shape.through
         arm -= np.outer(arm @ shape.direction, shape.direction)
         outward = np.einsum("ki,ki->", arm, area_vectors(mesh.nodes, faces.triangles[at]))
-        found.append(RoundFace(name, int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
-                               float(along.min()), float(along.max()), bool(outward < 0)))
-    return found
+        face = RoundFace(name, int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
+                         float(along.min()), float(along.max()), bool(outward < 0))
+        area = float(np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1).sum())
+        half = next((k for k, other in enumerate(found) if other.continued_by(face)), None)
+        if half is None:
+            found.append(face)
+            covered.append(area)
+        else:
+            low, high = found[half].extent_of(face)
+            found[half] = replace(found[half], low=min(low, found[half].low), high=max(high, found[half].high))
+            covered[half] += area
+    return [face for face, area in zip(found, covered) if area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
 
 
 def fits(found: Sequence[RoundFace]) -> list[Fit]:
@@ -126,16 +159,10 @@ def fits(found: Sequence[RoundFace]) -> list[Fit]:
     result = []
     for shaft in (face for face in found if not face.hollow):
         for hole in (face for face in found if face.hollow and face.volume != shaft.volume):
-            clearance = hole.radius - shaft.radius
-            if not abs(clearance) <= WIDER * shaft.radius or np.linalg.norm(np.cross(shaft.axis, hole.axis)) > TILTED:
+            clearance, eccentric = hole.radius - shaft.radius, shaft.eccentric(hole)
+            if abs(clearance) > WIDER * shaft.radius or eccentric > max(clearance, 0.0) + SAME * shaft.radius:
                 continue
-            arm = hole.through - shaft.through
-            eccentric = float(np.linalg.norm(np.cross(arm, shaft.axis)))
-            if eccentric > max(clearance, 0.0) + SAME * shaft.radius:
-                continue
-            turn, shift = float(np.sign(shaft.axis @ hole.axis)), float(arm @ shaft.axis)
-            ends = sorted((shift + turn * hole.low, shift + turn * hole.high))
-            low, high = max(shaft.low, ends[0]), min(shaft.high, ends[1])
+            low, high = (pick(ends) for pick, ends in zip((max, min), zip((shaft.low, shaft.high), shaft.extent_of(hole))))
             if high - low > TOGETHER * shaft.radius:
                 result.append(Fit(shaft, hole, clearance, eccentric, high - low, shaft.through + (low + high) / 2 * shaft.axis))
     return result
@@ -145,7 +172,7 @@ def pressed(mesh: Mesh, faces: Faces) -> Iterator[Pressed]:
     """The plane patches on which volumes touch, with meshes of their own."""
     skins = Skins(mesh, faces)
     for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
-        for patch in facing(skins(one), skins(two)):
+        for patch in facing(skins(one), skins(two), creases=True):
             own = patch.facets[0]
             whole = one.area[own] @ one.normal[own]
             size = float(np.linalg.norm(whole))
@@ -160,18 +187,23 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[Pressed]) -> list
     for volume in dict.fromkeys(fit.shaft.volume for fit in found):
         own = [fit for fit in found if fit.shaft.volume == volume]
         shank = max((fit.shaft for fit in own), key=lambda face: face.high - face.low)
-        sides = {}  # which way a plane of it looks along the axis → what it presses on
-        for patch in touching:
-            if volume in patch.volumes:
-                along = float(patch.normal @ shank.axis) * (1 if patch.volumes[0] == volume else -1)
-                if abs(along) > 1 - SAME:
-                    sides[np.sign(along)] = patch.volumes[1 - patch.volumes.index(volume)]
-        clamped = set(sides.values())
-        thread = next((fit for fit in own if fit.same and fit.hole.volume not in clamped), None)
-        if not clamped or (thread is None and len(sides) < 2):
-            continue
-        nut = None if thread is None else thread.hole.volume
-        if nut is not None and content[nut] > NUT * content[volume]:
-            nut = None  # a hole with a thread in a larger part
-        result.append(Bolt(volume, shank, thread, sorted(clamped), nut))
+        # a nut is a small part that holds the thread; without one it is in a part that the head does not lie on
+        tight = [fit for fit in own if fit.same and fit.shaft is shank]
+        nuts = [fit for fit in tight if content[fit.hole.volume] <= NUT * content[volume]]
+        under = {other for _, other in _pressing(volume, shank.axis, touching)}
+        threads = nuts or [fit for fit in tight if fit.hole.volume not in under]
+        held = {fit.hole.volume for fit in threads}
+        ways = [way for way, other in _pressing(volume, shank.axis, touching) if other not in held]
+        ways += [way for part in held for way, other in _pressing(part, shank.axis, touching) if other != volume]
+        if len(set(ways)) == 2:
+            result.append(Bolt(volume, shank, threads, [fit.hole.volume for fit in nuts]))
     return result
+
+
+def _pressing(volume: int, axis: np.ndarray, touching: Sequence[Pressed]) -> Iterator[tuple[float, int]]:
+    """Which way, 1 or −1, planes of a volume press along an axis, and on which other ones."""
+    for patch in touching:
+        if volume in patch.volumes:
+            along = float(patch.normal @ axis) * (1 if patch.volumes[0] == volume else -1)
+            if abs(along) > 1 - SAME:
+                yield float(np.sign(along)), patch.volumes[1 - patch.volumes.index(volume)]

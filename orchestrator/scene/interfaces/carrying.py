@@ -2,7 +2,8 @@
 
 A slave's node carries one point at most: several on the same nodes would say nearly the same thing, and what passes between
 them would be settled by many iterations. Where bodies are cut further, it has its point in the piece of the interface in which
-most around it is covered; where interfaces of several bodies meet, it has none.
+most around it is covered; where interfaces of several bodies meet, it has none. At a crease between two faces that both touch the same
+body, a head and its shank, it has one in each, with that face's normal: they say different things.
 
 Pieces of an interface in which no node is covered best are the corners that cuts of either side leave of each other. They
 carry nothing: a point there, on a node that others hold, would double what is said. Measured on a slave of 6 × 6 and a master of
@@ -13,6 +14,7 @@ the area (contact: 36 and 121); displacements that differ from those of bodies i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -20,8 +22,12 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.cylinders import straightened
 from orchestrator.scene.interfaces.mortar.operators import corner_vectors, covered_around, make_mortar, unit
 from orchestrator.scene.interfaces.mortar.moving import Moving
+from orchestrator.scene.interfaces.skins import SMOOTH
 from orchestrator.scene.model import Interface
+from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.mesh import SplitNumbering
+
+Face = tuple[str, str, int]  # names of slave and master, and which of their smooth faces
 
 # Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
 ALIKE = 1e-6
@@ -40,7 +46,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     waiting = [i for i in interfaces if i.surfaces is not None]
     if not waiting:
         return
-    group = [tuple(bodies[e] for e in i.subdomains) for i in waiting]
+    group = _faces(waiting, [tuple(bodies[e] for e in i.subdomains) for i in waiting])
     leader, vectors, crossing = _met(waiting, group, numbering.total)
     # slave nodes that are covered best in another piece; none where sides slide on, in one piece
     elsewhere = [(leader[pair][i.surfaces.nodes[0]] != number) & (not i.law.follows)
@@ -77,20 +83,38 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
         i.surfaces = None
 
 
-def _met(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], total: int) -> tuple[dict, dict, np.ndarray]:
-    """What the nodes of interfaces hold, each between a pair of bodies, the slave's first.
+def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> list[Face]:
+    """Which of the pair's smooth faces each interface is a piece of: pieces that share nodes with normals alike are of one."""
+    result = [(*pair, number) for number, pair in enumerate(pairs)]
+    for pair in dict.fromkeys(pairs):
+        own = [number for number, other in enumerate(pairs) if other == pair]
+        sides = [(i.surfaces.nodes[0], unit(corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])))
+                 for i in (waiting[number] for number in own)]
+        alike = []
+        for a, b in combinations(range(len(own)), 2):
+            _, at, there = np.intersect1d(sides[a][0], sides[b][0], return_indices=True)
+            if len(at) and np.einsum("ni,ni->n", sides[a][1][at], sides[b][1][there]).mean() > SMOOTH:
+                alike.append((a, b))
+        label = components(*np.reshape(alike, (-1, 2)).astype(int).T, len(own))[1].tolist()
+        for number, face in zip(own, label):
+            result[number] = (*pair, face)
+    return result
 
-    Returns, per pair of bodies, (N,) the interface in which most is covered around each slave node, and (N, 3) the area along
+
+def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tuple[dict, dict, np.ndarray]:
+    """What the nodes of interfaces hold, each of a face between a pair of bodies, the slave's first.
+
+    Returns, per face, (N,) the interface in which most is covered around each slave node, and (N, 3) the area along
     the normals of all pieces; (N,) bool, nodes that several pairs of bodies have
     """
-    alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
+    alike = {pair: number for number, pair in enumerate(dict.fromkeys(frozenset(face[:2]) for face in group))}
     met = np.zeros((len(alike), total), dtype=bool)
     covered = {pair: np.zeros(total) for pair in group}
     leader = {pair: np.full(total, -1) for pair in group}
     vectors = {pair: np.zeros((total, 3)) for pair in group}
     for number, (i, pair) in enumerate(zip(waiting, group)):
         for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
-            met[alike[frozenset(pair)], nodes] = True
+            met[alike[frozenset(pair[:2])], nodes] = True
         nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
         better = area > (1 + ALIKE) * covered[pair][nodes]
         covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
@@ -98,13 +122,13 @@ def _met(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], total: 
     return leader, vectors, met.sum(axis=0) > 1
 
 
-def _tell(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], corners: Sequence[bool], problems: Problems) -> None:
+def _tell(waiting: Sequence[Interface], group: Sequence[Face], corners: Sequence[bool], problems: Problems) -> None:
     """What share of bodies' faces carries nothing, if it is more than a little."""
     for pair in dict.fromkeys(group):
         area = np.array([i.surfaces.segments.area.sum() * (own == pair) for i, own in zip(waiting, group)])
         lost = float(area[np.array(corners)].sum() / area.sum())
         if lost > LITTLE:
-            problems.warnings.append(f"{' | '.join(pair)}: cuts through both leave corners of {lost:.1%} of what they have in common in "
+            problems.warnings.append(f"{' | '.join(pair[:2])}: cuts through both leave corners of {lost:.1%} of what they have in common in "
                                      "which no node is covered best: they carry nothing; cut less, or mesh finer")
 
 

@@ -21,7 +21,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facin
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skin, UNSURE, over, smooth_patches
-from orchestrator.scene.mesh.faces import edge_patches
+from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
@@ -56,12 +56,13 @@ class Facing:
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
-           cosine: float = OPPOSITE, wide: bool = False) -> list[Facing]:
+           cosine: float = OPPOSITE, wide: bool = False, creases: bool = False) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
     tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
     within : the same as a length, instead
     cosine : that between facets' normals is below this
+    creases : patches end at creases that both bodies have: a shank with its head in a hole are two patches
     """
     x, y = one.body, two.body
     size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
@@ -82,6 +83,12 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
         kept = kept[(certain > COMMON * common)[patch]]
     facets, at = np.unique(i[kept], return_inverse=True)
     patch = edge_patches(x.triangles[facets, :3])[1][at]
+    if creases:
+        sides = [smooth_patches(skin.body.triangles[f, :3], skin.body.normal[f], skin.face[f])[k] for skin, own in ((one, i), (two, j))
+                 for f, k in [np.unique(own[kept], return_inverse=True)]]
+        count = sides[0].max(initial=-1) + 1
+        whole = components(sides[0], count + sides[1], count + int(sides[1].max(initial=-1)) + 1)[1][sides[0]]
+        patch = np.unique(np.column_stack([patch, whole]), axis=0, return_inverse=True)[1].ravel()
     patches = [kept[patch == label] for label in range(int(patch.max(initial=-1)) + 1)]
     return [Facing(found.some(p), distance[p], (float(mine.mean()), float(theirs.mean()))) for p in patches
             for mine, theirs in [(x.size[np.unique(i[p])], y.size[np.unique(j[p])])]
@@ -132,7 +139,8 @@ def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], i
 def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]:
     """Where two bodies lie on each other as an entry has it."""
     laws = search.laws
-    return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart))
+    return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart),
+                  not LAWS[laws[index].law].as_one)
 
 
 def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
