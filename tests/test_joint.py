@@ -115,3 +115,24 @@ def test_faces_of_a_part_on_a_plane():
         build_scene(slabs(part="ldi"))
     with pytest.raises(InputError, match="'base' has none of these faces, which are of lid"):
         build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
+
+
+def test_a_head_and_its_shank_are_two_faces(tmp_path):
+    """Each with its own normal, at the crease between them too: a head presses along its axis and nowhere else."""
+    with session():
+        occ = gmsh.model.occ
+        occ.cut([(3, occ.addBox(0, 0, 0, 20, 20, 6))], [(3, occ.addCylinder(10, 10, 0, 0, 0, 6, 4.5))])
+        occ.fuse([(3, occ.addCylinder(10, 10, -6, 0, 0, 12, 4))], [(3, occ.addCylinder(10, 10, 6, 0, 0, 4, 7))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "pin.brep"))
+    scene = build_scene(config_from({
+        "name": "pin", "mesh": {"step": str(tmp_path / "pin.brep"), "conforming": False, "h": {"curvature": 12, "max": 6.0},
+                                "rename": {"solid_1": "plate", "solid_2": "pin"}}, "subdomains": "groups",
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"between": "auto", "law": "contact", "within": 0.6}],
+        "boundary": [{"on": {"plane": "z", "at": at}, "displacement": [0, 0, 0]} for at in (-6, 0)]}))
+    head, bore = sorted((i for i in scene.interfaces), key=lambda i: -abs(i.mortar.normal[:, 2]).min())
+    assert {head.name[-9:], bore.name[-9:]} == {"(patch 1)", "(patch 2)"}
+    assert np.allclose(abs(head.mortar.normal), [0, 0, 1]) and np.abs(bore.mortar.normal[:, 2]).max() < 1e-6
+    assert np.allclose(head.law.gap, 0) and bore.law.gap.min() > 0.4
+    crease = [scene.side_nodes(i, 0)[i.mortar.points] for i in (head, bore)]
+    assert len(np.intersect1d(*crease)) >= 12
