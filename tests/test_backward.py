@@ -114,7 +114,8 @@ def test_shifts_are_the_least_that_contact_allows(name):
         slid = np.maximum((way * (points.across(bare) - previous)).sum(axis=0), 0.0)
         slips = size > own["friction"] * push * (1 - 1e-9)
         across = np.where(closed, previous + np.where(slips, slid, 0.0) * way, points.across(bare))
-        assert np.abs(jump - normal * points.normal - across).max() <= 1e-6 * np.abs(shifted.shift).max()
+        # how far it slips is found with a keq that is worth 1e-3 of the forces, to about the square of that
+        assert np.abs(jump - normal * points.normal - across).max() <= 1e-5 * np.abs(shifted.shift).max()
         previous = points.across(jump)
 
 

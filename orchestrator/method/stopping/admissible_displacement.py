@@ -1,31 +1,39 @@
 """Displacements v that meet supports and bonds, do not penetrate, and take lawful forces λ̂ at their word.
 
-Bodies stand where their forces balance, at u + R y. From there v = u + R y + δ, δ on the boundary dofs alone, is the nearest in the
-norm of the stiffness's diagonal D of all those that keep what the laws hold rigidly beside λ̂: bonds closed, sides that press on
-each other in touch, what sticks where it stuck. The law says what is held: at d̂ = (F − λ̂)/keq, which is lawful beside λ̂,
-those directions in which ∂f̂/∂F is as stiff as the search direction itself. Directions in which a law gives way, such as slip, are free
-where the law can price them (``Law.duality_gap``), and held elsewhere. Also free is what costs less than mending it, such as a gap under
-next to no pressure. What v then breaks is held too, until it breaks nothing. Where a price is above what mending would cost, these
-directions are held as well, if all of it together becomes cheaper. Where several interfaces meet in a node, λ̂ may hold them in ways
-that are at odds with each other: then what lies across their normals is let go, for its price.
+Bodies stand where their forces balance, at ū = u + R y. The best v is the one nearest to it, in the norm of the stiffness's diagonal D,
+with what the laws charge beside λ̂, of all those that break no law:
+
+    min ½ ‖v − ū‖²_D + Σ γ(B v, λ̂)
+
+Where laws are the slopes of energies this is convex, and the forces that D needs are lawful: D (v − ū) = −Bᵀ(λ − λ̂), λ = law(λ + k B v),
+whatever k. With k = (B D⁻¹Bᵀ)⁻¹ point by point, λ = law(λ̂ + k B ū) is the answer, in closed form, where a node is in one pair alone.
+Where pairs share nodes, one step of Newton's method from there has to do: with λ⁺ and d⁺ of the closed form, A = ∂f̂/∂F,
+
+    v = ū − D⁻¹Bᵀ(λ⁺ − λ̂ + y),     B v = d⁺ + (1 − a)/(a k) y     in the directions in which A stretches by a > 0
+
+Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is held as well. What is at odds with the
+rest, where several interfaces meet in a node, gives way for its price. Rows are added, or softened once, so that this ends; any v that
+breaks nothing serves, the best is the sharpest. Laws that cannot price what they give way by (``Law.duality_gap``) are kept to the letter.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.stopping.continuity import Continuity
+from orchestrator.method.stopping.continuity import Constraint, Continuity
 
-RIGID = 1 - 1e-9  # singular value of ∂f̂/∂F from which a direction is held
-FELT = 1e-9  # the same where a law cannot price what it breaks
+RIGID = 1 - 1e-9  # a from which a direction is held
+FELT = 1e-9  # a from which it counts
 EXACT = 1e-12  # of the jumps, what is broken by rounding alone
-WORTH = 1e-2  # of the cost, below which no price is worth mending
 PASSES = 20  # in which what v breaks is held
+FREE = 1e4  # over the softest point, how soft pairs that move together are where they do
+HARDLY = 1e-3  # of how soft a point is: what gives way as it is at odds with others
 
 
 @dataclass(frozen=True)
@@ -34,15 +42,15 @@ class Held:
 
     at : (r,) int, pairs; directions : (r, 3) unit vectors
     goals : (r,) what the jumps there have to be
-    rigid : (r,) bool, the law does not give way, or cannot price it
-    across : (r,) bool, across the normal, where what slips has a price
+    soft : (r,) how far they give way under a unit force
+    priced : (r,) bool, whether they may give way further
     """
 
     at: np.ndarray
     directions: np.ndarray
     goals: np.ndarray
-    rigid: np.ndarray
-    across: np.ndarray
+    soft: np.ndarray
+    priced: np.ndarray
 
     def some(self, chosen: np.ndarray) -> Held:
         """Those that are chosen, (r,) bool or places."""
@@ -63,29 +71,13 @@ class Placed:
 
     v : (B,) on the boundary dofs; jump : (3, P) of it
     gap : (P,) γ of this rank's points, 0 at others
-    cost : δᵀDδ + 2Σγ, of all ranks
     admissible : whether v breaks nothing
     """
 
     v: np.ndarray
     jump: np.ndarray
     gap: np.ndarray
-    cost: float
     admissible: bool
-
-
-@dataclass(frozen=True)
-class _Step:
-    """What v is sought from: λ̂ (3, P), history, number of the load step, prescribed traces, u + R y (B,) and its means,
-    and the largest jump, which rounding is relative to."""
-
-    force: np.ndarray
-    before: History
-    number: int
-    known: np.ndarray | None
-    u: np.ndarray
-    mean: np.ndarray
-    scale: float
 
 
 class AdmissibleDisplacement:
@@ -101,7 +93,30 @@ class AdmissibleDisplacement:
         for run in pairs.runs:
             self.prices[run.part], self.slips[run.part] = run.law.prices, run.law.slips
             lawful[run.part] = not run.law.perfect  # perfect ones are the continuity's
-        self.mine, self.B = lawful & pairs.mine, sp.csr_array(pairs.transfer.B)
+        self.mine = lawful & pairs.mine
+        self.own, self.ties = np.flatnonzero(self.mine), self.continuity.rows.shape[0]
+
+    @cached_property
+    def rows(self) -> sp.csr_array:
+        """(3 own points + ties, D + G) all jumps that may be held, component by component, and those of bonds whose nodes do not match."""
+        components = np.arange(3)[:, None] * len(self.pairs) + self.own
+        return sp.csr_array(sp.vstack([sp.csr_array(self.pairs.transfer.B)[components.ravel()], self.continuity.rows]))
+
+    @cached_property
+    def linked(self) -> Constraint:
+        """What forces at the points do to all jumps; all ranks have to ask."""
+        return self.continuity.constrained(self.rows)
+
+    @cached_property
+    def beside(self) -> Pairs:
+        """The pairs, with the k that bodies of stiffness D have at a point, where laws have prices; all ranks have to ask."""
+        softness, count = np.zeros(len(self.pairs)), len(self.own)
+        softness[self.own] = self.linked.matrix.diagonal()[self.linked.mine[: 3 * count]].reshape(3, count).max(axis=0)
+        there, points = self.prices & (softness > 0), self.pairs.points
+        stiff = np.divide(1, softness, out=np.zeros_like(softness), where=there)
+        normal, across = (np.where(there, stiff, k) for k in (points.stiff_n, points.stiff_t))
+        return replace(self.pairs, runs=[replace(run, points=replace(run.points, stiff_n=normal[run.part], stiff_t=across[run.part]))
+                                         for run in self.pairs.runs])
 
     def __call__(self, u: np.ndarray, known: np.ndarray | None, answer: Answer, F: np.ndarray, before: History,
                  number: int) -> Placed:
@@ -110,74 +125,53 @@ class AdmissibleDisplacement:
         u : (B,) u + R y; known : (D,) prescribed traces; answer : λ̂ at predicted forces F (3, P)
         before : what the load step before has left; number : of the load step
         """
-        pairs, team, mean = self.pairs, self.space.team, self.continuity.means(u[None])
-        lawful, start = pairs.compliance(F - answer.force), self._jumps(mean, known)
-        largest, = team.max(max(np.abs(x).max(initial=0.0) for x in (start, pairs.compliance(F))))
-        step = _Step(answer.force, before, number, known, u, mean, largest or 1.0)
-        told = pairs.force(F, before, number, derivative=True)
-        felt, together = self._held(told, self.mine, lawful), self._together(told, lawful)
-        pressed = np.abs(step.force).max(axis=0)
-        held = ~self.prices | (self._gap(step, start) + EXACT * step.scale * pressed >= self._mending(felt, start)) & (pressed > 0)
-        first = self._placed(step, felt.some(felt.rigid & held[felt.at]), together, self.slips & ~held)
-        priced, = team.sum(float(np.count_nonzero(first.gap)))
-        dear = first.gap > np.maximum(self._mending(felt, first.jump), WORTH * first.cost / (2 * max(priced, 1.0)))
-        if not team.max(float(dear.any()))[0]:
-            return first
-        other = self._placed(step, felt.some(felt.rigid & held[felt.at] | dear[felt.at]), together, self.slips & ~held & ~dear)
-        return other if other.admissible and (other.cost < first.cost or not first.admissible) else first
-
-    def _mending(self, felt: Held, jump: np.ndarray) -> np.ndarray:
-        """(P,) about what it costs to bring jumps (3, P) to where laws feel nothing."""
-        points, result = self.pairs.points, np.zeros(len(self.pairs))
-        stiff = np.where(felt.across, points.stiff_t[felt.at], points.stiff_n[felt.at])
-        np.add.at(result, felt.at, 0.5 * stiff * (felt.of(jump) - felt.goals) ** 2)
-        return result
-
-    def _placed(self, step: _Step, held: Held, together: tuple[Held, sp.csr_array], free: np.ndarray) -> Placed:
-        """The nearest v that keeps what is held, alone or together with others, and whatever it would break; pairs that are ``free``
-        (P,) may slip."""
-        continuity, team, base, let_go = self.continuity, self.space.team, step.mean, free.copy()
+        pairs, team, mean = self.beside, self.space.team, self.continuity.means(u[None])
+        force, jump = answer.force, self._jumps(mean, known)
+        scale, = team.max(max(np.abs(x).max(initial=0.0) for x in (jump, self.pairs.compliance(F))))
+        there = np.where(self.prices, force + pairs.points.stiffness(jump), F)
+        told = pairs.force(there, before, number, derivative=True)
+        lawful, change = pairs.compliance(there - told.force), np.where(self.prices, told.force - force, 0.0)
+        mean = mean - self.linked.moved(np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
+        held, together = self._held(told, self.mine, lawful), self._together(told, lawful)
         for _ in range(PASSES):
-            mean = self._nearest(step, base, held, *together)
-            jump = self._jumps(mean, step.known)
-            at_odds = held.across & (np.abs(held.of(jump) - held.goals) > EXACT * step.scale)
-            let_go[held.at[at_odds]] = True
-            if team.max(float(at_odds.any()))[0]:  # the least that has to give way does
-                base = mean
-            broken = self._broken(step, jump)
-            broken = broken.some(~(broken.across & let_go[broken.at]))
-            admissible = not team.max(float(len(broken.at) + at_odds.sum()))[0]
-            if admissible:
+            v = self._nearest(mean, known, held, *together)
+            jump = self._jumps(v, known)
+            odd = (held.soft == 0) & (np.abs(held.of(jump) - held.goals) > EXACT * scale)
+            broken, gives = self._broken(force, jump, before, number, EXACT * scale), odd & held.priced
+            wrong, more = team.max(float(odd.any() or len(broken.at)), float(gives.any() or len(broken.at)))
+            if not more:
                 break
-            held = held.some(~(held.across & let_go[held.at])).and_then(broken)
-        v, gap = continuity.of_means(mean)[0], self._gap(step, jump)
-        cost, = team.sum(float(continuity.weight @ (v - step.u) ** 2) + 2 * gap.sum())
-        return Placed(v, jump, gap, float(cost), admissible)
+            softer = HARDLY * self.linked.matrix.diagonal().max(initial=0.0)
+            held = replace(held, soft=np.where(gives, softer, held.soft)).and_then(broken)
+        gap = self.pairs.duality_gap(force, jump, before, number)
+        return Placed(self.continuity.of_means(v)[0], jump, gap, not wrong)
 
-    def _nearest(self, step: _Step, base: np.ndarray, held: Held, joint: Held, common: sp.csr_array) -> np.ndarray:
-        """(1, classes) the means nearest to ``base`` that keep what is held, and what is held jointly but for common jumps (r, groups)."""
-        own, alone = self.continuity.rows, len(held.at)
-        rows = sp.csr_array(sp.vstack([self._rows(held), self._rows(joint), own]))
-        lack = rows @ self.continuity.traces(base, step.known)[0]
-        lack -= np.concatenate([held.goals, joint.goals, np.zeros(own.shape[0])])
+    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: Held, joint: Held, common: sp.csr_array) -> np.ndarray:
+        """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held jointly but for common jumps (r, groups)."""
+        both, count, ties = held.and_then(joint), len(self.own), np.arange(self.ties)
+        column = np.arange(3) * count + np.searchsorted(self.own, both.at)[:, None]
+        ends = np.concatenate([3 * np.arange(len(both.at) + 1), 3 * len(both.at) + 1 + ties])
+        pick = sp.csr_array((np.concatenate([both.directions.ravel(), np.ones(self.ties)]),
+                             np.concatenate([column.ravel(), 3 * count + ties]), ends), shape=(len(ends) - 1, 3 * count + self.ties))
+        now = self.rows @ self.continuity.traces(mean, known)[0]
         if self.pairs.slid is not None:
-            lack[:alone] += held.of(self.pairs.slid)
-        loose, groups = None, common.shape[1]
-        if groups:
-            loose = sp.csr_array(sp.vstack([sp.csr_array((alone, groups)), common, sp.csr_array((own.shape[0], groups))]))
-        return base - self.continuity.constrained(rows, loose)(lack[None])
+            now[: 3 * count] += self.pairs.slid[:, self.own].ravel()
+        lack = pick @ now - np.concatenate([both.goals, np.zeros(self.ties)])
+        soft = sp.diags_array(np.concatenate([both.soft, np.zeros(self.ties)]))
+        if common.shape[1]:
+            rest = FREE * self.linked.matrix.diagonal().max() * (common @ common.T)
+            soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest, sp.csr_array((self.ties,) * 2)])
+        return mean - self.linked.some(pick, sp.csr_array(soft))(lack[None])
 
-    def _broken(self, step: _Step, jump: np.ndarray) -> Held:
-        """What laws would hold that jumps (3, P) break beside λ̂."""
-        pairs, least = self.pairs, EXACT * step.scale
-        there = pairs.force(step.force + pairs.points.stiffness(jump), step.before, step.number, derivative=True)
-        lacks = pairs.compliance(step.force - there.force)
+    def _broken(self, force: np.ndarray, jump: np.ndarray, before: History, number: int, least: float) -> Held:
+        """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside λ̂ (3, P) where they have no price."""
+        pairs, force = self.beside, np.where(self.prices, 0.0, force)
+        there = pairs.force(force + pairs.points.stiffness(jump), before, number, derivative=True)
+        lacks = pairs.compliance(force - there.force)
         broken = self._held(there, self.mine & (np.abs(lacks).max(axis=0) > least), jump + lacks)
-        return broken.some(broken.rigid & (np.abs(broken.of(lacks)) > least))
-
-    def _gap(self, step: _Step, jump: np.ndarray) -> np.ndarray:
-        """(P,) γ of jumps (3, P) at this rank's points."""
-        return self.pairs.duality_gap(step.force, jump, step.before, step.number)
+        along = np.abs(broken.of(pairs.points.normal)) > 0.5
+        broken = broken.some((broken.soft == 0) & (np.abs(broken.of(lacks)) > least) & (along | ~self.slips[broken.at]))
+        return replace(broken, priced=np.zeros(len(broken.at), dtype=bool))
 
     def _jumps(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(3, P) of means (1, classes)."""
@@ -189,15 +183,21 @@ class AdmissibleDisplacement:
         kept = chosen[answer.active]
         if answer.collective is not None:  # pairs that answer together are held together
             kept &= ~np.isin(answer.active, answer.collective.at)
-        at, slopes = answer.active[kept], answer.derivative.transpose(2, 0, 1)[kept]
-        normal = self.pairs.points.normal[:, at].T
-        twice = np.eye(3) + normal[:, :, None] * normal[:, None, :]  # of directions that are held alike the normal is one
-        _, size, directions = np.linalg.svd(slopes @ twice)
-        pair, which = np.nonzero(size > FELT)
-        directions, size, at = directions[pair, which], size[pair, which], at[pair]
+        at, slope = answer.active[kept], answer.derivative.transpose(2, 0, 1)[kept]
+        normal, slips = self.beside.points.normal[:, at].T, self.slips[at, None, None]
+        along = normal[:, :, None] * normal[:, None, :]
+        # limits of friction stay as they are: what slips has nothing that is along the normal and across it at once
+        apart = slope - along @ slope - slope @ along + 2 * along @ slope @ along
+        slope = np.where(slips, apart, slope)
+        slope = (slope + slope.swapaxes(1, 2)) / 2
+        _, ways = np.linalg.eigh(slope + slips * along)  # of directions that are held alike the normal is one
+        size = np.einsum("pij,pik,pkj->pj", ways, slope, ways)
+        pair, which = np.nonzero(np.where(self.prices[at][:, None], size, np.abs(size)) > FELT)
+        size, at = size[pair, which], at[pair]
         priced = self.prices[at]
-        across = self.slips[at] & (np.abs(np.einsum("ri,ri->r", directions, normal[pair])) < 0.5)
-        held = Held(at, directions, np.zeros(len(at)), ~priced | (size > RIGID), across)
+        gives = priced & (size < RIGID)
+        soft = np.divide(1 - size, size * self.beside.points.stiff_n[at], out=np.zeros_like(size), where=gives)
+        held = Held(at, ways[pair, :, which], np.zeros(len(at)), soft, priced)
         return replace(held, goals=held.of(goal))
 
     def _together(self, answer: Answer, goal: np.ndarray) -> tuple[Held, sp.csr_array]:
@@ -210,12 +210,6 @@ class AdmissibleDisplacement:
             force[:, at] = given
             jump = self.pairs.compliance(force)[:, pairs].T.ravel()
             common[:, k] = jump / np.linalg.norm(jump)
-        nothing = np.zeros(3 * len(pairs), dtype=bool)
-        held = Held(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), ~nothing, nothing)
+        none = np.zeros(3 * len(pairs))
+        held = Held(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), none, none > 0)
         return held, sp.csr_array(common)
-
-    def _rows(self, held: Held) -> sp.csr_array:
-        """(r, D + G) that make of traces what is held."""
-        count, rows = len(self.pairs), len(held.at)
-        column = (np.arange(3) * count + held.at[:, None]).ravel()
-        return sp.csr_array((held.directions.ravel(), (np.repeat(np.arange(rows), 3), column)), shape=(rows, 3 * count)) @ self.B

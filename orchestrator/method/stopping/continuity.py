@@ -12,6 +12,7 @@ in one sparse problem of all that is asked, of points that share nodes at cross 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +23,8 @@ from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 
-LOOSE = 1e4  # compliance of what may differ, over the largest of the others
 REFINED = 8  # solves with a matrix that rounding makes regular: each leaves some 1e-10 of what the one before has
+ROUNDED = 1e-15  # of an entry over its diagonal ones: none
 
 
 class Continuity:
@@ -66,7 +67,7 @@ class Continuity:
         """(T, Q) of means (T, classes) and prescribed traces (T, D)."""
         return self.space.transfer.jump(self.traces(mean, known))
 
-    @property
+    @cached_property
     def rows(self) -> sp.csr_array:
         """(p, D + G) the jump at those points of perfect interfaces whose nodes do not match."""
         return sp.csr_array(self.space.transfer.B[self.points])
@@ -75,11 +76,10 @@ class Continuity:
     def _joined(self) -> Constraint:
         return self.constrained(self.rows)
 
-    def constrained(self, rows: sp.csr_array, loose: sp.csr_array | None = None) -> Constraint:
+    def constrained(self, rows: sp.csr_array) -> Constraint:
         """What holds C w where it is asked for; all ranks have to ask.
 
         rows : C (r, D + G), this rank's
-        loose : (r, k) unit columns that C w may differ by; None: none
         """
         space, team = self.space, self.space.team
         number, weight, mobile = self._traces
@@ -95,16 +95,10 @@ class Continuity:
         inverse[place] = 1 / weights
         C = sp.csr_array((values, (row, place)), shape=(int(starts[-1]), len(columns)))
         scaled = C @ sp.diags_array(inverse)
-        matrix = sp.csr_array(scaled @ C.T)
-        for rank, free in enumerate(team.all_gather(loose)):
-            if free is not None:
-                at = sp.csr_array((np.ones(free.shape[0]), (starts[rank] + np.arange(free.shape[0]), np.arange(free.shape[0]))),
-                                  shape=(C.shape[0], free.shape[0])) @ free
-                matrix = sp.csr_array(matrix + LOOSE * matrix.diagonal().max() * (at @ at.T))
         _, there, local = np.intersect1d(space.labels, columns, assume_unique=True, return_indices=True)
         spread = sp.csc_array(scaled)[:, local].tocoo()
         spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(C.shape[0], len(space.labels)))
-        return Constraint(matrix, np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread, team)
+        return Constraint(sp.csr_array(scaled @ C.T), np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread, team)
 
     @cached_property
     def _traces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -121,18 +115,55 @@ class Continuity:
 class Constraint:
     """The change of means that makes C w what it has to be, with the least D-weighted change.
 
-    matrix : (r, r) C D⁻¹ Cᵀ of all ranks, which may be singular; mine : (r',) int, this rank's rows
+    matrix : (r, r) C D⁻¹ Cᵀ of all ranks, which may be singular, and what it gives way by; mine : (r',) int, this rank's rows
     spread : (r, classes) C D⁻¹ of this rank's classes
     """
 
     def __init__(self, matrix: sp.csr_array, mine: np.ndarray, spread: sp.csr_array, team: Team):
-        self.matrix, self.mine, self.spread, self.team, self.solve = matrix, mine, spread, team, semidefinite_solver(matrix)
+        self.matrix, self.mine, self.spread, self.team = matrix, mine, spread, team
+
+    def some(self, pick: sp.csr_array, soft: sp.csr_array) -> Constraint:
+        """What holds combinations P C w, but for what they give way by; all ranks have to ask.
+
+        pick : P (s, r'), this rank's; soft : (s, s) symmetric, how far unit forces move what holds them
+        """
+        parts = self.team.all_gather((pick, soft))
+        starts = np.cumsum([0] + [one.shape[0] for one, _ in parts])
+        if len(parts) > 1:
+            pick, soft = (sp.csr_array(sp.block_diag(same)) for same in zip(*parts))
+        matrix = (pick @ self.matrix @ pick.T + soft).tocoo()
+        (row, column), root = matrix.coords, np.sqrt(matrix.diagonal())
+        there = np.abs(matrix.data) > ROUNDED * root[row] * root[column]  # directions at a point are orthogonal but for rounding
+        matrix = sp.csr_array((matrix.data[there], (row[there], column[there])), shape=matrix.shape)
+        return Constraint(matrix, np.arange(*starts[self.team.rank: self.team.rank + 2]), sp.csr_array(pick @ self.spread), self.team)
+
+    @cached_property
+    def solve(self) -> Callable[[np.ndarray], np.ndarray]:
+        """Rows (T, r) to rows. Most have nothing to do with any other: these are divided."""
+        alone, diagonal = np.diff(self.matrix.indptr) == 1, self.matrix.diagonal()
+        alone &= diagonal > 0
+        rest = np.flatnonzero(~alone)
+        solve = semidefinite_solver(self.matrix[rest][:, rest])
+
+        def solved(rows: np.ndarray) -> np.ndarray:
+            result = np.divide(rows, diagonal, out=np.zeros_like(rows), where=alone)
+            result[:, rest] = solve(rows[:, rest])
+            return result
+        return solved
+
+    def moved(self, forces: np.ndarray) -> np.ndarray:
+        """(T, classes) what forces (T, r') take from means, D⁻¹ Cᵀ x."""
+        return times(self.spread.T, self._of_all(forces))
+
+    def _of_all(self, own: np.ndarray) -> np.ndarray:
+        """(T, r) from every rank's rows (T, r')."""
+        result = np.zeros((len(own), self.matrix.shape[0]))
+        result[:, self.mine] = own
+        return self.team.sum(result)[0]
 
     def __call__(self, lack: np.ndarray) -> np.ndarray:
         """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T, r'), this rank's."""
-        left = np.zeros((len(lack), self.matrix.shape[0]))
-        left[:, self.mine] = lack
-        left, = self.team.sum(left)
+        left = self._of_all(lack)
         total = np.zeros_like(left)
         for _ in range(REFINED):
             found = self.solve(left)
