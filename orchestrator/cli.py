@@ -13,7 +13,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, visible, wrong
+from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, NOT_CONVERGED, InputError, visible, wrong
 from orchestrator.guarded import guard_streams, guarded, heard, lost_output
 from orchestrator.registry import CODES
 
@@ -88,13 +88,42 @@ def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
 
     loaded = load_config(config, overrides)
     with Artist() if loaded.config.output.figures else nullcontext() as artist:  # before the run's imports: it has as much to import
-        from orchestrator.run import run as solve
+        from orchestrator.run import Means, Ranks, run as solve
 
         try:
-            return solve(loaded, team=team, artist=artist, **options)
+            return solve(loaded, means=Means(Ranks(team), artist), **options)
         except (InputError, Elsewhere) as error:
             cause = team.cause(error)
             raise located(cause, loaded) if isinstance(cause, InputError) else error
+
+
+@command
+def sweep(config: ConfigFile,
+          vary: Annotated[Optional[list[str]], typer.Option(
+              metavar="KEY=VALUE,VALUE", help="what to vary, such as bolts.0.force=5e3,1e4; bolts.*.force varies all together "
+              "(repeatable: every combination)")] = None,
+          zipped: Annotated[bool, typer.Option("--zip", help="several --vary: first values together, then second ones")] = False,
+          overrides: Overrides = None,
+          output: Annotated[Optional[Path], typer.Option(help="its folder, instead of results/NAME_sweep")] = None,
+          resume: Annotated[bool, typer.Option("--resume", help="run no variant again that the folder has")] = False,
+          figures: Annotated[bool, typer.Option("--figures", help="draw every variant, not only the table")] = False,
+          quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
+    """Run a configuration with different values: a table, a picture, and a results folder for each; exit code: the largest of theirs."""
+    from orchestrator.parallel.team import join
+    from orchestrator.sweep.variants import variants_of
+
+    if join().size > 1:
+        raise wrong((), "a sweep on several ranks", "one process: a sweep runs its variants one after the other",
+                    "start it without mpiexec; or each variant by itself, mpiexec orchestrator run … --set …")
+    variants = variants_of(vary or [], zipped)
+    from orchestrator.sweep.sweep import Sweep
+
+    return Sweep(config, overrides or [], variants, output or _beside(config), figures, quiet).run(resume)
+
+
+def _beside(config: Path) -> Path:
+    """Folder of a sweep that names none."""
+    return Path("results") / f"{config.stem}_sweep"
 
 
 @command
@@ -163,6 +192,28 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
     from orchestrator.results.report.report import report as write
 
     write(directory, _figures(cut, parts, view), interactive)
+
+
+@command
+def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results folder")],
+            other: Annotated[Path, typer.Argument(metavar="B", help="another one")],
+            tolerance: Annotated[float, typer.Option(min=0.0, help="by how much numbers may differ, relative")] = 1e-9,
+            output: Annotated[Optional[Path], typer.Option(
+                help="a folder for compare.csv, all that was compared, and difference.png")] = None) -> int | None:
+    """Tell whether two results are alike: numbers, tables, fields; exit code 0 or 1."""
+    from orchestrator.results.compare.compare import compare as compared
+
+    found = compared(one, other, tolerance)
+    print(visible("\n".join([f"A {one}, B {other}", *found.lines()])))
+    if output is not None:
+        from orchestrator.results.compare.picture import draw_difference
+        from orchestrator.results.folder import ResultsFolder
+
+        folder = ResultsFolder(output)
+        found.write(folder)
+        if why := draw_difference(folder, one, other):
+            print(visible(f"no picture: {why}"))
+    return NOT_CONVERGED if found.beyond else CONVERGED
 
 
 @command

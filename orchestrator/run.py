@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orchestrator.blackbox.codes.foreign.part import fields_of_parts, finish_parts
@@ -15,7 +15,7 @@ from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
 from orchestrator.method.events import Subscriber
 from orchestrator.method.monitors.placing import Unbalanced
-from orchestrator.parallel.team import ALONE, Team
+from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
@@ -25,31 +25,50 @@ from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.words import print_summary
+from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
 from orchestrator.timing import Stopwatch
 
 
+@dataclass(frozen=True)
+class Means:
+    """What a run works with, and may leave to another one.
+
+    ranks : who solves it, and what makes their black boxes
+    artist : who draws the figures; None: one that gets ready for this run, where they are asked for
+    meshed : what makes the mesh
+    watch : where seconds are counted; None: since this process was started
+    """
+
+    ranks: Ranks = Ranks()
+    artist: Artist | None = None
+    meshed: Meshed | None = None
+    watch: Stopwatch | None = None
+
+
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
-        quiet: bool = False, team: Team = ALONE, artist: Artist | None = None) -> int:
+        quiet: bool = False, means: Means = Means()) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
-    artist : who draws the figures; None: one that gets ready now, where they are asked for
+    output : the results folder; None: the configuration's
+    resume : go on from the checkpoint there
+    reference : also solve undecomposed
     Returns exit code: 0 converged, 1 stopped without converging
     InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and checkpoint have been saved
     """
-    config, watch = loaded.config, Stopwatch.since_launch()
+    config, watch, team = loaded.config, means.watch or Stopwatch.since_launch(), means.ranks.team
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    drawing = Artist() if config.output.figures and artist is None else nullcontext(artist)
+    drawing = Artist() if config.output.figures and means.artist is None else nullcontext(means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
             with watch("mesh"):
-                scene = build_scene(config, run_programs=True)
+                scene = build_scene(config, run_programs=True, meshed=means.meshed)
             with Record(folder, config, scene, watch, artist, resume=resume) as record:
                 team.share((config, reference))
-                solution = _balanced(config, [*record.subscribers, progress], record, reference, team)
+                solution = _balanced(config, [*record.subscribers, progress], record, reference, means.ranks)
                 progress.close()
                 beside = []
                 if config.output.fields:
@@ -72,9 +91,9 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
         begun(folder)
 
 
-def _balanced(config: Config, told: Sequence[Subscriber], record: Record, reference: bool, team: Team) -> Solution:
+def _balanced(config: Config, told: Sequence[Subscriber], record: Record, reference: bool, ranks: Ranks) -> Solution:
     """The solution; where ranks turn out unbalanced, subdomains are placed anew and the run goes on from there."""
-    start, ranks, placed = record.start, Ranks(team, may_stop=record.keeps), []
+    start, ranks, placed = record.start, replace(ranks, may_stop=record.keeps), []
     while True:
         try:
             solution = solve(config, record.scene, told, reference=reference, start=start, watch=record.watch, ranks=ranks)

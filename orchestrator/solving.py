@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.start import make_blackbox, with_own_loads
+from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
@@ -44,11 +46,13 @@ class Ranks:
 
     speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
     may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
+    codes : what makes a black box for each of them
     """
 
     team: Team = ALONE
     speeds: np.ndarray | None = None
     may_stop: Callable[[], bool] | None = None
+    codes: Callable[[Sequence[CodeSettings], Sequence[int]], BlackBox] = make_blackbox
 
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
@@ -168,7 +172,7 @@ class _Solving:
         check_iterations(len(self.cases.chosen), all(i.law.perfect for i in part.scene.interfaces), method,
                          any(s.remembers for s in part.scene.subdomains) or any(i.law.follows for i in part.scene.interfaces))
         with watch("start"):
-            blackbox = SharedModels(make_blackbox(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
+            blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)

@@ -43,6 +43,13 @@ class Usage:
         """These work from now on."""
         self.workers, self._since, self._before = list(workers), time.perf_counter(), self.asked
 
+    def afresh(self) -> None:
+        """Count from now on: another run goes on with the same workers."""
+        for worker in self.workers:
+            worker.calls, worker.working, worker.seconds = 0, 0.0, dict.fromkeys(STAGES, 0.0)
+        self.asked = 0.0
+        self.begin(self.workers)
+
     def hold(self, home: Sequence[int], dofs: Sequence[int]) -> None:
         """Take in which worker has each model, and how many free dofs that has."""
         self._home, self._dofs = home, dofs

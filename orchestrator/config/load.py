@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from orchestrator.config.blackbox import CodeSettings, settings_class
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.model import Config
-from orchestrator.config.paths import BadOverride, apply, parse, with_files
+from orchestrator.config.paths import BadOverride, apply, parse, places, with_files
 from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
@@ -82,7 +82,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     """Reads and validates a configuration.
 
     path : YAML file; ``mesh.file`` and ``mesh.step`` in it are relative to its folder, or to the current one
-    overrides : ``key.key=value`` texts, values in YAML; applied in order
+    overrides : ``key.key=value`` texts, values in YAML; applied in order; ``*`` for every entry of a list
     Raises InputError: with all problems, each with file and line
 
     Examples
@@ -111,8 +111,9 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     for override in overrides:
         try:
             keys, value = parse(override, lambda value: parse_yaml(value, f"--set {override}")[0])
-            data = apply(data, keys, value)
-            source.overrides[keys] = override
+            for place in places(data, keys):
+                data = apply(data, place, value)
+                source.overrides[place] = override
         except BadOverride as error:
             problems.append(replace(error.problem, file=f"--set {override}"))
         except InputError as error:

@@ -107,6 +107,22 @@ def parse(text: str, parse_value: Callable[[str], Any]) -> tuple[KeyPath, Any]:
     return tuple(int(key) if key.isdigit() else key for key in parts), parse_value(value)
 
 
+def places(data: Any, path: KeyPath, at: KeyPath = ()) -> list[KeyPath]:
+    """The paths that a path means: a ``*`` in it stands for every entry of the list there. Raises BadOverride where there is no list.
+
+    >>> places({"bolts": [{}, {}]}, ("bolts", "*", "force"))
+    [('bolts', 0, 'force'), ('bolts', 1, 'force')]
+    """
+    if "*" not in path:
+        return [at + path]
+    here = path.index("*")
+    there = get(data, *path[:here])
+    if not isinstance(there, list) or not there:
+        raise BadOverride((*at, *path[:here + 1]), f"'*' for {dotted((*at, *path[:here]))}, which has no entries", "a list with entries",
+                          "name the key itself; new entries belong in the file")
+    return [place for index, entry in enumerate(there) for place in places(entry, path[here + 1:], (*at, *path[:here], index))]
+
+
 def apply(data: Any, path: KeyPath, value: Any, at: KeyPath = ()) -> Any:
     """The data with the value at a path replaced or added; mappings on the way are created. Raises BadOverride for an index outside a
     list, or a name where a list is."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
+from orchestrator.scene.body import Body, Meshed
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
-from orchestrator.scene.conditions.selection import assign_codes, assign_materials, cells_loaded, check_figures
+from orchestrator.scene.conditions.selection import assign_codes, cells_loaded, check_figures
 from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.ground import add_grounds, held_rows, within_free
 from orchestrator.scene.conditions.probes import Finder
@@ -25,37 +26,12 @@ from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
-from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
-from orchestrator.scene.mesh.quadratic import choose_element, quadratic
-from orchestrator.scene.mesh.checks import check_memory
-from orchestrator.scene.mesh.sources import make_mesh, make_parts
-from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
+from orchestrator.scene.model import BoundaryEntry, Interface, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike
 from orchestrator.scene.bolts import BoltCut, cut_bolts
 from orchestrator.scene.partition import Partition, make_partition
-
-# Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
-STEP_BYTES = 5 * 3 * 8
-# Per corner of a mesh that gets a node in the middle of every edge, at most while its scene is made, measured.
-QUADRATIC_BYTES = 5800.0
-
-
-@dataclass
-class Body:
-    """The mesh and its matter.
-
-    material : (m,) int, index into ``materials``, −1 for none
-    choice : of the element, where that was left open
-    """
-
-    mesh: Mesh
-    faces: Faces
-    materials: list[Material]
-    material: np.ndarray
-    choice: object = None
-
 
 @dataclass
 class Cut:
@@ -87,10 +63,11 @@ class Joints:
     stands: dict[int, slice] = field(default_factory=dict)
 
 
-def build_scene(config: Config, run_programs: bool = False) -> Scene:
+def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | None = None) -> Scene:
     """Everything the method needs to know of the problem.
 
     run_programs : whether parts that are programs are started; they alone know their joints
+    meshed : what makes the mesh; one that has been used before has it already where nothing that makes it has changed
     Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
         a bad mesh is reported alone, since nothing else can be judged without it; programs that may not be started
 
@@ -107,7 +84,7 @@ def build_scene(config: Config, run_programs: bool = False) -> Scene:
     [(0, 1), (1, 2), (2, 3)]
     """
     problems = Problems()
-    body = _meshed(config, run_programs, problems)
+    body = (meshed or Meshed())(config, run_programs, problems)
     boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems)
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
@@ -134,23 +111,6 @@ def build_scene(config: Config, run_programs: bool = False) -> Scene:
 def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
     """What multiplies each entry at every load step."""
     return [config.factors_of(entry.history) for entry in entries]
-
-
-def _meshed(config: Config, run_programs: bool, problems: Problems) -> Body:
-    """The mesh, of four- or ten-node tets, and which matter each has."""
-    mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
-    element, choice = config.codes[0].element, None
-    if element == "auto":
-        choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
-        element = choice.element
-    if element == "P2":
-        check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
-                     "use a coarser mesh, or element: P1")
-        mesh, faces = quadratic(mesh, faces)
-    count = config.steps
-    check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
-                 "give fewer load steps, or a coarser mesh")
-    return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
 
 
 def _divided(config: Config, body: Body, problems: Problems) -> Cut:

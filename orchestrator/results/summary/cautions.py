@@ -4,7 +4,7 @@ inside each other where no interface keeps them apart), and on meshes that are t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
-from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
+from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import Faces, faces_of
@@ -124,17 +124,28 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
     parts = {v: _Part(scene, faces, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
     result, volume = [], scene.mesh.volume
     joined = {tuple(sorted(pair)) for i in scene.interfaces for pair in np.unique(volume[i.cells], axis=0).tolist()}
-    for one, two in scene.near:
-        if parts[one].lost or parts[two].lost:
-            continue
-        # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
-        sagitta = parts[one].sagitta, parts[two].sagitta
-        # beside a pair of theirs nodes of one dip in between those of the other, as discretised contact has it
-        deep = DEEP if tuple(sorted((one, two))) in joined else COINCIDE
-        found = [(o.depth, step, o) for step in range(scene.steps)
-                 if (o := overlap(parts[one].at(step), parts[two].at(step), sagitta, deep)) is not None]
-        if found and (rest := overlap(parts[one].at(None), parts[two].at(None), sagitta, deep)) is not None:
-            found = [f for f in found if f[0] - rest.depth > deep * f[2].size]
+    pairs = [pair for pair in scene.near if not any(parts[v].lost for v in pair)]
+    # beside a pair of theirs nodes of one dip in between those of the other, as discretised contact has it
+    deep = [DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in pairs]
+
+    def overlaps(step: int | None, chosen: Iterable[int]) -> Iterator[tuple[int, Overlap]]:
+        """Which of the chosen pairs are inside each other, and how deep; every part is made once."""
+        solids = {v: parts[v].at(step) for v in {v for k in chosen for v in pairs[k]}}
+        for k in chosen:
+            one, two = pairs[k]
+            # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
+            if (o := overlap(solids[one], solids[two], (parts[one].sagitta, parts[two].sagitta), deep[k])) is not None:
+                yield k, o
+
+    each: dict[int, list[tuple[float, int, Overlap]]] = {}
+    for step in range(scene.steps):
+        for k, o in overlaps(step, range(len(pairs))):
+            each.setdefault(k, []).append((o.depth, step, o))
+    rest = dict(overlaps(None, sorted(each)))
+    for k in sorted(each):
+        (one, two), found = pairs[k], each[k]
+        if k in rest:
+            found = [f for f in found if f[0] - rest[k].depth > deep[k] * f[2].size]
         if found:
             depth, step, deepest = max(found, key=lambda f: f[0])
             result.append(f"{parts[one].name!r} and {parts[two].name!r} pass through each other by about {depth:.3g} at load "

@@ -1,0 +1,53 @@
+"""What two runs differ by, as a picture: the structure displaced by the difference of displacements, coloured by the stress of that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures.artist import CannotDraw, drawn
+from orchestrator.results.figures.pictures import deformed
+from orchestrator.results.figures.plotting import png
+from orchestrator.results.figures.sheet import compose
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.solution import Solution
+
+NAME = "difference.png"
+
+
+def draw_difference(folder: ResultsFolder, one: Path, other: Path) -> str:
+    """Draws it; returns why not, where that cannot be: other meshes, no fields, no difference, no graphics."""
+    fields = [Solution.read(path).fields for path in (one, other)]
+    if None in fields:
+        return "no fields"
+    if not _same_mesh(*fields):
+        return "other meshes, parts or load steps"
+    between = difference(*fields)
+    if not between.displacement.any() and not any(u.any() for u in between.sides or ()):
+        return "displacements do not differ"
+    try:
+        drawn(_draw, folder, between, f"{other} minus {one}")
+    except CannotDraw as error:
+        return str(error)
+    return ""
+
+
+def difference(one: Fields, other: Fields) -> Fields:
+    """The second minus the first, on the same mesh; its stress is that of the displacements' difference, by the first one's moduli."""
+    sides = None if one.sides is None else [u - v for u, v in zip(other.sides, one.sides)]
+    return replace(one, displacement=other.displacement - one.displacement, sides=sides, interfaces=None, discretisation_error=None,
+                   thermal=None)
+
+
+def _same_mesh(one: Fields, other: Fields) -> bool:
+    sides = [None if f.sides is None else [u.shape for u in f.sides] for f in (one, other)]
+    return one.displacement.shape == other.displacement.shape and np.array_equal(one.cells, other.cells) and sides[0] == sides[1]
+
+
+def _draw(folder: ResultsFolder, between: Fields, title: str) -> None:
+    sheet = deformed(between)
+    if sheet is not None:
+        folder.write(NAME, png(compose(sheet, title)))

@@ -1,0 +1,74 @@
+"""The mesh of a scene and its matter, before it is cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.config.model import Config
+from orchestrator.errors import Problems
+from orchestrator.scene.conditions.selection import assign_materials
+from orchestrator.scene.mesh.checks import check_memory
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import choose_element, quadratic
+from orchestrator.scene.mesh.sources import make_mesh, make_parts
+from orchestrator.scene.model import Material
+
+# Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
+STEP_BYTES = 5 * 3 * 8
+# Per corner of a mesh that gets a node in the middle of every edge, at most while its scene is made, measured.
+QUADRATIC_BYTES = 5800.0
+
+
+@dataclass
+class Body:
+    """The mesh and its matter.
+
+    material : (m,) int, index into ``materials``, −1 for none
+    choice : of the element, where that was left open
+    """
+
+    mesh: Mesh
+    faces: Faces
+    materials: list[Material]
+    material: np.ndarray
+    choice: object = None
+
+
+class Meshed:
+    """Makes meshes, and keeps the last one: the next configuration may have the same.
+
+    One that models or programs of others have a part in is never kept.
+    """
+
+    def __init__(self) -> None:
+        self._asked: object = None
+        self._made: tuple[Mesh, Faces] | None = None
+        self._quadratic: tuple[Mesh, Faces] | None = None  # the same of ten-node tets
+
+    def __call__(self, config: Config, run_programs: bool, problems: Problems) -> Body:
+        """The mesh of a configuration, of four- or ten-node tets, and which matter each has; what is wrong goes to ``problems``."""
+        mesh, faces = self._of_source(config, run_programs)
+        element, choice = config.codes[0].element, None
+        if element == "auto":
+            choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
+            element = choice.element
+        if element == "P2":
+            check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
+                         "use a coarser mesh, or element: P1")
+            self._quadratic = self._quadratic or quadratic(mesh, faces)
+            mesh, faces = self._quadratic
+        count = config.steps
+        check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
+                     "give fewer load steps, or a coarser mesh")
+        return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
+
+    def _of_source(self, config: Config, run_programs: bool) -> tuple[Mesh, Faces]:
+        parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
+        if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
+            self._made = self._quadratic = None  # not both at once
+            self._made = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
+            self._asked = config.mesh, parts
+        return self._made

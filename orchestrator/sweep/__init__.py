@@ -1,0 +1,1 @@
+"""One configuration, run with different values: `orchestrator sweep`."""

@@ -1,0 +1,176 @@
+"""A sweep: variants of a configuration, one after the other in one process, which keeps what they have in common.
+
+The mesh is made again only where what makes it varies; processes of codes, models and factors are kept where no model changes (see
+``blackbox.kept``). Every variant begins without what the one before has found, so that its folder holds what ``run`` would have written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from orchestrator.blackbox.kept import KeptCodes
+from orchestrator.config.load import Loaded, load_config, located
+from orchestrator.config.model import Config
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem, Problems
+from orchestrator.results.checkpoint import saved
+from orchestrator.results.fingerprint import digest_of, problem_of
+from orchestrator.results.folder import ResultsFolder, locked
+from orchestrator.results.summary.summary import read_summary, units_of
+from orchestrator.run import Means, Ranks, run
+from orchestrator.scene.body import Meshed
+from orchestrator.sweep.numbers import numbers_of
+from orchestrator.sweep.table import Screen, write_table
+from orchestrator.sweep.variants import Variant
+from orchestrator.timing import Stopwatch
+
+NOTES, PICTURE = "sweep.json", "sweep.png"
+NOT_BEGUN = -1
+
+
+@dataclass
+class Outcome:
+    """How a variant has ended.
+
+    exit_code : as ``run`` would have ended with; ``NOT_BEGUN`` before
+    why : what went wrong, in one line
+    numbers : of its summary, see ``numbers_of``
+    fingerprint : of all that decides its results
+    kept : it was there from an earlier sweep
+    """
+
+    exit_code: int = NOT_BEGUN
+    why: str = ""
+    numbers: dict[str, float] = field(default_factory=dict)
+    fingerprint: str = ""
+    kept: bool = False
+
+
+class Sweep:
+    """Variants, and what has become of them.
+
+    config : the YAML file; overrides : for all variants; variants : see ``variants_of``
+    folder : of the table, the picture, and a folder for each variant
+    figures : whether every variant is drawn, as its configuration says
+    quiet : nothing is printed but errors
+    Raises InputError: no variant is a valid configuration, or the folder cannot be written
+    """
+
+    def __init__(self, config: Path, overrides: Sequence[str], variants: Sequence[Variant], folder: Path, figures: bool = False,
+                 quiet: bool = False):
+        self.variants, self.quiet = variants, quiet
+        more = [] if figures else ["output.figures=false"]
+        self._loaded = [_loaded(config, [*overrides, *variant.overrides, *more]) for variant in variants]
+        if all(isinstance(one, InputError) for one in self._loaded):
+            raise self._loaded[0]
+        self.folder = ResultsFolder(folder)
+        self.outcomes = {variant.name: Outcome() for variant in variants}
+        self.units: dict[str, str] = {}
+        self._meshed, self._codes = Meshed(), KeptCodes()
+
+    def run(self, resume: bool = False) -> int:
+        """Run all variants; those that fail keep no other from running.
+
+        resume : variants that the folder has already are not run again, one that was interrupted goes on
+        Returns exit code: 0 all converged, else the largest of theirs
+        """
+        with locked(self.folder):
+            before = _notes(self.folder.path) if resume else {}
+            screen = Screen(self.variants, self.quiet)
+            try:
+                for variant, loaded in zip(self.variants, self._loaded):
+                    self._one(variant, loaded, before.get(variant.name))
+                    self._write()
+                    screen.row(variant, self.outcomes[variant.name])
+            finally:
+                self._codes.end()
+            self._draw()
+            screen.end(self.folder.path, list(self.outcomes.values()))
+        return max(outcome.exit_code for outcome in self.outcomes.values())
+
+    def _one(self, variant: Variant, loaded: Loaded | InputError, before: Outcome | None) -> None:
+        outcome, path = self.outcomes[variant.name], self.folder / variant.name
+        try:
+            if isinstance(loaded, InputError):
+                raise loaded
+            outcome.fingerprint = self._fingerprint(loaded.config)
+            same = before is not None and before.fingerprint == outcome.fingerprint
+            outcome.kept = same and before.exit_code == CONVERGED and _summary(path) is not None
+            if outcome.kept:
+                outcome.exit_code = CONVERGED
+            else:
+                self._write()  # what has been begun, to be gone on with
+                means = Means(Ranks(codes=self._codes), meshed=self._meshed, watch=Stopwatch())
+                outcome.exit_code = run(loaded, output=path, resume=same and saved(ResultsFolder(path)), quiet=True, means=means)
+        except OrchestratorError as error:
+            self._codes.end()
+            outcome.exit_code, outcome.why = error.exit_code, _in_a_line(_in_file(error, loaded))
+        except BaseException:
+            self._codes.end()
+            raise
+        if outcome.exit_code in (CONVERGED, NOT_CONVERGED) and (summary := _summary(path)):
+            outcome.numbers, self.units = numbers_of(summary), units_of(summary)
+            if outcome.exit_code:
+                outcome.why = outcome.why or str(summary["stop_reason"])
+
+    def _fingerprint(self, config: Config) -> str:
+        """Of all that decides the results: values, contents of files, the mesh."""
+        problems, told = Problems(), config.complete()
+        body = self._meshed(config, True, problems)
+        problems.raise_if_any()
+        told["output"] = {key: value for key, value in told["output"].items() if key not in ("directory", "figures")}
+        known = json.dumps(told, sort_keys=True) + digest_of(problem_of(config.complete(), body.mesh.nodes, body.mesh.cells))
+        return hashlib.sha256(known.encode()).hexdigest()
+
+    def _write(self) -> None:
+        """The table, and how far the sweep has come."""
+        write_table(self.folder, self.variants, self.outcomes)
+        notes = [{"name": v.name, "values": v.values, **vars(self.outcomes[v.name])} for v in self.variants]
+        self.folder.write(NOTES, json.dumps({"variants": notes}, indent=1) + "\n")
+
+    def _draw(self) -> None:
+        from orchestrator.sweep.picture import drawn  # with it comes matplotlib
+
+        found = [(variant.values, self.outcomes[variant.name].numbers) for variant in self.variants]
+        if (picture := drawn(found, self.units)) is not None:
+            self.folder.write(PICTURE, picture)
+        else:
+            self.folder.remove(PICTURE)
+
+
+def _loaded(config: Path, overrides: list[str]) -> Loaded | InputError:
+    try:
+        return load_config(config, overrides)
+    except InputError as error:
+        return error
+
+
+def _in_file(error: OrchestratorError, loaded: Loaded | InputError) -> OrchestratorError:
+    """An error, with the place in the file where it is one of the input's."""
+    return located(error, loaded) if isinstance(error, InputError) and isinstance(loaded, Loaded) else error
+
+
+def _in_a_line(error: OrchestratorError) -> str:
+    if isinstance(error, InputError):
+        first: Problem = error.problems[0]
+        return ": ".join(text for text in (".".join(map(str, first.path)), first.found) if text)
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _summary(path: Path) -> dict[str, object] | None:
+    try:
+        return read_summary(path)
+    except InputError:
+        return None
+
+
+def _notes(folder: Path) -> dict[str, Outcome]:
+    """What an earlier sweep has noted in its folder; nothing where there is none that can be read."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        return {one["name"]: Outcome(one["exit_code"], fingerprint=one["fingerprint"])
+                for one in json.loads((folder / NOTES).read_bytes())["variants"]}
+    return {}

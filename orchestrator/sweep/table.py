@@ -1,0 +1,98 @@
+"""The table of a sweep: a file with all numbers, and on screen the few that most look for."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from orchestrator.config.paths import is_number, shown
+from orchestrator.errors import CONVERGED, visible
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.sweep.variants import Variant
+
+NAME = "sweep.csv"
+RESULT = {0: "converged", 1: "NOT converged", 2: "bad input", 3: "failed"}
+ROWS, FAILED = 14, 5  # on screen: rows of variants, and of those after them the ones that have failed
+USUAL = ("iterations", "seconds", "error_bound", "peak_stress", "peak_displacement")
+MORE = 3  # columns of probes and bolts
+
+
+def write_table(folder: ResultsFolder, variants: Sequence[Variant], outcomes: Mapping[str, Any]) -> Path:
+    """Writes sweep.csv: a line per variant with its values, its exit code, and all numbers that any variant has."""
+    keys = list(dict.fromkeys(key for variant in variants for key in variant.values))
+    names = list(dict.fromkeys(name for variant in variants for name in outcomes[variant.name].numbers))
+    rows = []
+    for variant in variants:
+        outcome = outcomes[variant.name]
+        values = [value if is_number(value) else json.dumps(value) for value in (variant.values[key] for key in keys)]
+        code = outcome.exit_code if outcome.exit_code in RESULT else ""
+        rows.append([variant.name, *values, code, outcome.why, *(outcome.numbers.get(name, "") for name in names)])
+    return folder.write_table(NAME, [["variant", *keys, "exit_code", "why", *names], *rows])
+
+
+class Screen:
+    """Prints a row of each variant as soon as it is there; nothing where it is ``quiet``.
+
+    variants : all of them, which decide how wide columns are
+    """
+
+    def __init__(self, variants: Sequence[Variant], quiet: bool):
+        self.quiet, self.variants = quiet, variants
+        self._columns: list[str] | None = None
+        self._shown = self._failed = 0
+        self._since = time.perf_counter()
+        keys = list(variants[0].values)
+        self._widths = {key: max(len(key), *(len(shown(v.values[key])) for v in variants)) for key in keys}
+        if not quiet:
+            print(f"{len(variants)} variants of {', '.join(keys)}", flush=True)
+
+    def row(self, variant: Variant, outcome: Any) -> None:
+        """A line of one that has ended; of many variants the first ones, and then some of those that fail."""
+        bad = outcome.exit_code != CONVERGED
+        if self.quiet or self._shown >= ROWS and not (bad and self._failed < FAILED):
+            return
+        if self._columns is None and outcome.numbers:
+            self._columns = [*(name for name in USUAL if name in outcome.numbers), *more(outcome.numbers)[:MORE]]
+            print("  ".join([*(key.rjust(width) for key, width in self._widths.items()), "result".ljust(13),
+                             *(heading(name).rjust(width_of(name)) for name in self._columns)]), flush=True)
+        numbers = [_text(outcome.numbers.get(name)).rjust(width_of(name)) for name in self._columns or ()] if outcome.numbers else []
+        result = RESULT[outcome.exit_code].ljust(13) + (" (kept)" if outcome.kept else "")
+        why = [f"({outcome.why})"] if outcome.why else []
+        values = [shown(variant.values[key]).rjust(width) for key, width in self._widths.items()]
+        print(visible("  ".join([*values, result, *numbers, *why])), flush=True)
+        if self._shown < ROWS:
+            self._shown += 1
+        else:
+            self._failed += 1
+
+    def end(self, folder: Path, outcomes: Sequence[Any]) -> None:
+        """How all have ended, and where the rest is."""
+        if self.quiet:
+            return
+        good = sum(outcome.exit_code == CONVERGED for outcome in outcomes)
+        if len(outcomes) > self._shown + self._failed:
+            print(f"… and {len(outcomes) - self._shown - self._failed} more in {folder / NAME}")
+        print(f"{good} of {len(outcomes)} converged, in {time.perf_counter() - self._since:.1f} s; {folder / NAME}, sweep.png beside it, "
+              "and a folder for each variant", flush=True)
+
+
+def more(numbers: Mapping[str, float]) -> list[str]:
+    """Names of what was asked for beyond the usual: bolts' forces, and probes."""
+    bolts = [name for name in numbers if name.startswith("bolt_force_")]
+    return bolts + [name for name in numbers if "." in name and not name.startswith(("reaction.", "pairs.", "bolt."))]
+
+
+def heading(name: str) -> str:
+    """What a number is called; names of probes stay as they are."""
+    return name if "." in name else name.replace("_", " ")
+
+
+def width_of(name: str) -> int:
+    return max(len(name), 9)
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}" if isinstance(value, float) else f"{value:,}"

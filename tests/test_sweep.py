@@ -1,0 +1,139 @@
+"""Sweeps: which variants there are, that each is what a run gives, what is kept between them, and how they end."""
+
+import csv
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml_case
+from in_process import IN_PROCESS, InProcessWorker
+from typer.testing import CliRunner
+
+from orchestrator.blackbox.kept import key_of
+from orchestrator.blackbox.models.extended import body_model
+from orchestrator.cli import app
+from orchestrator.config.load import load_config
+from orchestrator.errors import InputError
+from orchestrator.results.compare.compare import compare
+from orchestrator.results.solution import Solution
+from orchestrator.scene.build import build_scene
+from orchestrator.sweep.variants import variants_of
+
+
+def call(*arguments: object):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def loads(monkeypatch) -> Counter:
+    """How often the code has loaded a model, and assembled one that it does not keep."""
+    counts: Counter = Counter()
+    for name in ("load", "stiffness"):
+        def counted(self, *arguments, done=getattr(InProcessWorker, name), name=name):
+            counts[name] += 1
+            return done(self, *arguments)
+        monkeypatch.setattr(InProcessWorker, name, counted)
+    return counts
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with open(folder / "sweep.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_variants_are_combined_or_taken_together():
+    both = ["a.force=5e3,1e4", "b.force=1,[2, 3]"]
+    assert [v.name for v in variants_of(both)] == ["a.force=5000,b.force=1", "a.force=5000,b.force=_2,_3_", "a.force=10000,b.force=1",
+                                                  "a.force=10000,b.force=_2,_3_"]
+    assert [v.values for v in variants_of(both, zipped=True)] == [{"a.force": 5e3, "b.force": 1}, {"a.force": 1e4, "b.force": [2, 3]}]
+    assert variants_of(["law=contact,perfect"])[0].overrides == ['law="contact"']
+
+
+@pytest.mark.parametrize("asked, zipped, found", [
+    ([], False, "without --vary"), (["a=1", "a=2"], False, "varied already"), (["a=1,2", "b=1"], True, "2 values of a, 1 values of b"),
+    (["a=1,1.0"], False, "twice a = 1"), (["a="], False, "--vary a="), (["a"], False, "a"),
+    ([f"{k}=" + "1,2,3,4" for k in "abcdefgh"], False, "65,536")])
+def test_what_is_no_sweep_is_told(asked, zipped, found):
+    with pytest.raises(InputError, match=found):
+        variants_of(asked, zipped)
+
+
+def test_all_entries_of_a_list_are_changed_at_once(tmp_path):
+    path = yaml_case.blocks(tmp_path)
+    assert [e.friction for e in load_config(path, ["interfaces.*.friction=0.7"]).config.interfaces] == [0.7]
+    with pytest.raises(InputError, match="'\\*' for bolts, which has no entries"):
+        load_config(path, ["bolts.*.force=1"])
+
+
+def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, loads):
+    path = yaml_case.blocks(tmp_path)
+    folder = tmp_path / "sweep"
+    done = call("sweep", path, "--vary", "interfaces.0.friction=0.1,0.4", "--output", folder)
+    assert done.exit_code == 0, done.output
+    once = Counter(loads)
+    assert call("run", path, "--set", "interfaces.0.friction=0.4", "--output", tmp_path / "alone").exit_code == 0
+    assert loads - once == once  # a second one has asked for nothing
+    found = compare(tmp_path / "alone", folder / "friction=0.4", tolerance=0.0)
+    assert not found.beyond and max(d.share for d in found.found) == 0.0
+    rows = table(folder)
+    assert [row["interfaces.0.friction"] for row in rows] == ["0.1", "0.4"] and (folder / "sweep.png").is_file()
+    alone = Solution.read(tmp_path / "alone").summary
+    assert float(rows[1]["reaction.z = 0.x"]) == alone["reactions"][0][-1][0] != float(rows[0]["reaction.z = 0.x"])
+    assert alone["codes"][0]["models"] == Solution.read(folder / "friction=0.4").summary["codes"][0]["models"] > 0
+
+
+@pytest.mark.long
+def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
+    path = yaml_case.blocks(tmp_path)
+    assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5,2e5", "--output", tmp_path / "no").exit_code == 2  # twice
+    assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5", "--output", tmp_path / "sweep").exit_code == 0
+    twice = Counter(loads)
+    loads.clear()
+    assert call("run", path, "--set", "materials.0.young=2e5", "--output", tmp_path / "alone").exit_code == 0
+    assert {name: 2 * count for name, count in loads.items()} == twice
+    assert not compare(tmp_path / "alone", tmp_path / "sweep" / "young=200000", tolerance=0.0).beyond
+
+
+def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tmp_path, loads):
+    path = yaml_case.blocks(tmp_path)
+    arguments = ["sweep", path, "--vary", "interfaces.0.friction=-1,0.1,0.3", "--output", tmp_path / "sweep"]
+    done = call(*arguments)
+    assert done.exit_code == 2 and "2 of 3 converged" in done.output
+    assert [row["exit_code"] for row in table(tmp_path / "sweep")] == ["2", "0", "0"]
+    assert "interfaces.0.friction: -1" in table(tmp_path / "sweep")[0]["why"]
+    before, first = sum(loads.values()), table(tmp_path / "sweep")
+    again = call(*arguments, "--resume")
+    assert again.exit_code == 2 and again.output.count("(kept)") == 2 and sum(loads.values()) == before
+    assert table(tmp_path / "sweep") == first
+
+    arguments[3] = "interfaces.0.friction=0.1,0.2"  # a value more: only that is run
+    assert call(*arguments, "--set", "method.tolerance.law=1e-7", "--resume").output.count("(kept)") == 0  # another problem
+    notes = json.loads((tmp_path / "sweep" / "sweep.json").read_text())["variants"]
+    assert [one["kept"] for one in notes] == [False, False] and len(table(tmp_path / "sweep")) == 2
+
+
+@pytest.mark.long
+def test_a_run_that_stops_is_the_exit_code(tmp_path):
+    path = yaml_case.blocks(tmp_path)
+    done = call("sweep", path, "--vary", "method.max_iterations=2,500", "--output", tmp_path / "sweep")
+    assert done.exit_code == 1 and "NOT converged" in done.output and "(max_iterations)" in done.output
+    # it goes on where it stopped: iterations of earlier runs do not count
+    again = call("sweep", path, "--vary", "method.max_iterations=2,500", "--output", tmp_path / "sweep", "--resume")
+    iterations = [int(row["iterations"]) for row in table(tmp_path / "sweep")]
+    assert again.exit_code == 1 and iterations[0] == 4
+
+
+def test_no_variant_that_is_valid_is_an_error_at_once(tmp_path):
+    done = call("sweep", yaml_case.blocks(tmp_path), "--vary", "interfaces.0.frction=1,2", "--output", tmp_path / "sweep")
+    assert done.exit_code == 2 and "did you mean 'friction'?" in done.stderr and not (tmp_path / "sweep").exists()
+
+
+def test_models_are_told_apart_by_every_byte(tmp_path):
+    scene = build_scene(load_config(yaml_case.blocks(tmp_path)).config)
+    one, two = (body_model(scene, s) for s in scene.subdomains[:2])
+    assert key_of(one) == key_of(body_model(scene, scene.subdomains[0])) != key_of(two)
+    one.nodes = np.nextafter(one.nodes, 2.0)
+    assert key_of(one) != key_of(body_model(scene, scene.subdomains[0]))
+    assert IN_PROCESS["workers"] == 1  # so that loads are counted in the order of the runs
