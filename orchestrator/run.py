@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orchestrator.blackbox.codes.foreign.part import fields_of_parts, finish_parts
+from orchestrator.blackbox.codes.foreign.part import finish_parts
 from orchestrator.compiled import make_ready
 from orchestrator.config.load import Loaded
 from orchestrator.config.model import Config
@@ -70,12 +70,10 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 team.share((config, reference))
                 solution = _balanced(config, [*record.subscribers, progress], record, reference, means.ranks)
                 progress.close()
-                beside = []
                 if config.output.fields:
-                    found = solution.scene, solution.parts, solution.joints
-                    solution.summary["warnings"] += finish_parts(config.codes, found[0].subdomains, *found[1:], folder.of_part)
-                    beside = fields_of_parts(config.codes, *found)
-                record.finish(solution, config.output.fields, beside)
+                    told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
+                    solution.summary["warnings"] += told
+                record.finish(solution)
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED

@@ -12,7 +12,7 @@ from orchestrator.config.load import config_from, load_config
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.run import follow, run
+from orchestrator.run import Means, Ranks, follow, run
 from orchestrator.solving import Ranks, solve
 from orchestrator.scene.build import build_scene
 
@@ -184,7 +184,7 @@ def placed(folder: Path, team: Team) -> None:
             follow(team)
         else:
             (folder / f"{PLACED}.yaml").write_text(json.dumps(config))
-            run(load_config(folder / f"{PLACED}.yaml", []), output=folder / PLACED, quiet=True, team=team)
+            run(load_config(folder / f"{PLACED}.yaml", []), output=folder / PLACED, quiet=True, means=Means(Ranks(team)))
 
 
 if __name__ == "__main__":

@@ -84,6 +84,9 @@ def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
     assert checked.stderr == started.stderr
 
 
+MEANS = {"Means": lambda *given: given, "Ranks": lambda team: team}  # what a stand-in for ``orchestrator.run`` has beside ``run``
+
+
 def test_run_hands_over_its_options_and_exit_code(room):
     seen = {}
 
@@ -91,12 +94,12 @@ def test_run_hands_over_its_options_and_exit_code(room):
         seen.update(options, error=loaded.config.method.tolerance.error, figures=loaded.config.output.figures)
         return 1
 
-    room("orchestrator.run", run=run)
+    room("orchestrator.run", run=run, **MEANS)
     assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
-    artist = seen.pop("artist")
-    assert seen == {"error": 1e-8, "figures": True, "output": Path("there"), "resume": True, "reference": False, "quiet": True,
-                    "team": ALONE}
-    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and (seen["figures"], seen["artist"]) == (False, None)
+    team, artist = seen.pop("means")
+    assert team == ALONE
+    assert seen == {"error": 1e-8, "figures": True, "output": Path("there"), "resume": True, "reference": False, "quiet": True}
+    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and (seen["figures"], seen["means"]) == (False, (ALONE, None))
     assert gone([artist._process.pid]), "who would have drawn the figures"
 
 
@@ -109,7 +112,7 @@ def test_errors_of_a_run_become_exit_codes(room, error, code, words):
     def run(loaded, **options):
         raise error
 
-    room("orchestrator.run", run=run)
+    room("orchestrator.run", run=run, **MEANS)
     done = call("run", BEAM)
     assert done.exit_code == code and words in done.stderr and "Traceback" not in done.stderr
 
@@ -135,7 +138,7 @@ def test_what_tests_start_ends_with_them():
 
 
 def test_sigterm_interrupts_in_order(room):
-    room("orchestrator.run", run=lambda loaded, **options: os.kill(os.getpid(), signal.SIGTERM) or 0)
+    room("orchestrator.run", run=lambda loaded, **options: os.kill(os.getpid(), signal.SIGTERM) or 0, **MEANS)
     before = signal.getsignal(signal.SIGTERM)
     assert call("run", BEAM).exit_code == 130
     assert signal.getsignal(signal.SIGTERM) is before

@@ -12,9 +12,12 @@ import yaml_case
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
+from orchestrator.config.load import load_config
 from orchestrator.results.compare.compare import compare
 from orchestrator.results.compare.picture import difference
 from orchestrator.results.compare.quantities import Quantity, Scales, numbers_differ
+from orchestrator.results.solution import Solution
+from orchestrator.solving import solve
 
 
 def call(*arguments: object):
@@ -108,3 +111,17 @@ def test_the_picture_is_drawn(bars, tmp_path):
     assert call("compare", bars / "one", bars / "more", "--output", tmp_path / "found").exit_code == 1
     assert {"compare.csv", "difference.png"} <= {path.name for path in (tmp_path / "found").iterdir()}
     assert "no picture: displacements do not differ" in call("compare", bars / "one", bars / "one", "--output", tmp_path / "same").stdout
+
+
+def test_python_writes_what_the_command_line_writes(bars, tmp_path):
+    config = load_config(bars / "one.yaml").config
+    solve(config).write(tmp_path / "python")
+    files = {str(path.relative_to(bars / "one")) for path in (bars / "one").rglob("*.*") if path.is_file() and ".orchestrator" not in path.parts}
+    assert files == {str(path.relative_to(tmp_path / "python")) for path in (tmp_path / "python").rglob("*.*")
+                     if path.is_file() and ".orchestrator" not in path.parts}
+    assert {"fields/step_0001.vtu", "interfaces.csv", "probes.csv", "extremes.csv", "history.csv"} <= files
+    assert not compare(bars / "one", tmp_path / "python", tolerance=0.0).beyond
+    Solution.read(bars / "one").write(tmp_path / "again")
+    assert not compare(bars / "one", tmp_path / "again", tolerance=0.0).beyond
+    Solution.read(tmp_path / "again").write(tmp_path / "again")
+    assert not compare(bars / "one", tmp_path / "again", tolerance=0.0).beyond

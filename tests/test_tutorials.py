@@ -4,11 +4,14 @@ A fence below a line that ends with "`name`:" is a file. A ``console`` fence hol
 what it prints: every one is found in that order, numbers within two per cent; "…" stands for lines and words left out.
 """
 
+import io
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -17,9 +20,11 @@ from typer.testing import CliRunner
 from quick import quick
 
 from orchestrator.cli import app
+from orchestrator.results.compare.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+NOTEBOOK = ROOT / "docs" / "tutorials" / "6_python.ipynb"
 FENCE = re.compile(r"(?:^`([\w./]+)`[^\n]*:\n+)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 MAY_FAIL = " || true"
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
@@ -48,6 +53,22 @@ def test_every_step_of_a_tutorial(path, tmp_path, monkeypatch):
                 compare(command, shown, output_of(command))
                 done += 1
     assert done >= 2
+
+
+@pytest.mark.long
+def test_every_cell_of_the_notebook(tmp_path, monkeypatch):
+    """Run one after the other, in one session; each prints what is shown below it."""
+    monkeypatch.chdir(tmp_path)
+    session, told = {}, 0
+    for number, cell in enumerate(json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"], 1):
+        if cell["cell_type"] == "code":
+            with redirect_stdout(io.StringIO()) as printed:
+                exec(compile("".join(cell["source"]), f"cell {number}", "exec"), session)
+            shown = [line for output in cell["outputs"] for line in "".join(output["text"]).splitlines()]
+            compare(f"cell {number}", shown, printed.getvalue())
+            told += bool(shown)
+    assert told >= 5 and (tmp_path / "push.png").is_file()
+    assert not compared("results/python", "results/python").beyond
 
 
 def output_of(command: str) -> str:

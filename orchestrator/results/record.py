@@ -5,19 +5,17 @@ from __future__ import annotations
 import json
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from types import TracebackType
 
-from orchestrator.blackbox.codes.foreign.part import OwnFields
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import CheckpointWriter, NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
-from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, CannotDraw
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
@@ -63,7 +61,7 @@ class Record(Subscriber):
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self]
 
-    def finish(self, solution: Solution, fields: bool, beside: Sequence[OwnFields] = ()) -> None:
+    def finish(self, solution: Solution) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
@@ -71,8 +69,6 @@ class Record(Subscriber):
 
         solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
             together: the others ``write_piece``
-        fields : whether they are wanted
-        beside : fields of parts with a mesh of their own
         """
         summary = solution.summary
         try:
@@ -82,10 +78,7 @@ class Record(Subscriber):
                     note_time(summary, self.watch)
                     history = {} if self._begun else read_history(self._folder.path)
                     self._artist.begin(write_figures, self._folder, summary, history, solution.fields)
-                if fields:
-                    write_fields(self._folder, solution.fields, solution.piece, beside)
-                if solution.answers is not None:
-                    solution.answers.write(self._folder)
+                solution.write_results(self._folder, solution.piece)
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")

@@ -10,17 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.blackbox.codes.foreign.part import fields_of_parts
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
-from orchestrator.results.answers import Answers
+from orchestrator.results.answers import INTERFACES, Answers
+from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.npz import read_npz, write_npz
-from orchestrator.results.ranks import Piece
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
+from orchestrator.results.probes import NAME as PROBES
+from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.model import Scene
@@ -42,6 +46,7 @@ class Solution:
     answers : extremes, probes, and what interfaces carry
     piece : this rank's of the fields, where there are several ranks
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
+    config : what was asked for
 
     Examples
     --------
@@ -75,6 +80,7 @@ class Solution:
     answers: Answers | None = None
     joints: list[np.ndarray | None] | None = None
     piece: Piece | None = None
+    config: Config | None = None
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
@@ -83,7 +89,7 @@ class Solution:
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints, piece)
+                   delivered.parts, reference, answers, delivered.joints, piece, config)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:
@@ -95,13 +101,36 @@ class Solution:
         return cls(summary, read_history(directory), read_npz(directory), Path(directory))
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Writes summary.json, history.csv and fields.npz; ``read`` gives the same back."""
+        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary, history, fields, tables. ``read`` gives the same
+        back. What an earlier run has left there goes, as with ``run``; programs that are parts are not told of their results.
+
+        Returns the folder
+        Raises InputError: it cannot be written to, or files that are not this program's are in the way
+        """
         folder = ResultsFolder(directory)
+        if self.directory is None or not self.directory.exists() or not self.directory.samefile(folder.path):
+            folder.clear()
         write_history(folder, self.history)
-        if self.fields is not None:
-            write_npz(folder, self.fields)
+        self.write_results(folder)
         write_summary(folder, self.summary)
         return folder.path
+
+    def write_results(self, folder: ResultsFolder, piece: Piece | None = None) -> None:
+        """Writes fields, where they are wanted, and tables.
+
+        piece : rank 0's, where several ranks write the fields together: the others ``write_piece``
+        """
+        wanted = ((self.summary.get("config") or {}).get("output") or {}).get("fields", True)
+        if self.fields is not None and wanted:
+            foreign = self.scene is not None and self.config is not None and self.parts is not None
+            beside = fields_of_parts(self.config.codes, self.scene, self.parts, self.joints) if foreign else []
+            write_fields(folder, self.fields, piece, beside)
+        if self.answers is not None:
+            self.answers.write(folder)
+        elif self.directory is not None:  # they have been read with it
+            for name in (EXTREMES, INTERFACES, PROBES):
+                if (self.directory / name).is_file():
+                    folder.write(name, (self.directory / name).read_bytes())
 
     @property
     def converged(self) -> bool:
