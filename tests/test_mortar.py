@@ -16,7 +16,7 @@ from orchestrator.scene.interfaces.mortar.operators import make_mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import Facets
-from orchestrator.scene.interfaces.skins import bulges, sagittas
+from orchestrator.scene.interfaces.skins import surface_of
 
 # --- two surfaces ---------------------------------------------------------------------------------------------
 
@@ -159,9 +159,9 @@ def test_sagitta_of_a_sphere():
     edge = np.linalg.norm(sphere[t] - sphere[np.roll(t, 1, axis=1)], axis=2)
     inner = (np.abs(flat[:, :2]) < 0.2).all(axis=1)
     none = np.full(len(t), -1)
-    off = sagittas(bulges(sphere, t, none))[inner[t].all(axis=1)]
+    off = surface_of(sphere, t, none).sagitta[inner[t].all(axis=1)]
     assert edge.min() ** 2 / 16 < off.min() and off.max() < edge.max() ** 2 / 16 * 1.1
-    assert not sagittas(bulges(flat, t, none)).any()
+    assert not surface_of(flat, t, none).sagitta.any()
 
 
 def test_work_grows_with_the_facets(monkeypatch):

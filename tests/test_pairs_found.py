@@ -16,14 +16,13 @@ from orchestrator.config.mesh import Mesh as Section, Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.inspection import pairs_of_mesh
-from orchestrator.scene.interfaces.skins import bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.opposite import outer_bodies
-from orchestrator.scene.interfaces.skins import Skin
+from orchestrator.scene.interfaces.skins import Skin, smooth_faces, surface_of
 from orchestrator.scene.mesh.shared_faces import arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved
+from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved, placed
 from orchestrator.scene.mesh.mesh import Mesh
 
 AS1 = "gmsh:as1-tu-203.stp"
@@ -120,7 +119,7 @@ def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearanc
     """A shaft in a ring, polygons of different chords: the clearance as it is, to a share of what the chords are off."""
     turn = Move.model_validate({"rotate": {"axis": "z", "degrees": 11}})
     shaft = cylinder(1.0, coarse)
-    mesh = joined([replace(shaft, nodes=moved(shaft.nodes, turn)), cylinder(2.0, fine, hole=1.0 + clearance)])
+    mesh = joined([placed(shaft, "shaft", turn), cylinder(2.0, fine, hole=1.0 + clearance)])
     faces = faces_of(mesh.cells, len(mesh.nodes))
     smooth = smooth_faces(mesh, faces)
     shaft, ring = (Skin.of(b, mesh.nodes, smooth[faces.find(b.triangles)]) for b in outer_bodies(mesh, faces, mesh.volume))
@@ -129,7 +128,7 @@ def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearanc
     radius = np.linalg.norm(mesh.nodes[:, :2], axis=1)
     counts = [np.count_nonzero(rim & (abs(radius - r) < 1e-6)) // (1 if clearance else 2 - (r != 1)) for r in (1.0, 1.0 + clearance)]
     chords = sum(1 - cos(pi / n) for n in counts)
-    sagitta = shaft.sagitta[patch.segments.slave] + ring.sagitta[patch.segments.master]
+    sagitta = shaft.surface.sagitta[patch.segments.slave] + ring.surface.sagitta[patch.segments.master]
     assert 0.5 * chords < sagitta.max() < 2 * chords
     assert abs(np.average(patch.distance, weights=patch.segments.area) - clearance) < 0.1 * chords
     assert patch.segments.distance.min() < -0.2 * chords or clearance  # the facets are in each other
@@ -138,10 +137,10 @@ def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearanc
 def test_plane_faces_and_creases_do_not_bulge():
     box = bricks(np.array([1.0, 1.0, 1.0]), np.array([3, 2, 4]), "box")
     triangles = np.concatenate(list(box.surfaces.values()))
-    assert not bulges(box.nodes, triangles, np.full(len(triangles), -1)).any()
+    assert not surface_of(box.nodes, triangles, np.full(len(triangles), -1)).bulge.any()
     ball = faces_of(*(lambda m: (m.cells, len(m.nodes)))(sphere := cylinder(1.0, 0.2)))
     outer = ball.triangles[ball.outer]
-    off = bulges(sphere.nodes, outer, np.full(len(outer), -1))
+    off = surface_of(sphere.nodes, outer, np.full(len(outer), -1)).bulge
     round_ = (np.linalg.norm(sphere.nodes[outer][:, :, :2], axis=2) > 0.999).all(axis=1)
     edge = sphere.nodes[outer[round_]] - sphere.nodes[np.roll(outer[round_], -1, axis=1)]
     exact = 1 - np.sqrt(1 - (edge[..., :2] ** 2).sum(axis=2) / 4)

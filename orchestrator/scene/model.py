@@ -101,7 +101,9 @@ class Interface(FacePatch):
 
     law : the interface law, with its parameters
     normals : (n, 3) unit normals from E1 to E2, where more than the patch's facets shape them: it is a piece of a
-        larger one between bodies that are cut further, or on a cylinder
+        larger one between bodies that are cut further, or their surface is known
+    given : (k, 3, 3) what the CAD model says of them at the corners of the triangles where nodes of two bodies are paired, nan where it
+        says nothing
     entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     mortar : points and transfer operators between sides that do not match; None where nodes are paired
     surfaces : what the operators are made of, until they are: boundary conditions have a say in it
@@ -112,6 +114,7 @@ class Interface(FacePatch):
 
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
+    given: np.ndarray | None = None
     entry: int = -1
     mortar: Mortar | None = None
     surfaces: Surfaces | None = None

@@ -21,22 +21,26 @@ FLATTEST = 50.0
 @dataclass(frozen=True)
 class Shape:
     """``kind``: plane, cylinder, sphere or curved; the plane's normal or the cylinder's axis (3,); its radius; a point (3,) of the
-    plane or the axis, or the sphere's centre."""
+    plane or the axis, or the sphere's centre; (k, 3, 3) unit normals at the corners of its triangles, whichever way they look, where a CAD
+    model knows them, nan where it does not."""
 
     kind: str
     direction: np.ndarray | None = None
     radius: float | None = None
     through: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
     def placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Shape:
         """Where a similarity, points (n, 3) → (n, 3), puts it."""
-        if self.through is None:
-            return self
-        ends = place(self.through + np.array([np.zeros(3), [1.0, 0.0, 0.0]]))
-        size, direction = float(np.linalg.norm(ends[1] - ends[0])), None
-        if self.direction is not None:
-            direction = (place((self.through + self.direction)[None])[0] - ends[0]) / size
-        return Shape(self.kind, direction, None if self.radius is None else size * self.radius, ends[0])
+        through = np.zeros(3) if self.through is None else self.through
+        origin, ahead = place(through + np.array([np.zeros(3), [1.0, 0.0, 0.0]]))
+        size = float(np.linalg.norm(ahead - origin))
+
+        def turned(vectors: np.ndarray | None) -> np.ndarray | None:
+            return None if vectors is None else ((place(through + vectors.reshape(-1, 3)) - origin) / size).reshape(vectors.shape)
+
+        return Shape(self.kind, turned(self.direction), None if self.radius is None else size * self.radius,
+                     None if self.through is None else origin, turned(self.normals))
 
 
 def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:

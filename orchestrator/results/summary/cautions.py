@@ -15,7 +15,7 @@ from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
 from orchestrator.scene.interfaces.opposite import COINCIDE
-from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
+from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene
@@ -174,7 +174,7 @@ class _Part:
         own = faces_of(self.cells[:, :4], len(self.number))
         self.outer = own.triangles[own.outer]
         at = self.number[self.outer]
-        self.sagitta = sagittas(bulges(scene.mesh.nodes, at, smooth_faces(scene.mesh, faces)[faces.find(at)]))
+        self.sagitta = surface_of(scene.mesh.nodes, at, smooth_faces(scene.mesh, faces)[faces.find(at)]).sagitta
 
     def at(self, step: int | None) -> Solid:
         """At a load step, or at rest."""

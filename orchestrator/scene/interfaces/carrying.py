@@ -19,8 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.cylinders import straightened
-from orchestrator.scene.interfaces.mortar.operators import corner_vectors, covered_around, make_mortar, unit
+from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar, unit
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH
 from orchestrator.scene.model import Interface
@@ -75,8 +74,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            points, facets = i.surfaces.points[0], i.surfaces.triangles[0]
-            i.mortar = make_mortar(i.surfaces, free, crossed, straightened(points, facets, unit(vectors[group[number]][nodes])))
+            i.mortar = make_mortar(i.surfaces, free, crossed, vectors[group[number]][nodes])
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:
@@ -88,8 +86,7 @@ def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> li
     result = [(*pair, number) for number, pair in enumerate(pairs)]
     for pair in dict.fromkeys(pairs):
         own = [number for number, other in enumerate(pairs) if other == pair]
-        sides = [(i.surfaces.nodes[0], unit(corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])))
-                 for i in (waiting[number] for number in own)]
+        sides = [(i.surfaces.nodes[0], unit(i.surfaces.vectors)) for i in (waiting[number] for number in own)]
         alike = []
         for a, b in combinations(range(len(own)), 2):
             _, at, there = np.intersect1d(sides[a][0], sides[b][0], return_indices=True)
@@ -118,7 +115,7 @@ def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tup
         nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
         better = area > (1 + ALIKE) * covered[pair][nodes]
         covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
-        vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
+        vectors[pair][nodes] += i.surfaces.vectors
     return leader, vectors, met.sum(axis=0) > 1
 
 

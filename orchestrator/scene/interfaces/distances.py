@@ -10,12 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.operators import node_gaps, point_normals, weights_of
-from orchestrator.scene.interfaces.mortar.duals import multipliers
+from orchestrator.scene.interfaces.mortar.curved import filled
+from orchestrator.scene.interfaces.mortar.operators import node_gaps, unit, weights_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.search import Search
-from orchestrator.scene.interfaces.skins import UNSURE, sagittas
 from orchestrator.scene.mesh.geometry import format_point, local_size, node_normals, rounding
 from orchestrator.scene.model import Interface
 
@@ -34,7 +33,7 @@ def paired_gap(search: Search, interface: Interface, key: tuple[int, str], fille
     """(n,) distance of the sides of an interface whose nodes are paired; in the middle of edges that of the surfaces, not the chords'.
 
     key : the entry of the YAML and what in it asks for the distance
-    filled : (k, 3) what the surfaces of both sides stand off the middles of the facets' edges, see ``skins.bulges``
+    filled : (k, 3) what the surfaces of both sides stand off the middles of the facets' edges, see ``skins.Surface``
     """
     one, two = (search.mesh.nodes[search.numbering.nodes[own]] for own in search.numbering.sides(interface))
     middle, gap = (one + two) / 2, paired_distance(one, two, interface.triangles)
@@ -55,51 +54,34 @@ def _refuse(search: Search, name: str, key: tuple[int, str], points: np.ndarray,
                         "move the parts, or ask for a press fit by a number: gap: -0.01")
 
 
-def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray], key: tuple[int, str]) -> np.ndarray:
+def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, str]) -> np.ndarray:
     """(n₁,) distance of sides whose nodes do not match, at the slave's, as its multipliers see it; negative inside each other.
 
     From surface to surface, not from facet to facet: chords of different polygons about the same circle are in each other here
     and apart there; the surfaces are not.
 
-    Sides that facets leave open or overlap by less than what is known of the surfaces (``UNSURE`` of the sagitta) touch, and
+    Sides that facets leave open or overlap by less than what is known of the surfaces (``Surface.unsure``) touch, and
     where facets are in each other by less than their sagitta this counts as touching too; both are told.
 
     name : of the interface
-    bulge : (k₁, 3), (k₂, 3) of the facets' edges, see ``skins.bulges``
     key : the entry of the YAML and what in it asks for the distance
     """
     x1, one, segments = surfaces.points[0], surfaces.triangles[0][:, :3], surfaces.segments
-    sagitta = tuple(sagittas(b) for b in bulge)
-    h, around, inside = local_size(x1, one), _around(surfaces, *sagitta), -_mean_distance(surfaces)
+    h, inside = local_size(x1, one), -_mean_distance(surfaces)
+    around, unsure = (_around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
     deep = inside > around + COINCIDE * h
     if deep.any():
         off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
         _refuse(search, name, key, x1, np.where(deep, inside, 0.0), off)
-    facets = node_gaps(surfaces, weights_of(surfaces), point_normals(x1, one))
-    gap = facets - _between(surfaces, bulge)
+    gap = node_gaps(surfaces, weights_of(surfaces), unit(surfaces.vectors)) - filled(surfaces)
     nothing = rounding(x1, ROUNDING * h)
-    touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)
-    if (touching & (around > COINCIDE * h)).any() and not deep.any():
+    touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
+    if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
         search.problems.warnings.append(f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "
             f"{max(0.0, segments.distance.max()):.2g} apart, off the curved surfaces that they stand for by up to {around.max():.2g}: "
-            f"what is within {UNSURE:g} of that counts as touching; smaller clearances and press fits need a number, gap: 0.01, "
+            f"what is within {unsure.max():.2g} there counts as touching; smaller clearances and press fits need a number, gap: 0.01, "
             "or finer meshes")
     return np.where(touching, 0.0, gap)
-
-
-def _between(surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(n₁,) what the surfaces of both sides fill of the gap between facets, averaged with the multipliers of the nodes."""
-    # the bulges are quadratic functions: of nodes of its own amid each facet's edges
-    nodes, ends, values = [], [], []
-    for points, triangles, own in zip(surfaces.points, surfaces.triangles, bulge):
-        middles = len(points) + np.arange(own.size).reshape(own.shape)
-        nodes.append(np.hstack([triangles[:, :3], middles]))
-        ends.append(len(points) + own.size)
-        values.append(np.concatenate([np.zeros(len(points)), own.ravel()]))
-    weights = multipliers(surfaces.segments, *nodes, surfaces.area, tuple(ends), dual=surfaces.triangles[0].shape[1] == 3)
-    filled = weights.own @ values[0] + weights.other @ values[1]
-    count = len(surfaces.points[0])
-    return (filled / np.where(weights.area > 0, weights.area, 1.0))[:count]
 
 
 def _around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find
 from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
 from orchestrator.scene.interfaces.search import Search
-from orchestrator.scene.interfaces.skins import Skin, UNSURE, over, smooth_patches
+from orchestrator.scene.interfaces.skins import Skin, over, smooth_patches, surface_of
 from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
@@ -66,15 +66,17 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
     """
     x, y = one.body, two.body
     size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
-    reach = (tolerance * size if within is None else within) + one.sagitta + two.sagitta.max(initial=0.0)
+    reach = (tolerance * size if within is None else within) + one.surface.sagitta + two.surface.sagitta.max(initial=0.0)
     found = find_segments(x, y, reach, cosine)
     i, j = found.slave, found.master
-    distance = found.distance - over(one.bulge[i], found.on_slave.mean(axis=1)) - over(two.bulge[j], found.on_master.mean(axis=1))
+    here, there = one.surface.some(i), two.surface.some(j)
+    distance = found.distance - sum(over(side.bulge, at) for side, at in zip((here, there), found.middles))
     allowed = tolerance * (np.maximum if wide else np.minimum)(x.size[i], y.size[j]) if within is None else within
-    beyond, sagitta = np.abs(distance) - allowed, one.sagitta[i] + two.sagitta[j]
-    if not (beyond <= UNSURE * sagitta).any():
+    beyond = np.abs(distance) - allowed
+    sure = beyond <= here.unsure + there.unsure
+    if not sure.any():
         return []
-    kept, sure = np.flatnonzero(beyond <= sagitta), beyond <= UNSURE * sagitta
+    kept = np.flatnonzero(beyond <= here.sagitta + there.sagitta)
     # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
     for skin, own in ((one, i), (two, j)):
         facets, at = np.unique(own[kept], return_inverse=True)
@@ -188,11 +190,13 @@ def _for_all_pieces(search: Search, pair: tuple[Body, Body], index: int, asked: 
 
 
 def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], index: int) -> Interface:
+    under = [skin.under(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles)]
+    # of a face that is part of more, the part alone may be on a surface that is known
+    alone = surface_of(surfaces.points[0], surfaces.triangles[0], np.full(len(surfaces.triangles[0]), -1), under[0].normals)
+    surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]))
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
                                  surfaces=surfaces)
-    distance = None
-    if apart := search.laws[index].apart:
-        bulge = tuple(skin.bulge_of(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles))
-        distance = surface_gap(search, interface.name, surfaces, bulge, (index, apart))
+    apart = search.laws[index].apart
+    distance = surface_gap(search, interface.name, surfaces, (index, apart)) if apart else None
     search.laws.apply(index, interface, names[0], distance)
     return interface

@@ -13,9 +13,9 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
-from orchestrator.scene.interfaces.cylinders import straightened
 from orchestrator.scene.interfaces.mortar.paired import means, paired_mortar
 from orchestrator.scene.interfaces.search import govern
+from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.mesh.mesh import Mesh
@@ -67,12 +67,23 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     for interface in kept:
         if interface.matching and not interface.law.perfect:
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
-            usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
-            normals = straightened(points, interface.triangles, usual)
-            interface.normals = interface.normals if normals is usual else normals
+            _curve(interface, points)
             if interface.weighed:
-                _weigh(interface, points, normals, tuple(fixed[own] for own in numbering.sides(interface)))
+                usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
+                _weigh(interface, points, usual, tuple(fixed[own] for own in numbering.sides(interface)))
     return kept
+
+
+def _curve(interface: Interface, points: np.ndarray) -> None:
+    """Give an interface whose nodes are paired, at points (n, 3), the normals of the surfaces that its facets stand for, where these
+    are known."""
+    faces = np.full(len(interface.triangles), -1)
+    known = surface_of(points, interface.triangles, faces, interface.given).normals
+    sure = np.zeros(len(points), dtype=bool)
+    sure[interface.triangles[:, :3][~np.isnan(known).any(axis=2)]] = True
+    if sure.any():
+        normals = node_normals(points, interface.triangles, known)
+        interface.normals = normals if interface.normals is None else np.where(sure[:, None], normals, interface.normals)
 
 
 def _weigh(interface: Interface, points: np.ndarray, normals: np.ndarray, fixed: tuple[np.ndarray, np.ndarray]) -> None:

@@ -135,6 +135,8 @@ def _opposite(search: Search) -> Iterator[Interface]:
             others = patch.opposite.ravel()[at]
             interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape),
                                          patch.cells)
+            given = search.skins.given(pair[0])
+            interface.given = None if given is None else given[patch.facets[:, 0]]
             gap = paired_gap(search, interface, (index, apart), _filled(search, pair, patch)) if apart else None
             laws.apply(index, interface, known[0], gap)
             yield interface
@@ -144,7 +146,7 @@ def _filled(search: Search, pair: tuple[Body, Body], patch: Patch) -> np.ndarray
     """(k, 3) what the surfaces of both sides fill of the gap amid the edges of a patch's facets; of three-node ones nothing."""
     if patch.triangles.shape[1] == 3:
         return np.zeros((len(patch.triangles), 3))
-    one, two = (search.skins(body).bulge[facets] for body, facets in zip(pair, patch.facets.T))
+    one, two = (search.skins(body).surface.bulge[facets] for body, facets in zip(pair, patch.facets.T))
     behind = pair[1].triangles[patch.facets[:, 1], 3:]
     return one + np.take_along_axis(two, (patch.opposite[:, 3:, None] == behind[:, None, :]).argmax(axis=2), axis=1)
 

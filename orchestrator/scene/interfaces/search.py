@@ -15,7 +15,7 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, outer_bodies
 from orchestrator.scene.interfaces.overlap import Overlap, Solid, overlap
-from orchestrator.scene.interfaces.skins import Skins, bulges, sagittas
+from orchestrator.scene.interfaces.skins import Skins, surface_of
 from orchestrator.scene.mesh.faces import Faces, components, pack, pieces
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import Interface
@@ -184,7 +184,7 @@ class Search:
         if overlap(*both) is None:
             return None
         # worth a closer look: curved faces of coarse chords may be meant to touch
-        return overlap(*both, tuple(sagittas(bulges(s.nodes, s.outer, self.skins.smooth[self.faces.find(s.outer[:, :3])])) for s in both))
+        return overlap(*both, tuple(surface_of(s.nodes, s.outer, self.skins.smooth[self.faces.find(s.outer[:, :3])]).sagitta for s in both))
 
     def names(self, sides: tuple[int, int]) -> tuple[str, str]:
         """Names of two subdomains."""

@@ -1,9 +1,10 @@
 """Outer faces of bodies with the surfaces they stand for: how far these are off facets, whose chords cut inside the body, or
 bulge out of it.
 
-The surface over each edge is taken for the parabola that has the surface's normals at its ends (Nagata, Computer Aided
-Geometric Design 22, 2005): over the middle of an edge e from a to b it stands off by (n_b − n_a)·e / 8, outward positive.
-Normals are means over the facets around a corner that are part of the same smooth face.
+The surface over each edge is taken for the curve that has the surface's normals at its ends (as Nagata does, Computer Aided
+Geometric Design 22, 2005): over the middle of an edge e from a to b it stands off by (n_b − n_a)·e / (4 + 2 |n_a + n_b|), outward
+positive, as a circle does. Normals are those of the CAD model, or of the cylinder, cone, sphere or torus that all nodes of a smooth face
+lie on; elsewhere means over the facets around a corner that are part of the same smooth face.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Body
+from orchestrator.scene.interfaces.recognised import recognised
 from orchestrator.scene.mesh.faces import Faces, components, pack
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.mesh import Mesh
@@ -25,33 +27,65 @@ SMOOTH = np.cos(np.deg2rad(55.0))
 SAME_FACE = np.cos(np.deg2rad(95.0))
 # Over this share of the square of its edges a facet's surface counts as plane: rounding of the normals.
 PLANE = 1e-9
-# Surfaces are known from their facets within this share of what they are off them: a circle of five chords is off its
-# parabolas by a tenth, and its facets' triangles lie as they happen to. What is beside such a place and within the whole
-# of it belongs to the same pair.
+# Where normals are means surfaces are known from their facets within this share of what they are off them: facets' triangles lie as
+# they happen to. What is beside such a place and within the whole of it belongs to the same pair.
 UNSURE = 0.25
+# Where they are known distances lack 1 − cos(θ/2) between the normals of a facet and of the surface, a quarter of 1 − cos θ;
+# measured on coarse cylinders and spheres an eighth.
+TURNED = 0.25
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What facets (k,) stand for.
+
+    normals : (k, 3, 3) unit normals of the surface at their corners, outward; nan where it is not known
+    bulge : (k, 3) how far the surface stands off the middles of their edges, outward positive; edges as in ``TRIANGLE_EDGES``. Over
+        the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂)
+    """
+
+    normals: np.ndarray
+    bulge: np.ndarray
+
+    @cached_property
+    def sagitta(self) -> np.ndarray:
+        """(k,) the farthest that the surface is off each facet."""
+        return np.abs(self.bulge).max(axis=1)
+
+    @cached_property
+    def unsure(self) -> np.ndarray:
+        """(k,) within which that is right: a share of it, where normals are known that of 1 − cos of the angle by which they turn."""
+        one, two = self.normals, np.roll(self.normals, 1, axis=1)
+        turn = 1 - np.einsum("kvi,kvi->kv", one, two).min(axis=1)
+        return self.sagitta * np.fmin(UNSURE, TURNED * turn)
+
+    def some(self, chosen: np.ndarray) -> Surface:
+        """Of some of the facets, by index or mask."""
+        return Surface(self.normals[chosen], self.bulge[chosen])
 
 
 @dataclass(frozen=True)
 class Skin:
-    """A body's outer faces, the CAD face (k,) that each is on, and how far surfaces are off them: (k, 3) and at most (k,)."""
+    """A body's outer faces, the CAD face (k,) that each is on, and what they stand for."""
 
     body: Body
     face: np.ndarray
-    bulge: np.ndarray
-    sagitta: np.ndarray
+    surface: Surface
 
     @classmethod
-    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray) -> Skin:
-        """Of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known."""
-        bulge = bulges(nodes, body.triangles, face)
-        return cls(body, face, bulge, sagittas(bulge))
+    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Skin:
+        """Of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known.
 
-    def bulge_of(self, triangles: np.ndarray) -> np.ndarray:
-        """(m, 3) bulges of some of its facets (m, 3 or 6), given by their nodes."""
+        given : (k, 3, 3) normals that the CAD model has at their corners, nan where it has none
+        """
+        return cls(body, face, surface_of(nodes, body.triangles, face, given))
+
+    def under(self, triangles: np.ndarray) -> Surface:
+        """What some of its facets (m, 3 or 6), given by their nodes, stand for."""
         size = int(self.body.triangles[:, :3].max()) + 1
         keys, wanted = (pack(t[:, :3], size) for t in (self.body.triangles, triangles))
         order = np.argsort(keys)
-        return self.bulge[order[np.searchsorted(keys, wanted, sorter=order)]]
+        return self.surface.some(order[np.searchsorted(keys, wanted, sorter=order)])
 
 
 class Skins:
@@ -63,13 +97,27 @@ class Skins:
 
     def __call__(self, body: Body) -> Skin:
         if id(body) not in self._made:
-            self._made[id(body)] = Skin.of(body, self.mesh.nodes, self.smooth[self.faces.find(body.triangles[:, :3])])
+            self._made[id(body)] = Skin.of(body, self.mesh.nodes, self.smooth[self.faces.find(body.triangles[:, :3])], self.given(body))
         return self._made[id(body)]
 
     @cached_property
     def smooth(self) -> np.ndarray:
         """See ``smooth_faces``."""
         return smooth_faces(self.mesh, self.faces)
+
+    def given(self, body: Body) -> np.ndarray | None:
+        """(k, 3, 3) normals that the CAD model has at the corners of a body's faces, outward, nan where it has none."""
+        told = {name: shape.normals for name, shape in self.mesh.smooth.items() if shape.normals is not None}
+        if not told:
+            return None
+        triangles = np.concatenate([self.mesh.surfaces[name] for name in told])
+        keys, wanted = (pack(t[:, :3], len(self.mesh.nodes)) for t in (triangles, body.triangles))
+        order = np.argsort(keys)
+        at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        corner = (triangles[at][:, None] == body.triangles[:, :3, None]).argmax(axis=2)
+        normals = np.take_along_axis(np.concatenate([*told.values()])[at], corner[:, :, None], axis=1)
+        normals = normals * np.sign(np.einsum("kvi,ki->kv", normals, body.normal))[:, :, None]
+        return np.where((keys[at] == wanted)[:, None, None], normals, np.nan)
 
 
 def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
@@ -84,7 +132,7 @@ def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
 def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
     """(k,) int, number of the patch of each facet; patches hang together through edges that are no creases.
 
-    triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``bulges``
+    triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``surface_of``
     """
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     facet = np.tile(np.arange(len(triangles)), 3)
@@ -100,13 +148,12 @@ def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
 
 
-def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """(k, 3) how far the surface stands off the middles of the facets' edges, outward positive; edges as in ``TRIANGLE_EDGES``.
-
-    Over the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂).
+def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Surface:
+    """What facets stand for.
 
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
     face : (k,) int, the CAD face that each is on, −1 where that is not known
+    given : (k, 3, 3) normals that are known, nan where they are not
     """
     corners = triangles[:, :3]
     normal = area_vectors(nodes, corners)
@@ -114,10 +161,24 @@ def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.nda
     points = nodes[corners]
     ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
     cosine = np.einsum("kvi,kvi->kv", ahead, behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
-    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-    at = _corner_normals(corners, normal, angle, face)
-    edge = np.roll(points, -1, axis=1) - points
-    off = np.einsum("kvi,kvi->kv", np.roll(at, -1, axis=1) - at, edge) / 8
+    means = _corner_normals(corners, normal, np.arccos(np.clip(cosine, -1.0, 1.0)), face)
+    known = np.full_like(means, np.nan) if given is None else given.copy()
+    left = np.flatnonzero(np.isnan(known).any(axis=(1, 2)))
+    off = np.abs(_over_edges(points[left], means[left])).max(axis=1)
+    patch = smooth_patches(corners[left], normal[left], face[left])
+    for label in np.unique(patch[off > 0]):
+        own = left[patch == label]
+        at, first, place = np.unique(corners[own], return_index=True, return_inverse=True)
+        found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[patch == label].mean())
+        if found is not None:
+            known[own] = found[place.reshape(-1, 3)]
+    return Surface(known, _over_edges(points, np.where(np.isnan(known), means, known)))
+
+
+def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(k, 3) how far surfaces with normals (k, 3, 3) at the corners (k, 3, 3) of facets stand off the middles of edges."""
+    edge, after = np.roll(points, -1, axis=1) - points, np.roll(at, -1, axis=1)
+    off = np.einsum("kvi,kvi->kv", after - at, edge) / (4 + 2 * np.linalg.norm(after + at, axis=2))
     return np.where(np.abs(off) > PLANE * np.linalg.norm(edge, axis=2), off, 0.0)
 
 
@@ -125,7 +186,7 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
     """(k, 3, 3) unit normals at the corners of each facet, as its own smooth face has them.
 
     corners : (k, 3) int; normal : (k, 3) unit; angle : (k, 3) of the facets at their corners;
-    face : (k,) as in ``bulges``
+    face : (k,) as in ``surface_of``
     """
     facet = np.repeat(np.arange(len(corners)), 3)
     order = np.argsort(corners.ravel(), kind="stable")
@@ -142,11 +203,6 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         mine, theirs = mine[same], theirs[same]
         total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
     return (total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(*corners.shape, 3)
-
-
-def sagittas(bulge: np.ndarray) -> np.ndarray:
-    """(k,) the farthest that the surface is off each facet, from the bulges (k, 3) over its edges."""
-    return np.abs(bulge).max(axis=1)
 
 
 def over(bulge: np.ndarray, at: np.ndarray) -> np.ndarray:

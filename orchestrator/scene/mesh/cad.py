@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gmsh
@@ -11,6 +11,7 @@ import numpy as np
 
 from orchestrator.config.mesh import Curved
 from orchestrator.errors import Problems, some
+from orchestrator.scene.mesh.gmsh_session import TRIANGLE, elements
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.scene.shapes import Shape
 
@@ -19,7 +20,23 @@ ROUND = {"Cylinder": "cylinder", "Sphere": "sphere"}
 
 
 def face_shape(tag: int) -> Shape:
-    """The shape of a face of the model that gmsh holds; ``curved`` where it is neither plane, cylinder nor sphere."""
+    """The shape of a face of the model that gmsh holds and has meshed, with the face's normals at the corners of its triangles;
+    ``curved`` where it is neither plane, cylinder nor sphere."""
+    return replace(_kind(tag), normals=_normals(tag))
+
+
+def _normals(tag: int) -> np.ndarray:
+    """(k, 3, 3) unit normals of a face at the corners of its triangles; nan where it has none, as at the pole of a sphere."""
+    tags, at, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True, returnParametricCoord=False)
+    normals = np.reshape(gmsh.model.getNormal(tag, gmsh.model.getParametrization(2, tag, at)), (-1, 3))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    order = np.argsort(tags)
+    return normals[order[np.searchsorted(tags[order], elements(TRIANGLE, [tag])[0])]]
+
+
+def _kind(tag: int) -> Shape:
+    """Its shape alone."""
     kind = gmsh.model.getType(2, tag)
     if kind != "Plane" and kind not in ROUND:
         return Shape("curved")

@@ -92,10 +92,25 @@ def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
 
 
-def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def corner_vectors(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
+    """(n, 3) sums of area × normal of triangles (k, 3 or 6) around points (n, 3) that are corners.
+
+    normals : (k, 3, 3) at the corners of each triangle, of a surface that it stands for; nan, or none: its own
+    """
+    vectors = area_vectors(points, triangles)
+    around = np.repeat(vectors[:, None], 3, axis=1)
+    if normals is not None:
+        around = np.where(np.isnan(normals), around, np.linalg.norm(vectors, axis=1)[:, None, None] * normals)
+    return np.stack([sum(np.bincount(corner, weights=along, minlength=len(points)) for corner, along in zip(triangles[:, :3].T, at.T))
+                     for at in np.moveaxis(around, 2, 0)], axis=1)
+
+
+def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
     """(n, 3) unit normals at points (n, 3): mean of the normals of triangles (k, 3 or 6) weighted by their angle there.
 
     In the middle of an edge all angles are the same.
+
+    normals : as for ``corner_vectors``
     """
     corners = points[triangles[:, :3]]
     normal = area_vectors(points, triangles)
@@ -106,7 +121,8 @@ def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         v = corners[:, (i + 2) % 3] - corners[:, i]
         cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
         angle = np.arccos(np.clip(cosine, -1, 1))
-        np.add.at(result, triangles[:, i], angle[:, None] * normal)
+        own = normal if normals is None else np.where(np.isnan(normals[:, i]), normal, normals[:, i])
+        np.add.at(result, triangles[:, i], angle[:, None] * own)
     for middle in triangles[:, 3:].T:
         np.add.at(result, middle, np.pi * normal)
     length = np.linalg.norm(result, axis=1, keepdims=True)

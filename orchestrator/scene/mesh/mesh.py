@@ -55,7 +55,7 @@ class Mesh:
     surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
     remarks : sentences on how it differs from what was asked for
-    smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names
+    smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names, with its normals
     foreign : the volumes that stand for parts whose mesh is not ours
     """
 

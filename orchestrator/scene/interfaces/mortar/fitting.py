@@ -73,7 +73,7 @@ def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mes
     if mesh.cells.shape[1] == 10:
         nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
     for i, apart in zip(bonded, far):
-        i.surfaces = again(i.surfaces.moved(nodes), apart)
+        i.surfaces = replace(again(i.surfaces.moved(nodes), apart), under=None)  # facets themselves are on each other
     return replace(mesh, nodes=nodes)
 
 

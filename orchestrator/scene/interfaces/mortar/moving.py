@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.mortar.operators import Mortar, make_mortar, point_normals
+from orchestrator.scene.interfaces.mortar.operators import Mortar, make_mortar, unit
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
@@ -56,7 +56,12 @@ class Moving:
         """
         now = replace(self.surfaces, points=tuple(x + u for x, u in zip(self.surfaces.points, moved)))
         segments = find_segments(*now.facets, self.size[now.triangles[0][:, :3]].max(axis=1))
-        return self._embedded(replace(now, segments=segments.nearest(now.area), resting=self.surfaces.area))
+        under = now.under
+        if under is not None:  # surfaces turn as the facets do
+            turn = now.facets[0].normal - self.surfaces.facets[0].normal
+            normals = under[0].normals + turn[:, None]
+            under = replace(under[0], normals=normals / np.linalg.norm(normals, axis=2, keepdims=True)), under[1]
+        return self._embedded(replace(now, segments=segments.nearest(now.area), resting=self.surfaces.area, under=under))
 
     def paired(self, now: Mortar, moved: tuple[np.ndarray, np.ndarray]) -> Mortar:
         """The same in the place of the present operators, whose facets and cells behind them stay what they are."""
@@ -69,7 +74,7 @@ class Moving:
         into = sp.csr_array((np.ones(len(place)), (place, np.arange(len(place)))), shape=(count, len(place)))
         blocks = sp.csr_array(sp.kron(into, sp.eye_array(3), format="csr"))
         area, gap = np.zeros(count), self.size[all_points]
-        normal = point_normals(surfaces.points[0], surfaces.triangles[0])[all_points]
+        normal = unit(surfaces.vectors)[all_points]
         area[place], gap[place] = mortar.area, mortar.gap
         return replace(mortar, points=all_points, first=sp.csr_array(blocks @ mortar.first), second=sp.csr_array(blocks @ mortar.second),
                        area=area, normal=normal, gap=gap, hats=sp.csr_array(mortar.hats @ blocks.T))

@@ -30,9 +30,10 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.scene.interfaces.mortar.curved import filled
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned, multipliers
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import area_vectors, local_size, rounding, skew
+from orchestrator.scene.mesh.geometry import local_size, rounding, skew
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class Mortar:
         prescribed, they give the known part of the jump
     area : (p,) that each point stands for; they sum to the area that the sides have in common
     normal : (p, 3) unit, from side 1 to side 2
-    gap : (p,) distance of the sides along it as they are meshed, negative inside each other; whether it counts is the
-        law's business
+    gap : (p,) distance of the sides along it, of the surfaces that facets stand for, negative inside each other; whether it counts is
+        the law's business
     triangles : (k₂, 3 or 6) int, the master's facets, indices into its nodes, the corners first; turned to look from
         side 1 to side 2, as those of the slave in ``Interface.triangles`` do
     cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own in side 2
@@ -120,8 +121,8 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     """
     weights = weights_of(surfaces)
     triangles = surfaces.triangles
-    normal = unit(corner_vectors(surfaces.points[0], triangles[0]) if vectors is None else vectors)
-    gap = node_gaps(surfaces, weights, normal)
+    normal = unit(surfaces.vectors if vectors is None else vectors)
+    gap = node_gaps(surfaces, weights, normal) - filled(surfaces)
     candidates = weights.area > 0
     wanted = candidates & free[0].all(axis=1)
     for better in (~crossed, weights.share >= COVERED):
@@ -162,7 +163,7 @@ def weights_of(surfaces: Surfaces) -> Weights:
 
 def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:
     """(n₁,) distance of the facets along the normals (n₁, 3) at the slave's nodes, averaged with their multipliers; zero where
-    there is none."""
+    there is none. What their surfaces fill of it has ``filled``."""
     x1, x2 = surfaces.points
     apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[:, None]
     apart[np.linalg.norm(apart, axis=1) <= _nothing(x1, surfaces.triangles[0])] = 0.0
@@ -171,18 +172,6 @@ def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.nd
 
 def _nothing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return rounding(points, ROUNDING * local_size(points, triangles))
-
-
-def point_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n, 3) unit normals, mean of the facets' weighted by their area; zero at nodes that are no corners."""
-    return unit(corner_vectors(points, triangles))
-
-
-def corner_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n, 3) sums of the facets' area × normal around corners."""
-    vectors = area_vectors(points, triangles)
-    return np.stack([sum(np.bincount(corner, weights=along, minlength=len(points)) for corner in triangles[:, :3].T)
-                     for along in vectors.T], axis=1)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

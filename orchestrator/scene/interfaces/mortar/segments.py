@@ -69,6 +69,14 @@ class Segments:
         return self.some(np.sort(order[kept]))
 
     @property
+    def middles(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 3), (m, 3) barycentric coordinates of the mean of each polygon's corners, at which it is as far as ``distance``."""
+        own = np.ones(self.on_slave.shape[:2])
+        own[:, 1:] = (self.on_slave[:, 1:] != self.on_slave[:, :-1]).any(axis=2)
+        own /= own.sum(axis=1, keepdims=True)
+        return np.einsum("mv,mvk->mk", own, self.on_slave), np.einsum("mv,mvk->mk", own, self.on_master)
+
+    @property
     def fans(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The polygons cut in triangles: share of the slave facet's area (m, 4), and the triangles' corners (m, 4, 3, 3) in
         barycentric coordinates of the slave and of the master."""

@@ -16,6 +16,8 @@ import numpy as np
 
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.opposite import Body, Facets
+from orchestrator.scene.interfaces.skins import Surface
+from orchestrator.scene.mesh.geometry import corner_vectors
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Surfaces:
     cells : (k₁,), (k₂,) int, global cells behind the facets
     segments : the overlaps, in these numbers of facets
     resting : (k₁,) area of the slave's facets before they have been moved to where they are; None: it is what it is here
+    under : what the facets of either side stand for, curved surfaces; None: themselves
     """
 
     points: tuple[np.ndarray, np.ndarray]
@@ -36,6 +39,7 @@ class Surfaces:
     cells: tuple[np.ndarray, np.ndarray]
     segments: Segments
     resting: np.ndarray | None = None
+    under: tuple[Surface, Surface] | None = None
 
     @classmethod
     def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray], cells: tuple[np.ndarray, np.ndarray],
@@ -64,6 +68,11 @@ class Surfaces:
     def facets(self) -> tuple[Facets, Facets]:
         """Either side as it is in space."""
         return tuple(Facets.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
+
+    @property
+    def vectors(self) -> np.ndarray:
+        """(n₁, 3) sums of area × normal around the slave's corners: of the surfaces where these are known, else of the facets."""
+        return corner_vectors(self.points[0], self.triangles[0], None if self.under is None else self.under[0].normals)
 
     @property
     def overlapping(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,126 @@
+"""Faces on cylinders, cones, spheres and tori, or on faces of a CAD model, have their normals and gaps, whatever their facets."""
+
+import gmsh
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+from in_process import IN_PROCESS
+
+from orchestrator import build_scene, config_from, solve
+from orchestrator.scene.interfaces.recognised import recognised
+from orchestrator.scene.interfaces.skins import surface_of
+from orchestrator.scene.mesh.geometry import node_normals
+
+TURN = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
+ROUND = {
+    "cylinder": lambda s, z: (np.cos(s), np.sin(s), z), "wide cylinder": lambda s, z: (4 * np.cos(s / 4), 4 * np.sin(s / 4), z),
+    "cone": lambda s, z: ((3 + 0.2 * z) * np.cos(s / 3), (3 + 0.2 * z) * np.sin(s / 3), z),
+    "sphere": lambda s, z: (np.cos(s) * np.cos(z - 0.7), np.sin(s) * np.cos(z - 0.7), np.sin(z - 0.7)),
+    "torus": lambda s, z: ((3 + np.cos(z)) * np.cos(s / 3), (3 + np.cos(z)) * np.sin(s / 3), np.sin(z)),
+    "its inner side": lambda s, z: ((3 + np.cos(3 + z)) * np.cos(s / 3), (3 + np.cos(3 + z)) * np.sin(s / 3), np.sin(3 + z))}
+OTHERS = {"plane": lambda s, z: (s, z, 0 * s), "ellipse": lambda s, z: (np.cos(s), 1.3 * np.sin(s), z),
+          "parabola": lambda s, z: (s, z, 0.05 * s**2), "saddle": lambda s, z: (s, z, 0.1 * s * z)}
+
+
+def meshed(at, wide=2.0, high=1.5, n=12):
+    """A net over [0, wide] × [0, high], its inner nodes moved about, as ``at`` bends it, far away and turned: nodes, triangles, and
+    the normals of the surface at the nodes."""
+    s, z = (v.ravel() for v in np.meshgrid(np.linspace(0, wide, n), np.linspace(0, high, n), indexing="ij"))
+    inner = (s > 0) & (s < wide) & (z > 0) & (z < high)
+    moves = np.random.default_rng(0).uniform(-0.3, 0.3, (2, inner.sum())) / n
+    s[inner], z[inner] = s[inner] + wide * moves[0], z[inner] + high * moves[1]
+    small = 1e-5
+    along, across = (np.stack(at(s + a, z + b), 1) - np.stack(at(s - a, z - b), 1) for a, b in ((small, 0), (0, small)))
+    normal = np.cross(along, across) @ TURN * np.linalg.det(TURN)
+    return (np.stack(at(s, z), axis=1) @ TURN + [300, -200, 100], Delaunay(np.c_[s, z]).simplices,
+            normal / np.linalg.norm(normal, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("name", ROUND)
+def test_normals_of_round_faces(name):
+    points, triangles, exact = meshed(ROUND[name])
+    surface = surface_of(points, triangles, np.full(len(triangles), -1))
+    means = node_normals(points, triangles)
+    way = np.sign(np.sum(means * exact, axis=1))[:, None]
+    assert np.abs(means - way * exact).max() > 0.01 and np.abs(surface.normals - (way * exact)[triangles]).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_faces_keep_their_means(name):
+    points, triangles, _ = meshed(OTHERS[name])
+    assert np.isnan(surface_of(points, triangles, np.full(len(triangles), -1)).normals).all()
+    assert recognised(points, node_normals(points, triangles), 0.01 if name != "plane" else 0.0) is None
+
+
+def test_bulges_of_known_faces_are_those_of_circles():
+    """Coarse as they are: eight chords round."""
+    turn, z = (v.ravel() for v in np.meshgrid(np.arange(9) * np.pi / 4, np.arange(3.0), indexing="ij"))
+    triangles = Delaunay(np.c_[turn, z]).simplices
+    points = np.c_[np.cos(turn), np.sin(turn), z]
+    bulge = surface_of(points, triangles, np.full(len(triangles), -1)).bulge
+    edge = points[np.roll(triangles, -1, axis=1)] - points[triangles]
+    exact = 1 - np.sqrt(1 - (edge[..., :2] ** 2).sum(axis=2) / 4)
+    assert np.abs(np.abs(bulge) - exact).max() < 1e-12
+
+
+def ball_and_shell(folder, **more):
+    """A hollow ball in a shell, meshed apart from BREP files, both held; a press fit, no friction, the ball's inside turned by 3°."""
+    for name, inner, outer in (("ball", 0.5, 1.0), ("shell", 1.0, 1.5)):
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.cut([(3, gmsh.model.occ.addSphere(0, 0, 0, outer))], [(3, gmsh.model.occ.addSphere(0, 0, 0, inner))])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(folder / f"{name}.brep"))
+        gmsh.finalize()
+    return config_from({
+        "name": "socket", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "parts": [{"name": name, "mesh": {"step": str(folder / f"{name}.brep")}, "h": h} for name, h in (("ball", 0.5), ("shell", 0.6))],
+        "interfaces": [{"between": "auto", "law": "contact", **more}], "histories": {"turned": [0, 1]},
+        "boundary": [{"on": "shell/solid:1", "displacement": [0, 0, 0]},
+                     {"on": "ball/solid:2", "motion": {"rotate": {"axis": [1, 2, 3], "degrees": 3}}, "history": "turned"}],
+        "method": {"tolerance": {"law": 1e-8}}})
+
+
+def test_a_ball_turns_in_its_socket(tmp_path):
+    """Facets of the ball and of the shell would interlock: pressures five times as large, and a torque of .03 of their sum × R."""
+    made = ball_and_shell(tmp_path, gap=-1e-3)
+    found = solve(made, build_scene(made))
+    before, after = found.interfaces.pressure
+    assert found.converged and (before > 0).all() and np.abs(after - before).max() < 1e-6 * before.max()
+
+
+def test_the_distance_of_a_ball_and_its_socket(tmp_path):
+    """Facets are up to .05 off; the surfaces touch."""
+    assert not build_scene(ball_and_shell(tmp_path, gap="geometry")).interfaces[0].law.distance.any()
+
+
+@pytest.mark.long
+def test_a_shaft_pulled_out_of_a_shrunk_ring(tmp_path):
+    """Far beyond where friction gives way the force stays what friction carries: facets do not climb each other."""
+    for name, size in (("shaft", 4.5), ("ring", 3.5)):
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        add = gmsh.model.occ.addCylinder
+        if name == "shaft":
+            add(0, 0, -10, 0, 0, 30, 10)
+        else:
+            gmsh.model.occ.cut([(3, add(0, 0, 0, 0, 0, 10, 16))], [(3, add(0, 0, 0, 0, 0, 10, 10))])
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [gmsh.model.getEntities(3)[0][1]], name=name)
+        for end in ("Min", "Max"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{end}", size)
+        gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(tmp_path / f"{name}.msh"))
+        gmsh.finalize()
+    made = config_from({
+        "name": "pull", "parts": [{"name": name, "mesh": {"file": str(tmp_path / f"{name}.msh")}} for name in ("shaft", "ring")],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"between": ["shaft", "ring"], "law": "contact", "friction": 0.2, "gap": -0.01}],
+        "boundary": [{"on": {"plane": "z", "at": 20}, "displacement": [[0, 0, way] for way in (0, 0.02, 0.5, 1.9, 3.0)]},
+                     {"on": {"box": [[-16.1, -16.1, -0.001], [16.1, 16.1, 0.001]]}, "displacement": [0, 0, 0]}],
+        "method": {"tolerance": {"law": 1e-5}, "max_iterations": 200}})
+    found = solve(made, build_scene(made))
+    pull = np.array(found.summary["reactions"])[0, 1:, 2]
+    carried = 0.2 * (found.interfaces.pressure * found.interfaces.areas).sum(axis=1)[1:]
+    assert found.converged and pull == pytest.approx(carried, rel=2e-3) and pull[1:] == pytest.approx(pull[0], rel=2e-3)
