@@ -81,14 +81,14 @@ def hertz_pressure(force):
 def cad_is_read_once():
     """Three configurations share a CAD model: gmsh joins its 18 solids once."""
     with pytest.MonkeyPatch.context() as patch:
-        read, known = solids._conforming, {}
+        read, known = solids.conforming, {}
 
         def load(*arguments):
             if (key := repr(arguments)) not in known:
                 known[key] = read(*arguments)
             return deepcopy(known[key])
 
-        patch.setattr(solids, "_conforming", load)
+        patch.setattr(solids, "conforming", load)
         yield
 
 
