@@ -23,7 +23,7 @@ test: setup-tests  ## set up CalculiX too, run the tests in two processes
 test-all: setup-tests  ## the same with the tests that take long: studies in small, a CAD assembly read anew
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
 
-docs: setup  ## make pages of docs/ in site/, with a search that needs no network
+docs: setup-tests  ## make pages of docs/ in site/, with a search that needs no network
 	@.venv/bin/python -m sphinx -q -W docs site
 	@echo site/index.html
 

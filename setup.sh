@@ -10,7 +10,7 @@ cd "$(dirname "$0")"
 python=${PYTHON:-python3}
 packages=(
     freefem++ libfreefem++ libfreefem++-dev    # the solver, its plugins, its .idp files
-    libopenblas0-serial                        # CHOLMOD factorises about 6 times faster than with the default BLAS
+    libopenblas0-serial                        # FreeFEM and CHOLMOD factorise about 6 times faster than with the default BLAS
     libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxi6 libxext6   # loaded by the gmsh wheel
     libgl1 libegl1 libgl1-mesa-dri             # figures are rendered off screen through EGL
 )
@@ -19,9 +19,6 @@ if [[ ${1:-} == tests ]]; then
 elif [[ ${1:-} == rivals ]]; then
     packages+=(python3-petsc4py openmpi-bin)   # PETSc with its multigrid, hypre and MUMPS, for Debian's own Python
 fi
-# What CHOLMOD's binding is built with. A run does without it, many subdomains take longer then.
-faster=(libsuitesparse-dev gcc libc6-dev python3-dev)
-
 missing_packages() {
     local package
     for package in "$@"; do
@@ -39,25 +36,35 @@ may_install() {
     [[ $(id -u) -eq 0 ]] || { command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; }
 }
 
-install_packages() {
-    local as_root=()
-    if ! may_install; then
-        echo "Missing Debian packages: $*" >&2
-        echo "Neither root nor sudo here. Ask an administrator to run:" >&2
-        echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
-        exit 2
-    fi
-    [[ $(id -u) -eq 0 ]] || as_root=(sudo)
-    echo "Installing Debian packages: $*"
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+refuse_to_install() {
+    echo "Missing Debian packages: $*" >&2
+    echo "Neither root nor sudo here. Ask an administrator to run:" >&2
+    echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
+    exit 2
 }
 
+as_root() {
+    if [[ $(id -u) -eq 0 ]]; then env DEBIAN_FRONTEND=noninteractive "$@"; else sudo env DEBIAN_FRONTEND=noninteractive "$@"; fi
+}
+
+install_packages() {
+    echo "Installing Debian packages: $*"
+    as_root apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+debian=
 if command -v dpkg-query >/dev/null; then
-    mapfile -t missing < <(missing_packages "${packages[@]}"; missing_python)
-    mapfile -t wanted < <(missing_packages "${faster[@]}")
-    if may_install || [[ ${#missing[@]} -gt 0 ]]; then missing+=("${wanted[@]}"); fi
-    [[ ${#missing[@]} -eq 0 ]] || install_packages "${missing[@]}"
+    mapfile -t missing < <(missing_packages "${packages[@]}")
+    mapfile -t first < <(missing_python)
+    if [[ ${#missing[@]} -gt 0 || ${#first[@]} -gt 0 ]]; then
+        may_install || refuse_to_install "${first[@]}" "${missing[@]}"
+        as_root apt-get update -qq
+    fi
+    [[ ${#first[@]} -eq 0 ]] || install_packages "${first[@]}"
+    if [[ ${#missing[@]} -gt 0 ]]; then
+        install_packages "${missing[@]}" </dev/null &    # while Python's packages are fetched
+        debian=$!
+    fi
 elif ! command -v FreeFem++ >/dev/null; then
     echo "Not a Debian system: install the equivalents of ${packages[*]}, then call this again." >&2
     exit 2
@@ -68,36 +75,53 @@ fi
     exit 2
 }
 
-# The stamp holds what the environment was made from; any difference makes it anew.
-wanted=$({ "$python" --version; pwd; cat pyproject.toml constraints.txt; } | sha256sum)
-if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
+# The stamp holds what the environment was made from; any difference makes it anew. Tests need more packages than a run does, which
+# they add to it.
+extras=all
+[[ ${1:-} == tests ]] && extras=all,test
+[[ ${1:-} == rivals ]] && extras=all,test,rivals
+made=$({ "$python" --version; pwd; cat pyproject.toml constraints.txt; } | sha256sum)
+if [[ $(head -1 .venv/stamp 2>/dev/null) != "$made" ]]; then
     echo "Setting up the virtual environment .venv"
     "$python" -m venv --clear .venv
-    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
-        --constraint constraints.txt --editable '.[test,mpi]'
-    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
-        --constraint constraints.txt --editable '.[cholmod]' >.venv/cholmod.log 2>&1 ||
-        echo "CHOLMOD's binding could not be built (.venv/cholmod.log): SuperLU takes its place"
-    echo "$wanted" > .venv/stamp
+    echo "$made" > .venv/stamp.new
+elif ! tail -1 .venv/stamp | grep -qE "^$extras(,|\$)"; then
+    echo "Adding to the virtual environment .venv"
+    head -1 .venv/stamp > .venv/stamp.new
 fi
-if [[ ${1:-} == rivals ]]; then
-    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
-        --constraint constraints.txt --editable '.[rivals]'
+
+# uv takes a fifth of pip's time, but does not know where pip has been told to look for packages: where it fails pip does it.
+install() {
+    local uv cache=() asked=(--quiet --constraint constraints.txt "$@")
+    if ! uv=$(command -v uv); then
+        .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check --constraint constraints.txt uv || true
+        uv=.venv/bin/uv
+        cache=(--cache-dir .venv/uv-cache)    # nobody asked for one
+    fi
+    VIRTUAL_ENV=$PWD/.venv "$uv" pip install "${cache[@]}" "${asked[@]}" 2>.venv/uv.log ||
+        .venv/bin/python -m pip install --no-input --disable-pip-version-check "${asked[@]}"
+    rm -rf .venv/uv-cache
+}
+
+if [[ -e .venv/stamp.new ]]; then
+    install --editable ".[$extras]"
+    echo "$extras" >> .venv/stamp.new
+    mv .venv/stamp.new .venv/stamp
 fi
+[[ -z $debian ]] || wait "$debian"
+
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
 .venv/bin/python -m compileall -q orchestrator || true
-# Loops over node pairs and blocks are compiled at their first call and kept beside their source: by a few iterations of the first
-# contact scenes, so that nobody's first run takes longer than the next. Tests call what they test, and keep it as well.
-if [[ ${1:-} != tests && -w orchestrator && -w .venv ]]; then
+# Loops of contact are compiled, so that nobody's first run takes longer than the next; and Python keeps the bytecode of what a run and its figures import.
+# Tests call what they test, and keep it as well.
+if [[ ${1:-} != tests && -w .venv ]]; then
     mapfile -t loops < <(grep -rl --include='*.py' '^@compiled' orchestrator)
     if [[ ! -e .venv/compiled || -n $(find "${loops[@]}" -newer .venv/compiled) ]]; then
-        echo "Compiling loops over node pairs"
-        results=$(mktemp -d)
-        for scene in polycrystal_10 two_blocks; do
-            .venv/bin/orchestrator run configs/$scene.yaml --quiet --output "$results/$scene" --set method.max_iterations=4 \
-                --set output.figures=false >/dev/null 2>&1 || true  # 1: not converged, by far
-        done
-        rm -rf "$results"
+        echo "Compiling loops of contact"
+        unset PYTHONDONTWRITEBYTECODE
+        .venv/bin/python -c 'import orchestrator.run, orchestrator.results.figures.figures as f; f.warm_up()' >/dev/null 2>&1 &
+        .venv/bin/orchestrator doctor >.venv/doctor.log || cat .venv/doctor.log
+        wait $! || true    # where nothing can be drawn, runs say so
         touch .venv/compiled
     fi
 fi

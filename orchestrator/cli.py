@@ -6,7 +6,6 @@ import atexit
 import gc
 import sys
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Optional
@@ -84,10 +83,10 @@ def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
     """What rank 0 does; errors of the configuration say where in the file they are."""
     from orchestrator.config.load import load_config, located
     from orchestrator.parallel.team import Elsewhere
-    from orchestrator.results.figures.artist import Artist
+    from orchestrator.results.figures.artist import artist_for
 
     loaded = load_config(config, overrides)
-    with Artist() if loaded.config.output.figures else nullcontext() as artist:  # before the run's imports: it has as much to import
+    with artist_for(loaded.config.output.figures) as artist:  # before the run's imports: it has as much to import
         from orchestrator.run import Means, Ranks, run as solve
 
         try:
@@ -271,10 +270,12 @@ def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its
 
 @command
 def doctor() -> int | None:
-    """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes are there."""
-    from orchestrator.blackbox.start import doctor as examine
+    """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes and packages are there; compile all
+    loops of contact, so that nobody's first run has to."""
+    from orchestrator.blackbox.start import doctor as codes
+    from orchestrator.loops import examine
 
-    lines = examine()
+    lines = codes() + examine()
     print("\n".join(lines))
     return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 

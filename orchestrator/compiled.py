@@ -2,8 +2,8 @@
 
 For loops over node pairs or blocks that numpy could only do by writing large arrays between one pass and the next. The
 compiler is numba; it is imported by the first call of such a function, so that what calls none does without it. The
-machine code is kept beside the source or, where that may not be written, in the user's cache directory or what
-``NUMBA_CACHE_DIR`` names; where nothing can be written each process compiles for itself, some seconds long.
+machine code is kept in the user's cache directory or in what ``NUMBA_CACHE_DIR`` names, beside the source where that may not be
+written; where nothing can be written each process compiles for itself, some seconds long.
 
 Other threads run while such a function does. ``in_parts`` has several of them work on parts of long arrays: between two
 questions to the codes their cores have nothing else to do.
@@ -18,7 +18,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from itertools import count
+from pathlib import Path
 from typing import Any
+
+from orchestrator.optional import check_there, need
 
 # Sums may be formed in any order that the compiler likes, which is the same in every call; nan and inf stay what they are.
 SUMS = {"reassoc", "contract"}
@@ -49,12 +52,25 @@ class Compiled:
         return self._machine is not None
 
     def _compiled(self, cache: bool) -> Callable[..., Any]:
-        import numba
+        numba = need("numba")
+        with _PLACE:
+            before, numba.core.config.CACHE_DIR = numba.core.config.CACHE_DIR, str(kept_in())
+            try:
+                return numba.njit(nogil=True, cache=cache, fastmath=SUMS)(self.function)
+            except RuntimeError:  # no place for a cache
+                return numba.njit(nogil=True, fastmath=SUMS)(self.function)
+            finally:
+                numba.core.config.CACHE_DIR = before
 
-        try:
-            return numba.njit(nogil=True, cache=cache, fastmath=SUMS)(self.function)
-        except RuntimeError:  # no place for a cache
-            return numba.njit(nogil=True, fastmath=SUMS)(self.function)
+
+_PLACE = threading.Lock()  # numba's setting, which is for all of the process
+
+
+def kept_in() -> Path:
+    """The folder of machine code: it outlives the package, which may be installed where nobody can write."""
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(asked or os.path.join(home, "latin-orchestrator"))
 
 
 def compiled(function: Callable[..., Any]) -> Compiled:
@@ -64,7 +80,9 @@ def compiled(function: Callable[..., Any]) -> Compiled:
 
 def make_ready() -> None:
     """Import the compiler and have it set itself up in another thread: for when it will be needed, and something else comes
-    first that leaves a core to it."""
+    first that leaves a core to it. Raises InputError: it is not installed."""
+    check_there("numba")
+
     def start() -> None:
         with suppress(Exception):  # whoever needs it will meet that again
             _nothing(0)

@@ -19,7 +19,7 @@ from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
-from orchestrator.results.figures.artist import Artist
+from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
@@ -59,7 +59,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     """
     config, watch, team = loaded.config, means.watch or Stopwatch.since_launch(), means.ranks.team
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    drawing = Artist() if config.output.figures and means.artist is None else nullcontext(means.artist)
+    drawing = artist_for(config.output.figures) if means.artist is None else nullcontext(means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress:
             progress.stage("meshing")

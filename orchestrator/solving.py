@@ -24,10 +24,12 @@ from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.setup import Part, prepare
+from orchestrator.optional import check_there
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
+from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.ranks import Piece, whole_states
 from orchestrator.results.solution import Solution, fields_of
@@ -90,6 +92,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     """
     told, watch, team = Subscribers(subscribers), watch or Stopwatch(), ranks.team
     try:
+        if not all(LAWS[entry.law].perfect for entry in config.interfaces):
+            check_there("numba")  # before the time it takes to mesh
         if scene is None and team.rank == 0:
             told.stage("meshing")
             with watch("mesh"):

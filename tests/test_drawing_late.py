@@ -11,7 +11,6 @@ from in_process import IN_PROCESS
 from method_case import config
 from processes import gone
 
-import orchestrator.run as runs
 from orchestrator.config.load import Loaded
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist
@@ -31,7 +30,7 @@ def stopped(monkeypatch):
             made.append(self._process.pid)
             os.kill(self._process.pid, signal.SIGSTOP)
 
-    monkeypatch.setattr(runs, "Artist", Still)
+    monkeypatch.setattr(artists, "Artist", Still)
     yield
     assert made and gone(made)
 

@@ -1,5 +1,6 @@
 """Factorisations of symmetric matrices: whichever solver is there, the solutions are the same."""
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,12 +8,13 @@ import pytest
 import scipy.sparse as sp
 
 from orchestrator.errors import Refusal
-from orchestrator.method.interface import factor
+from orchestrator.method.interface import cholmod, factor
 from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection, semidefinite_solver
 from orchestrator.method.linear.macro import Macro
 from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern
 
+needs_cholmod = pytest.mark.skipif(cholmod.library() is None, reason="no CHOLMOD here")
 SIDE = 5  # cubes along it: 2,700 unknowns, beyond ``factor.ORDERED``
 
 
@@ -31,9 +33,9 @@ def macro():
 def solver(request, monkeypatch):
     """What ``Factor`` takes."""
     if request.param == "SuperLU":
-        monkeypatch.setattr(factor, "cholmod", None)
-    elif factor.cholmod is None:
-        pytest.skip("CHOLMOD's binding is not installed")
+        monkeypatch.setattr(cholmod, "library", lambda: None)
+    elif cholmod.library() is None:
+        pytest.skip("no CHOLMOD here")
     return request.param
 
 
@@ -77,10 +79,46 @@ def test_singular_systems_that_have_a_solution_are_solved(solver, size):
 
 
 def test_a_solver_that_gets_it_wrong_is_not_trusted(macro, monkeypatch):
-    if factor.cholmod is None:
-        pytest.skip("CHOLMOD's binding is not installed")
+    if cholmod.library() is None:
+        pytest.skip("no CHOLMOD here")
     monkeypatch.setattr(factor, "sound", lambda lower, solve: False)
     assert by_cholesky(lower(macro)) is None
     monkeypatch.undo()
     assert factor.sound(lower(macro), by_superlu(lower(macro)))
     assert not factor.sound(lower(macro), lambda right: by_superlu(lower(macro))(right) * (1 + 1e-6))
+
+
+def test_without_an_order_of_metis_superlu_finds_one(macro, monkeypatch):
+    monkeypatch.setattr(factor, "absent", lambda package: [package])
+    ones = np.ones(macro.shape[0])
+    assert np.abs(by_superlu(lower(macro))(macro @ ones) - 1).max() <= 1e-12
+
+
+@needs_cholmod
+def test_cholmod_of_another_shape_is_not_taken(monkeypatch):
+    """Its defaults are looked for where they should be: whatever settings would be written elsewhere."""
+    monkeypatch.setattr(cholmod, "ORDERS", {"amd": 3, "metis": 2})
+    cholmod.library.cache_clear()
+    try:
+        assert cholmod.library() is None
+    finally:
+        cholmod.library.cache_clear()
+
+
+@needs_cholmod
+@pytest.mark.parametrize("order", cholmod.ORDERS)
+def test_cholmod_says_what_is_not_positive_definite(macro, order):
+    indefinite = lower(macro - 2 * sp.diags_array(macro.diagonal()))
+    assert cholmod.factorised(indefinite, order) is None
+    assert cholmod.factorised(lower(sp.csc_array(np.diag([1.0, 0.0]))), order) is None
+
+
+@needs_cholmod
+def test_one_factor_serves_several_threads(macro):
+    """Each gets its own solution, whatever the others ask at the same time; a later one leaves an earlier one as it is."""
+    solve, rights = by_cholesky(lower(macro)), np.random.default_rng(3).standard_normal((12, macro.shape[0]))
+    alone = [solve(right) for right in rights]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(solve, rights))
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together))
+    assert np.abs(solve(rights.T) - np.stack(alone, axis=1)).max() <= 1e-12 * np.abs(alone).max()

@@ -17,7 +17,7 @@ from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface import factor
+from orchestrator.method.interface import cholmod
 from orchestrator.method.interface.factor import is_semidefinite
 from orchestrator.method.linear.answers import check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import assemble_rims
@@ -275,7 +275,7 @@ def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterate
 def test_what_is_semidefinite(monkeypatch, without):
     """Singular is, by more than rounding below zero is not; missing digits count as rounding if they are told."""
     if without:
-        monkeypatch.setattr(factor, "cholmod", None)
+        monkeypatch.setattr(cholmod, "library", lambda: None)
     K = assemble(THREE)
     shift = sp.diags_array(K.diagonal())
     assert is_semidefinite(K, 1e-12) and is_semidefinite(K - 1e-9 * shift, 1e-8)

@@ -25,6 +25,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from orchestrator import Scene
+from orchestrator.method.interface.factor import by_cholesky
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES, RIGID = 9, 6, 6  # affine fields on a plane interface; interfaces of a cube; rigid motions
@@ -134,11 +135,7 @@ def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[s
 
 def _factor(matrix: sp.csr_array) -> Callable[[np.ndarray], np.ndarray]:
     """CHOLMOD's factorisation, as a run's; SuperLU's where it is not installed."""
-    try:
-        from sksparse.cholmod import cholesky
-    except ImportError:
-        return spla.splu(sp.csc_matrix(matrix)).solve
-    return cholesky(sp.csc_matrix(matrix))
+    return by_cholesky(sp.tril(matrix, format="csc")) or spla.splu(sp.csc_matrix(matrix)).solve
 
 
 def _repeated(task: Callable[[], object], enough: float) -> float:

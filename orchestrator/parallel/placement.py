@@ -7,17 +7,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pymetis
 import scipy.sparse as sp
 
 from orchestrator.timing import predicted_cost
 from orchestrator.errors import wrong
+from orchestrator.optional import Late
 from orchestrator.parallel.team import Team
 
 if TYPE_CHECKING:
     from orchestrator.config.model import BlackBox
     from orchestrator.scene.model import Scene
 
+pymetis = Late("pymetis")
 UNITS = 10_000  # METIS takes integers: the total cost in these units
 
 

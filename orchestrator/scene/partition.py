@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import wrong
+from orchestrator.optional import Late
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.names import unique_names
 from orchestrator.timing import EXPONENT, predicted_cost
 
+pymetis = Late("pymetis")
 PATH = ("subdomains",)
 AXES = "xyz"
 
@@ -186,7 +188,6 @@ def _cut(a: np.ndarray, b: np.ndarray, size: int, count: int) -> np.ndarray:
         return np.zeros(size, dtype=np.int64)
     if count == size:
         return np.arange(size)
-    import pymetis
     from scipy.sparse import coo_array
 
     graph = coo_array((np.ones(2 * len(a), dtype=np.int8), (np.r_[a, b], np.r_[b, a])), shape=(size, size)).tocsr()

@@ -23,11 +23,9 @@ class Enough(Exception):
 
 
 def cholmod(matrix, load, nodes, note):
-    from sksparse.cholmod import analyze
+    from orchestrator.method.interface.cholmod import factorised
 
-    lower = sp.csc_matrix(sp.tril(matrix))
-    factor = analyze(lower, mode="supernodal", ordering_method="metis")
-    factor.cholesky_inplace(lower)
+    factor = factorised(sp.tril(matrix, format="csc"), "metis")
     return factor(load), factor
 
 

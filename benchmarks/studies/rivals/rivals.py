@@ -66,7 +66,7 @@ class Rival:
 RIVALS = {rival.method: rival for rival in (
     Rival("gamg", "PETSc, GAMG", None, True), Rival("hypre", "PETSc, hypre", None, True),
     Rival("pyamg", "pyamg", "pyamg", True), Rival("mumps", "PETSc, MUMPS", None, False),
-    Rival("pardiso", "PARDISO", "pypardiso", False), Rival("cholmod", "CHOLMOD", "sksparse", False))}
+    Rival("pardiso", "PARDISO", "pypardiso", False), Rival("cholmod", "CHOLMOD", "orchestrator", False))}
 
 
 def petsc_binding() -> Path | None:

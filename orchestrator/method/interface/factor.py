@@ -1,30 +1,26 @@
 """Solving with sparse symmetric matrices that are factorised once: the macro problem, repositioning, search directions.
 
 Cholesky's factorisation by CHOLMOD in METIS's elimination order: on the macro matrices of cubes three to eight times faster
-than SuperLU, with half the numbers. Its binding needs a compiler to be installed. Where it is missing SuperLU takes its place,
-in the same order; so it does for matrices that are not quite positive definite.
+than SuperLU, with half the numbers. Where it is missing SuperLU takes its place, in the same order if pymetis is there; so it does
+for matrices that are not quite positive definite.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import pymetis
 import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
+from orchestrator.method.interface import cholmod
+from orchestrator.optional import absent, Late
 from orchestrator.method.interface.rows import times
 from orchestrator.parallel.team import Team
 
-try:
-    from sksparse import cholmod
-except ImportError:  # there are no wheels: ``setup.sh`` builds it where it can
-    cholmod = None
-
+pymetis = Late("pymetis")
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
 ORDERED = 2000
 # Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave; sound ones leave some 1e-16, however
@@ -54,24 +50,15 @@ class Factor:
 def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
     """CHOLMOD's factorisation in an order by ``metis`` or ``amd``; None where it is not installed, or the matrix is not
     positive definite."""
-    if cholmod is None:
-        return None
-    columns = sp.csc_matrix(lower)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cholmod.CholmodWarning)  # of index types that it converts
-        try:
-            factor = cholmod.analyze(columns, mode="supernodal", ordering_method=order)
-            factor.cholesky_inplace(columns)
-        except cholmod.CholmodError:
-            return None
-    return factor if sound(lower, factor) else None
+    factor = cholmod.factorised(lower, order)
+    return factor if factor is not None and sound(lower, factor) else None
 
 
 def by_superlu(lower: sp.csc_array) -> Solve:
     """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is singular."""
     symmetric = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     columns = whole(lower)
-    if columns.shape[0] < ORDERED:
+    if columns.shape[0] < ORDERED or absent("pymetis"):
         return sla.splu(columns, permc_spec="MMD_AT_PLUS_A", **symmetric).solve
     order = dissection(columns)
     lu = sla.splu(sp.csc_array(columns[order][:, order]), permc_spec="NATURAL", **symmetric)

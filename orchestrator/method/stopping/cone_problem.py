@@ -29,13 +29,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
-import clarabel
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from orchestrator.laws.points import Carries
+from orchestrator.optional import Late
 
+clarabel = Late("clarabel")
 RIGID = 6
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits
 ALIKE = 9  # digits to which normals on a plane are the same

@@ -8,11 +8,12 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from multiprocessing.connection import Connection, Pipe
 from threading import Thread
 
 from orchestrator.errors import InputError
+from orchestrator.optional import absent, command, DRAWING
 from orchestrator.processes import without_launcher
 
 PATIENCE = 300.0  # seconds after which the process is given up
@@ -78,6 +79,17 @@ class Artist:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+def artist_for(figures: object) -> AbstractContextManager[Artist | None]:
+    """Who draws what a configuration asks for: nobody where that is nothing, or the packages are not there (``no_figures``)."""
+    return Artist() if figures and not absent(*DRAWING) else nullcontext()
+
+
+def no_figures() -> list[str]:
+    """A warning where packages that draw are not there."""
+    lacking = absent(*DRAWING)
+    return [f"no figures: {', '.join(lacking)} not installed; {command(lacking[0])}, then orchestrator report"] if lacking else []
 
 
 def drawn(draw: Callable[..., object], *job: object) -> object:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.errors import wrong
+from orchestrator.optional import need
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.pictures import exaggeration, most_deformed, stress_limits
 from orchestrator.results.figures.plotting import COLOURS
@@ -85,11 +86,7 @@ def _check(count: int) -> None:
 
 
 def _figure(title: str) -> tuple[object, Figure]:
-    try:
-        from plotly import graph_objects as graph
-    except ImportError as error:
-        raise wrong((), "no Plotly, which makes pages that turn", "the package plotly",
-                    "pip install 'latin-orchestrator[interactive]', or leave the option out") from error
+    graph = need("plotly", "graph_objects")
     axis = {"showbackground": False, "gridcolor": "#dddddd", "zeroline": False}
     figure = graph.Figure(layout={"title": {"text": title}, "scene": {"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis,
                                             "camera": {"projection": {"type": "orthographic"}}},

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problem, Problems, wrong
+from orchestrator.optional import check_there, DRAWING
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
@@ -43,8 +44,10 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     interactive : also write result.html, in which the structure turns
     Returns path of report.md
     Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
-        drawn is there
+        drawn is there; a package that draws is not installed
     """
+    for package in DRAWING:
+        check_there(package)
     solution = Solution.read(directory)
     folder = ResultsFolder(directory)
     look = look_of(solution.summary) if figures is None else _look(solution, figures)

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from orchestrator.config.mesh import Curved
 from orchestrator.errors import Problems, some
-from orchestrator.scene.mesh.gmsh_session import TRIANGLE, elements
+from orchestrator.scene.mesh.gmsh_session import TRIANGLE, elements, gmsh
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.scene.shapes import Shape
 

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-import psutil
-
 from orchestrator.errors import InputError, KeyPath, wrong
+from orchestrator.optional import Late
 from orchestrator.scene.mesh.faces import MAX_NODES
 
+psutil = Late("psutil")
 HEAD = 1 << 16  # bytes that tell
 _XML = rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*"  # without entities of its own
 _VTK = _XML + rb"<VTKFile\b[^>]*\btype\s*=\s*[\"']%s[\"']"

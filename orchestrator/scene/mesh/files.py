@@ -15,6 +15,7 @@ from typing import Any
 import meshio
 import numpy as np
 
+from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
@@ -190,6 +191,7 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
 
     Raises InputError: the content is not what the ending says, or gmsh cannot read it
     """
+    check_there("gmsh")
     check_content(path, ("mesh", "file"))
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
         source, target = Path(folder) / f"source{path.suffix.lower()}", Path(folder) / "mesh.msh"

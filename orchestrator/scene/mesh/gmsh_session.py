@@ -10,13 +10,14 @@ from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 
-import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problems, wrong
+from orchestrator.optional import Late, check_there
 from orchestrator.scene.mesh.checks import DENSITY, check_content, check_size, coarser
 from orchestrator.scene.names import matching, suggestion, unique_names
 
+gmsh = Late("gmsh")
 HXT, DELAUNAY = 10, 1
 TRIANGLE, TET = 2, 4
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
@@ -69,6 +70,7 @@ NOISE = re.compile(r"STEP translator|^=>\[[\d:]+\]$")
 def locate(name: str) -> Path:
     """The file of a name; ``gmsh:part.stp`` is one of the examples that come with gmsh. Raises InputError where there is none."""
     if name.startswith("gmsh:"):
+        check_there("gmsh")
         examples = [f for f in metadata.files("gmsh") or [] if "examples" in f.parts and f.suffix in (".stp", ".step")]
         for found in examples:
             if found.name == name.removeprefix("gmsh:") and (path := Path(found.locate())).is_file():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import gmsh
 import numpy as np
 from scipy.spatial import QhullError
 
@@ -12,7 +11,7 @@ from orchestrator.errors import wrong
 from orchestrator.scene.mesh.grains import Grains, tidied
 from orchestrator.scene.mesh.polyhedra import SIDES, area_vector, scattered
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_angles, dihedral_range, roundness
-from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, gmsh, last_complaint, points, session
 from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.checks import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.mesh import Mesh

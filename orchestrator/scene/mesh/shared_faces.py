@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, face_shape, refined_faces
 from orchestrator.scene.mesh.gmsh_session import (
-    ATTEMPTS, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, points, read_model, session)
+    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import renamed
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, some
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
-    ATTEMPTS, TET, TRIANGLE, check_h, elements, last_complaint, leave_out, locate, points, read_model, session)
+    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.mesh.shared_faces import conforming

@@ -14,6 +14,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.checks import bad_file, check_content, memory_left
 
@@ -84,6 +85,7 @@ def _check_pieces(path: Path) -> None:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Points and cells as VTK has them, arrays of the cells, arrays of the file."""
+    check_there("vtkmodules")
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
         target, left = Path(folder) / "grid.npz", memory_left()
         if complaint := apart(left, path.absolute(), target, folder):

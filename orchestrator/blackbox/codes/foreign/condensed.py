@@ -14,16 +14,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pymetis
 import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from orchestrator.errors import InputError, KeyPath, wrong
+from orchestrator.optional import Late
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
 
+pymetis = Late("pymetis")
 # A pivot below this share of its diagonal entry is rounding: what is eliminated there can move by itself.
 PIVOT = 1e-12
 # Share of the diagonal that makes a pivot other than zero, where one is: rounding.

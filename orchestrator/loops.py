@@ -1,0 +1,57 @@
+"""Everything that installation can do beforehand: all loops of contact compiled, packages named that are not there.
+
+The loops are compiled by the first few iterations of the smallest scene that calls all of them: two blocks, pressed and pushed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+
+from orchestrator.blackbox.codes.python_code import TEMPLATE
+from orchestrator.compiled import kept_in
+from orchestrator.config.load import config_from
+from orchestrator.method.interface import cholmod
+from orchestrator.optional import absent, command, WANTED
+from orchestrator.solving import solve
+
+SCENE = {
+    "name": "loops", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
+    "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.3}],
+    "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [0.002, 0, -0.01]}],
+    "blackbox": {"code": str(TEMPLATE), "workers": 1}, "method": {"max_iterations": 3}}
+
+
+def compile_loops() -> None:
+    """Solve the scene as far as it calls every loop; machine code is kept for the next process."""
+    solve(config_from(SCENE))
+
+
+def compiled_once() -> str:
+    """Compile the loops if that has not been done for this package, Python and compiler; a line that tells where they are."""
+    done, begin = kept_in() / f"done-{_made_of()}", time.perf_counter()
+    if not done.exists():
+        compile_loops()
+        with suppress(OSError):
+            done.touch()
+    return f"loops of contact: compiled in {time.perf_counter() - begin:.1f} s, kept in {kept_in()}"
+
+
+def _made_of() -> str:
+    """A name for what machine code depends on, but for the processor, of which the compiler takes care."""
+    files = [path for path in sorted(Path(__file__).parent.rglob("*.py")) if b"\n@compiled" in path.read_bytes()]
+    stamps = [(str(path), path.stat().st_mtime_ns, path.stat().st_size) for path in files]
+    return hashlib.sha256(repr((sys.version, version("numba"), stamps)).encode()).hexdigest()[:16]
+
+
+def examine() -> list[str]:
+    """What of Python's packages and libraries is there, a line each, once all loops have been compiled."""
+    lines = [f"without {name}: {use}; {command(name)}" for name, (_, use) in WANTED.items() if absent(name)]
+    library = cholmod.library()
+    lines.append("without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: suitesparse" if library is None
+                 else f"CHOLMOD: {library._name}")
+    return lines if absent("numba") else [*lines, compiled_once()]
