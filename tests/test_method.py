@@ -338,8 +338,8 @@ def test_dual_energy(mesh, kind, ratio):
         s = fields.f
         balanced = 0.5 * (s - d.space.across(s))
         h = d.space.loads(s - balanced)
-        estimate, sweeps, _ = dual_energy(d.stage, h, np.zeros(1), Enough())
-        early, spent, _ = dual_energy(d.stage, h, np.zeros(1), Enough(), lambda total: total[0] > 0.1 * estimate[0])
+        estimate, sweeps, *_ = dual_energy(d.stage, h, np.zeros(1), Enough())
+        early, spent, *_ = dual_energy(d.stage, h, np.zeros(1), Enough(), lambda total: total[0] > 0.1 * estimate[0])
         full = d.bound(fields)
         asked = 0.1 * full.relative
         part = d.bound(fields, useful=asked)

@@ -66,7 +66,7 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
     if x is None:
         nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
         h = certificate.beside.balanced(certificate.change(fields, forces))
-        left, _, x = dual_energy(certificate.stage, h, np.zeros(len(u)), Enough(nothing, CLOSELY), softness=certificate.softness())
+        left, _, x, *_ = dual_energy(certificate.stage, h, np.zeros(len(u)), Enough(nothing, CLOSELY), softness=certificate.softness())
         at_odds = not np.isfinite(left).all()
     w, = space.extended(certificate.stage.trace(u + x))
     jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []

@@ -118,7 +118,7 @@ class ErrorBound:
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
-        b2, sweeps, _ = dual_energy(self.stage, h, rest, Enough((ROUNDING * size) ** 2), reached)
+        b2, sweeps, *_ = dual_energy(self.stage, h, rest, Enough((ROUNDING * size) ** 2), reached)
         if reached.least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
         return replace(bound, relative=relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)

@@ -39,7 +39,7 @@ from orchestrator.method.stopping.admissible_displacement import AdmissibleDispl
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
 from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, moved_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
-from orchestrator.method.stopping.dual_energy import Enough, dual_energy
+from orchestrator.method.stopping.dual_energy import Dual, Enough, dual_energy
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
@@ -55,6 +55,7 @@ class Certified(Bound):
     unbalanced : (T, bodies) bool, those that no lawful forces balance
     broken : (T,) bool, load steps in which every displacement breaks a law
     factor : with which E bounds the error: 1 where all laws are convex; nan where E is an estimate
+    dual : S⁺h, as well as E needs it; None where E is not known
     """
 
     errors: np.ndarray
@@ -66,6 +67,7 @@ class Certified(Bound):
     unbalanced: np.ndarray
     broken: np.ndarray
     factor: float = np.nan
+    dual: Dual | None = None
 
     @property
     def guaranteed(self) -> bool:
@@ -81,7 +83,8 @@ class Certified(Bound):
         size = max(b.size for b in batches)
         return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
                    sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, lawful=lawful, gap=gap, after=batches[-1].after,
-                   unbalanced=unbalanced, broken=broken, factor=float(np.max([b.factor for b in batches])))
+                   unbalanced=unbalanced, broken=broken, factor=float(np.max([b.factor for b in batches])),
+                   dual=None if any(b.dual is None for b in batches) else Dual.joined([b.dual for b in batches]))
 
 
 class Certificate:
@@ -137,11 +140,12 @@ class Certificate:
         met = max(size / (1 + 1 / useful) - self.floor * size, 0.0) / times_at_most if np.isfinite(useful) else 0.0
         # what rounding leaves of resultants has no energy
         enough = Enough((ROUNDING * size) ** 2, met=met**2)
-        b2, sweeps, _ = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
+        dual = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
         if reached.least > useful:
-            return replace(known, sweeps=sweeps, least=reached.least)
-        errors = np.sqrt(np.maximum(rest + b2, 0.0)) * times_at_most + self.floor * size
-        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=sweeps, factor=factor)
+            return replace(known, sweeps=dual.sweeps, least=reached.least)
+        errors = np.sqrt(np.maximum(rest + dual.energy, 0.0)) * times_at_most + self.floor * size
+        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=dual.sweeps, factor=factor,
+                       dual=dual)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
         """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""

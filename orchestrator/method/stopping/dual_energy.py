@@ -6,12 +6,13 @@ serves as the preconditioner, so that S p = (S + k) p − k p, of which the firs
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.method.interface.rows import Segments
+from orchestrator.method.interface.rows import Segments, dots
 from orchestrator.method.linear.stage import LinearStage
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
@@ -37,10 +38,31 @@ class Enough:
     met: float = 0.0
 
 
+class Dual(NamedTuple):
+    """What is known of hᵀS⁺h, T load steps.
+
+    energy : (T,) of all subdomains; infinite where it is not reached
+    sweeps : back-substitutions spent
+    x, left, of : (T, B) S⁺h, nearly, without rigid motions, h − S x, and h
+    """
+
+    energy: np.ndarray
+    sweeps: int
+    x: np.ndarray
+    left: np.ndarray
+    of: np.ndarray
+
+    @classmethod
+    def joined(cls, batches: Sequence[Dual]) -> Dual:
+        """Of all load steps from batches of them, in order."""
+        energy, x, left, of = (np.concatenate([getattr(b, name) for b in batches]) for name in ("energy", "x", "left", "of"))
+        return cls(energy, sum(b.sweeps for b in batches), x, left, of)
+
+
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False,
-                softness: np.ndarray | None = None) -> tuple[np.ndarray, int, np.ndarray]:
-    """(T,) hᵀS⁺h over all subdomains, the back-substitutions spent, and (T, B) S⁺h without rigid motions.
+                softness: np.ndarray | None = None, begun: Dual | None = None) -> Dual:
+    """hᵀS⁺h over all subdomains.
 
     The iterates approach from below; the geometric tail of the steps is added, and for the
     tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
@@ -53,12 +75,17 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         and the true one is larger
     softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
         bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
+    begun : what an earlier call has found, from which it goes on if that was of the same h
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
-        return np.zeros(len(h)), 0, np.zeros_like(h)
-    r, x, total, p, q, rz_old, steps, ready = h.copy(), np.zeros_like(h), np.zeros(len(h)), None, None, None, [], 0
-    reach, alpha = None, None
+        return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h)
+    x, r, total = np.zeros_like(h), h.copy(), np.zeros(len(h))
+    if begun is not None and not space.team.max(not np.array_equal(begun.of, h))[0]:
+        x, r = begun.x, begun.left
+        total, = space.team.sum(dots(x, h + r))
+    reach = alpha = p = q = rz_old = None
+    steps, ready = [], 0
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
@@ -68,7 +95,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             most = total + left
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
-                return most, sweeps, x
+                return Dual(most, sweeps, x, r, h)
         if p is None:
             p, q = z, r.copy()
         else:
@@ -81,13 +108,13 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
         steps.append(float(gained.sum()))
         if beyond(total + rest):
-            return total, sweeps, x
+            return Dual(total, sweeps, x, r, h)
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
         ready = ready or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, enough.share) * worth else 0)
         if ready and (softness is None or sweeps >= LONGER * ready):
             each = gained / max(steps[-1], np.finfo(float).tiny)
-            return total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x
-    return np.full(len(h), np.inf), MAX_STEPS, x
+            return Dual(total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x, r, h)
+    return Dual(np.full(len(h), np.inf), MAX_STEPS, x, r, h)
 
 
 def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:

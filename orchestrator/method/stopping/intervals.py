@@ -110,7 +110,7 @@ class _Work:
         rest = np.where(lawful[:, None], c.beside.balanced(h + tau[:, None] * self.sole[j]), 0.0)
         known, = team.sum(dots(delta, times(c.stiffness, delta)) - 2 * dots(delta, q + h) + 2 * dots(moved, rest))
         known = known + tau ** 2 * self.strain[j]
-        energy, _, _ = dual_energy(c.stage, rest, known + 2 * gap, Enough(), softness=c.softness())
+        energy, *_ = dual_energy(c.stage, rest, known + 2 * gap, Enough(), softness=c.softness())
         squares = np.maximum(known + energy, 0.0)
         value = (0.25 * squares + gap + self.beyond[t]) / np.abs(tau)
         return np.where(lawful, value, np.inf), np.abs(squares - at.squares[t]) / tau ** 2

@@ -78,12 +78,12 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
     worth = np.minimum(rest + 2 * gap, 0.0)
     nothing = (max(ROUNDING, floor) * stage.loading.size(bound.energy)) ** 2
     for share in (CLOSELY, LEFT):  # bodies of which some are far softer than others may not be known so well
-        b2, _, x = dual_energy(stage, h, worth, Enough(nothing, share), softness=certificate.softness())
-        if np.isfinite(b2).all():
+        dual = dual_energy(stage, h, worth, Enough(nothing, share), softness=certificate.softness(), begun=bound.dual if known else None)
+        if np.isfinite(dual.energy).all():
             break
     else:
         return None
-    squares = np.maximum(rest + b2, 0.0)
+    squares = np.maximum(rest + dual.energy, 0.0)
     whole, factor = squares + 2 * gap, bound.factor if known else certificate.factor()
     # with Coulomb's friction ‖v − u*‖² + ‖û − u*‖² ≤ E²/(1 − q), and the factor is 1/√(1 − q²)
     q = 0.0 if np.isnan(factor) else float(np.sqrt(max(1 - factor ** -2, 0.0)))
@@ -91,4 +91,4 @@ def judged(certificate: Certificate, fields: Admissible, bound: Bound, u: np.nda
     if np.isnan(factor):  # load steps begin with the error of those before
         half = np.maximum.accumulate(half)
     left = np.full(len(gap), share * max(whole.sum(), nothing))
-    return Judged(delta, jump, begun, forces, predicted, answers, h, x, left, squares, gap, half, factor)
+    return Judged(delta, jump, begun, forces, predicted, answers, h, dual.x, left, squares, gap, half, factor)
