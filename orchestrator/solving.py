@@ -16,7 +16,7 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.certified import Wanted
+from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
@@ -122,7 +122,8 @@ class _Solving:
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
-        self.wanted: Wanted = team.share(None if team.rank else Wanted.of(self.whole, *_certified(config)))
+        self.wanted: Wanted = team.share(None if team.rank else Wanted.of(
+            self.whole, *_certified(config), config.output.moments_about))
         self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
     def solution(self) -> Solution | Piece:
@@ -181,6 +182,7 @@ class _Solving:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
+            self.wanted.check(d.own, blackbox)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")

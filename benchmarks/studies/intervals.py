@@ -1,9 +1,10 @@
 """Intervals of displacements and forces beside true values: the random scenes of ``certified``, bonded ones beside them.
 
-Of every scene two displacements at random points, all reactions and all forces of interfaces are certified, and all components at all load
-steps are compared with a solution in one piece that shares no code with the method. One hundred of them, drawn by chance, are the sample
-that the target speaks of; all are told beside it. *Width* is half of an interval's, over the largest value of its kind in the scene; of
-those that have one: without friction the forces across normals are known to be none.
+Of every scene displacements at two random points and the mean stresses of the tets there, all reactions and all forces of interfaces,
+with their moments, are certified. All components at all load steps are compared with a solution in one piece that shares no code with the
+method. One hundred of them, drawn by chance, are the sample that the target speaks of; all are told beside it. *Width* is half of an
+interval's, over the largest value of its kind in the scene; of those that have one: without friction the forces across normals are known
+to be none.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from orchestrator import Scene
 SAMPLE, PER_SCENE = 100, 4  # quantities in the sample, at most so many of a scene
 POINTS = 2  # at which displacements are asked for
 ROUNDED = 1e-9  # of the largest value of a kind: what the solution in one piece leaves open, at residuals of 1e-11
+DISPLACEMENT, STRESS = ("ux", "uy", "uz"), ("sxx", "syy", "szz", "sxy", "syz", "sxz", "von_mises")
 BONDED = 4  # every so many scenes one with bonds in the place of some contacts
-KINDS = ("displacement", "reaction", "force")
+KINDS = ("displacement", "stress", "reaction", "force", "moment")
 
 
 class Settings(Keys):
@@ -43,8 +45,8 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
     ----------
     resume : take over what the folder has of the same runs
     """
-    study.columns = ("scene", "kind", "bodies", "friction", "steps", "element", "asked", "error_kind", "error_bound", "displacement_width",
-                     "reaction_width", "force_width", "outside", "without", "seconds")
+    study.columns = ("scene", "kind", "bodies", "friction", "steps", "element", "asked", "error_kind", "error_bound",
+                     *(f"{kind}_width" for kind in KINDS), "outside", "without", "seconds")
     values: dict[int, list] = {}
     for number in range(settings.first, settings.first + settings.scenes):
         data, labels = asked(number, settings.code)
@@ -65,7 +67,9 @@ def asked(number: int, code: str = "freefem") -> tuple[dict[str, Any], dict[str,
         bonded = {"grid": ["block *-0-*"] * 2, "slices": ["slice 0", "slice 1"], "grains": ["grain_1", "grain_*"]}
         data["interfaces"] = [*data["interfaces"], {"between": bonded[labels["kind"]], "law": "perfect"}]
         labels["kind"] += ", some bonded"
-    probes = [{"name": f"point {k + 1}", "at": rng.uniform(0.05, 0.95, 3).round(4).tolist(), "certified": True} for k in range(POINTS)]
+    places = [{"at": rng.uniform(0.05, 0.95, 3).round(4).tolist(), "certified": True} for _ in range(POINTS)]
+    probes = [{"name": f"{quantity} {k + 1}", "quantity": quantity, **place} for quantity in ("displacement", "stress")
+              for k, place in enumerate(places)]
     data["output"] = {"fields": False, "figures": False, "probes": probes, "certified": ["reactions", "sections", "resultants"]}
     return data, labels
 
@@ -118,14 +122,22 @@ class Exact:
     def beside(self, found: Mapping[str, Any]):
         """Kind, least, greatest and true values of all that has been certified, (T, 3) each."""
         for probe, one in zip(self.scene.probes, found["probes"]):
-            ends = [[one["values"][name][end] for name in ("ux", "uy", "uz")] for end in ("low", "high")]
-            yield "displacement", *(np.array(x, dtype=float).T for x in ends), self.displacement(probe)
+            names, true = (STRESS, self.stress) if probe.quantity == "stress" else (DISPLACEMENT, self.displacement)
+            ends = [[one["values"][name][end] for name in names] for end in ("low", "high")]
+            yield probe.quantity, *(np.array(x, dtype=float).T for x in ends), true(probe)
         for entry, one in zip(self.scene.boundary, found["reactions"]):
             if not entry.forces:
-                yield "reaction", one["low"], one["high"], self.reaction(entry.index)
+                forces = self.reaction(entry.index)
+                yield "reaction", one["low"], one["high"], forces.sum(axis=1)
+                yield "moment", one["moment"]["low"], one["moment"]["high"], self.moment(np.concatenate(
+                    [self.scene.mesh.nodes[s.nodes] for s in self.scene.subdomains]), forces, one["moment"]["about"])
         number = {i.name: i for i in self.scene.interfaces}
         for one in (*found.get("sections", ()), *found.get("resultants", ())):
-            yield "force", one["low"], one["high"], self.force(number[one["name"]])
+            interface = number[one["name"]]
+            forces = self.force(interface)
+            yield "force", one["low"], one["high"], forces.sum(axis=1)
+            yield "moment", one["moment"]["low"], one["moment"]["high"], self.moment(
+                self.scene.side_points(interface, 0), forces, one["moment"]["about"])
 
     def displacement(self, probe: Any) -> np.ndarray:
         """(T, 3) at a point."""
@@ -136,22 +148,45 @@ class Exact:
         shape = at if len(nodes) == 4 else np.concatenate([at * (2 * at - 1), 4 * at[ends[:, 0]] * at[ends[:, 1]]])
         return np.array([shape @ step.parts[s.index][nodes] for step in self.steps])
 
+    def stress(self, probe: Any) -> np.ndarray:
+        """(T, 7) the mean over the tet at a point, and von Mises' of it."""
+        scene, ends = self.scene, np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+        s = scene.subdomains[scene.cell_subdomain[probe.cell]]
+        nodes = s.connectivity[np.flatnonzero(s.cells == probe.cell)[0]]
+        corners = scene.mesh.nodes[s.nodes[nodes[:4]]]
+        slopes = np.linalg.inv(np.column_stack([np.ones(4), corners]))[1:].T
+        if len(nodes) == 10:  # at the centre
+            slopes = np.vstack([np.zeros((4, 3)), slopes[ends].sum(axis=1)])
+        matter = scene.materials[scene.cell_material[probe.cell]]
+        mu, lam = matter.young / (2 + 2 * matter.poisson), matter.young * matter.poisson / (1 + matter.poisson) / (1 - 2 * matter.poisson)
+        found = []
+        for step in self.steps:
+            gradient = step.parts[s.index][nodes].T @ slopes
+            sigma = mu * (gradient + gradient.T) + lam * np.trace(gradient) * np.eye(3)
+            off = sigma - np.trace(sigma) / 3 * np.eye(3)
+            found.append([*sigma[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]], np.sqrt(1.5 * np.sum(off**2))])
+        return np.array(found)
+
+    def moment(self, points: np.ndarray, forces: np.ndarray, about: Sequence[float]) -> np.ndarray:
+        """(T, 3) of forces (T, n, 3) at points (n, 3) about another one."""
+        return np.cross(points - about, forces).sum(axis=1)
+
     def reaction(self, entry: int) -> np.ndarray:
-        """(T, 3) of the supports of an entry of ``boundary``."""
-        whole, total = self.whole, np.zeros((len(self.steps), 3))
+        """(T, N, 3) of the supports of an entry of ``boundary``, at all bodies' nodes one after the other."""
+        whole, found = self.whole, []
+        mine = np.concatenate([s.fixed & (s.held_by == entry) for s in self.scene.subdomains])
         for t, step in enumerate(self.steps):
             u = np.concatenate([part.ravel() for part in step.parts])
             forces = whole.K @ u - whole._loads(t) + whole.pairs.D.T @ step.force.ravel()
-            for s, a, b in zip(self.scene.subdomains, whole.offsets[:-1], whole.offsets[1:]):
-                total[t] += np.where(s.fixed & (s.held_by == entry), forces[a:b].reshape(-1, 3), 0.0).sum(axis=0)
-        return total
+            found.append(np.where(mine, forces.reshape(-1, 3), 0.0))
+        return np.array(found)
 
     def force(self, interface: Any) -> np.ndarray:
-        """(T, 3) of side 2 on side 1."""
+        """(T, n, 3) of side 2 on the nodes of side 1."""
         forces = np.array([step.force[self.whole.pairs.bounds[interface.index]] for step in self.steps])
         if interface.mortar is None:
-            return forces.sum(axis=1)
-        return np.array([(interface.mortar.first.T @ f.ravel()).reshape(-1, 3).sum(axis=0) for f in forces])
+            return forces
+        return np.array([(interface.mortar.first.T @ f.ravel()).reshape(-1, 3) for f in forces])
 
 
 def judge(study: Study, intervals: Mapping[int, Sequence]) -> None:
@@ -186,7 +221,7 @@ def judge(study: Study, intervals: Mapping[int, Sequence]) -> None:
 
 def _picture(rows: Sequence[Mapping[str, Any]]):
     """Half widths over energy errors, both relative."""
-    figure, (axes,) = panels(1, len(KINDS), (11.0, 4.0))
+    figure, (axes,) = panels(1, len(KINDS), (3.6 * len(KINDS), 4.0))
     for ax, kind in zip(axes, KINDS):
         for told, colour, marker in (("guaranteed", BLUE, "o"), ("estimated", ORANGE, "^")):
             those = [row for row in rows if row.get("error_kind") == told and row.get(f"{kind}_width", 0) > 0]

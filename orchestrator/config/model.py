@@ -18,7 +18,8 @@ Quantity = Literal["displacement", "stress"]
 
 
 Certified = Annotated[bool, Field(description=(
-    "add the interval that the energy error leaves for each component of displacement; off, as it costs a few answers of the code"))]
+    "add the interval that the energy error leaves for each component of displacement, or of stress: the mean over the tet at the point, or "
+    "over those behind the faces, as no energy bounds the stress at a point; off, as it costs a few answers of the code"))]
 Force = Literal["reactions", "bolts", "sections", "resultants"]
 
 

@@ -1,58 +1,23 @@
-"""What is asked to be certified, and the intervals that the energy error gives for it, see ``stopping.intervals``."""
+"""The intervals that the energy error gives for what is asked, see ``stopping.intervals``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 
-from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.lawful import Lawful
+from orchestrator.method.delivery.wanted import Measured, Wanted
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.stopping.influence import Asked, InfluenceFields
 from orchestrator.method.stopping.intervals import PointLoads, of_displacements, of_forces
-from orchestrator.scene.conditions.probes import Point
-from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
-from orchestrator.scene.model import Scene
 
-REACTIONS, BOLTS, SECTIONS, RESULTANTS = KINDS = ("reactions", "bolts", "sections", "resultants")
-Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and what each counts for (n,)
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What is asked for.
-
-    probes : name → weights of a displacement at nodes
-    reactions : whether those are; entries : numbers of the entries of ``boundary`` that hold something then
-    interfaces : numbers of the interfaces whose forces are
-    bolts : name → number of the interface at its cut, and axis (3,)
-    """
-
-    probes: dict[str, Weights] = field(default_factory=dict)
-    reactions: bool = False
-    entries: list[int] = field(default_factory=list)
-    interfaces: list[int] = field(default_factory=list)
-    bolts: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
-
-    def __bool__(self) -> bool:
-        return bool(self.probes or self.reactions or self.interfaces or self.bolts)
-
-    @classmethod
-    def of(cls, scene: Scene, names: Sequence[str], kinds: Sequence[str]) -> Wanted:
-        """Of a whole scene; ``names``: of its probes of displacements, at points or means over surfaces; ``kinds``: of ``KINDS``.
-
-        Raises Refusal: a probe in a part whose mesh is not ours
-        """
-        return cls({p.name: _weights(scene, p) for p in scene.probes if p.name in names}, REACTIONS in kinds,
-                   [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
-                   [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
-                   {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds})
+NOTHING = 1e-12  # work in rigid motions, over that of all its parts, that is rounding
 
 
 @dataclass(frozen=True)
@@ -60,9 +25,10 @@ class Intervals:
     """Least and greatest values, T load steps; infinite where the error says nothing.
 
     guaranteed : whether they are
-    probes : name → (T, 3, 2) components of displacement
-    reactions : (entries, T, 3, 2) forces, None where nobody asks
-    interfaces : number of the interface → (T, 3, 2) force of side 2 on side 1
+    probes : name → (T, c, 2) components of displacement or stress
+    reactions : (entries, T, 6, 2) forces and moments, None where nobody asks
+    interfaces : number of the interface → (T, 6, 2) force of side 2 on side 1, and its moment
+    centre : (I, 3) what interfaces' moments are about
     bolts : name → (T, 2)
     """
 
@@ -70,7 +36,35 @@ class Intervals:
     probes: dict[str, np.ndarray]
     reactions: np.ndarray | None
     interfaces: dict[int, np.ndarray]
+    centre: np.ndarray
     bolts: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Way:
+    """What a support, or side 1 of an interface, is moved by to ask for its forces: m unit motions a + b × (x − c).
+
+    number : of the entry of ``boundary``, or of the interface
+    axes, turns : (m, 3) a, and b, one over a length; about : (3,) c
+    """
+
+    number: int
+    axes: np.ndarray
+    turns: np.ndarray
+    about: np.ndarray
+
+    @classmethod
+    def rigid(cls, number: int, about: np.ndarray, length: float) -> Way:
+        """Three translations, and three rotations that move what is at a distance of ``length`` as far."""
+        nothing = np.zeros((3, 3))
+        return cls(number, np.vstack([np.eye(3), nothing]), np.vstack([nothing, np.eye(3) / length]), about)
+
+    def __len__(self) -> int:
+        return len(self.axes)
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """(m, n, 3) at points (n, 3)."""
+        return self.axes[:, None] + np.cross(self.turns[:, None], points - self.about)
 
 
 def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Wanted, continuous: Sequence[np.ndarray | None],
@@ -81,59 +75,44 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     reactions, resultants : of û and λ̂, of all ranks; the first without what supports take of the rest
     """
     probes = _displacements(d, iterated, lawful, wanted.probes, continuous) if wanted.probes else {}
-    entries, ways = wanted.entries, [(entry, np.eye(3)) for entry in wanted.entries]
-    ways += [(i, np.eye(3)) for i in wanted.interfaces] + [(i, axis[None]) for i, axis in wanted.bolts.values()]
-    ends = np.cumsum([0] + [len(axes) for _, axes in ways])
-    far = _forces(d, lawful, ways, len(entries)) if ways else np.zeros((0, d.steps, 2))
-    far = [far[a:b].transpose(1, 0, 2) for a, b in zip(ends[:-1], ends[1:])]  # (T, axes, 2)
-    supported = np.repeat(reactions[:, :, :3, None], 2, axis=3) if wanted.reactions else None
-    for entry, own in zip(entries, far):
-        supported[entry] += own
-    far = far[len(entries):]
-    carried = {i: resultants.force[:, i, :, None] + own for i, own in zip(wanted.interfaces, far)}
-    bolts = {name: (resultants.force[:, i] @ axis)[:, None] + own[:, 0]
-             for (name, (i, axis)), own in zip(wanted.bolts.items(), far[len(wanted.interfaces):])}
-    return Intervals(not np.isnan(lawful.judged.factor), probes, supported, carried, bolts)
+    supports = [Way.rigid(entry, wanted.about, wanted.length) for entry in wanted.entries]
+    cuts = [Way.rigid(i, resultants.centre[i], wanted.length) for i in wanted.interfaces]
+    bolts = [Way(i, axis[None], np.zeros((1, 3)), np.zeros(3)) for i, axis in wanted.bolts.values()]
+    ends = np.cumsum([0] + [len(way) for way in (*supports, *cuts, *bolts)])
+    far = _forces(d, lawful, supports, [*cuts, *bolts]) if ends[-1] else np.zeros((0, d.steps, 2))
+    far = [far[a:b].transpose(1, 0, 2) for a, b in zip(ends[:-1], ends[1:])]  # (T, m, 2)
+    unit = np.repeat([1.0, wanted.length], 3)[:, None]  # of forces and moments over those of the motions
+    supported, moment = None, reactions[:, :, 3:] - np.cross(wanted.about, reactions[:, :, :3])
+    if wanted.reactions:
+        supported = np.repeat(np.concatenate([reactions[:, :, :3], moment], axis=2)[..., None], 2, axis=3)
+    for way, own in zip(supports, far):
+        supported[way.number] += unit * own
+    far = far[len(supports):]
+    whole = np.concatenate([resultants.force, resultants.moment], axis=2)
+    carried = {way.number: whole[:, way.number, :, None] + unit * own for way, own in zip(cuts, far)}
+    pulls = {name: (resultants.force[:, way.number] @ way.axes[0])[:, None] + own[:, 0]
+             for name, way, own in zip(wanted.bolts, bolts, far[len(cuts):])}
+    return Intervals(not np.isnan(lawful.judged.factor), probes, supported, carried, resultants.centre, pulls)
 
 
-def _weights(scene: Scene, probe) -> Weights:
-    """What a probe's displacement is of nodes."""
-    place = np.zeros(len(scene.mesh.cells), dtype=int)
-    for s in scene.subdomains:
-        place[s.cells] = np.arange(len(s.cells))
-    if isinstance(probe, Point):
-        cells, local = np.array([probe.cell]), np.arange(scene.mesh.cells.shape[1])[None]
-        weight = tet_functions(probe.weights, scene.mesh.cells.shape[1])[None]
-    else:
-        area = np.linalg.norm(probe.area, axis=1)
-        cells, local = probe.cells, (scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
-        weight = area[:, None] / area.sum() * TRIANGLE_SHARES[probe.triangles.shape[1]]
-    result = {}
-    for e in np.unique(scene.cell_subdomain[cells]):
-        own = np.flatnonzero(scene.cell_subdomain[cells] == e)
-        s = scene.subdomains[e]
-        if s.foreign:
-            raise Refusal("certified in a foreign part", name=probe.name)
-        nodes = s.connectivity[place[cells[own]][:, None], local[own]]
-        result[int(e)] = nodes.ravel(), np.broadcast_to(weight[own] if len(weight) > 1 else weight, nodes.shape).ravel()
-    return result
-
-
-def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes: Mapping[str, Weights],
+def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes: Mapping[str, Measured],
                    continuous: Sequence[np.ndarray | None]) -> dict[str, np.ndarray]:
-    space, team, count = d.space, d.space.team, 3 * len(probes)
+    space, team = d.space, d.space.team
+    ends = np.cumsum([0] + [probe.given.shape[1] for probe in probes.values()])
+    count = int(ends[-1])
     boundary, moved, energy = *np.zeros((2, count, len(space.global_dof))), np.zeros(count)
     value, requests, resultants = np.zeros((count, d.steps)), {}, []
     for e, s in enumerate(d.own):
         q = np.zeros((count, len(s.nodes), 3))
-        for k, weights in enumerate(probes.values()):
-            if s.index in weights:
-                nodes, weight = weights[s.index]
-                for i in range(3):
-                    np.add.at(q[3 * k + i, :, i], nodes, weight)
+        for probe, a, b in zip(probes.values(), ends[:-1], ends[1:]):
+            if s.index in probe.weights:
+                nodes, weight = probe.weights[s.index]
+                np.add.at(q[a:b], (slice(None), nodes), weight)
         value += np.einsum("qni,tni->qt", q, continuous[s.index])
         q = np.where(s.fixed, 0.0, q).reshape(count, -1)  # what is prescribed is known
-        resultants.append((q @ d.made.modes[e]) @ lawful.certificate.forces.R[e])
+        work, most = (of(q) @ of(d.made.modes[e]) for of in (np.asarray, np.abs))
+        # stresses need no other body to be in balance: what rounding leaves of that is nothing
+        resultants.append(np.where(np.abs(work) > NOTHING * most, work, 0.0) @ lawful.certificate.forces.R[e])
         boundary[:, space.boundary[e]] = q[:, d.made.traces[e]]
         if q.any():
             requests[e] = np.hstack([q, np.zeros((count, 3 * d.made.node_counts[e] - q.shape[1]))])
@@ -142,56 +121,53 @@ def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes:
         energy += dots(requests[e], answer)
     energy, value = team.sum(energy, value)
     found = of_displacements(lawful.certificate, iterated.fields, lawful.judged, PointLoads(boundary, moved, energy, resultants))
-    found = (value[:, :, None] + found).reshape(-1, 3, d.steps, 2)
-    return {name: own.transpose(1, 0, 2) for name, own in zip(probes, found)}
+    found = (value[:, :, None] + found).transpose(1, 0, 2)
+    return {name: probe.given[:, :, None] + found[:, a:b] for (name, probe), a, b in zip(probes.items(), ends[:-1], ends[1:])}
 
 
-def _forces(d: Decomposition, lawful: Lawful, ways: Sequence[tuple[int, np.ndarray]], entries: int) -> np.ndarray:
-    """(n, T, 2) how far forces are from those of û and λ̂.
-
-    ways : number of an entry of ``boundary``, for the first ``entries`` of them, then of interfaces, and axes (m, 3) of the forces; n axes
-        in all
-    """
+def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], cuts: Sequence[Way]) -> np.ndarray:
+    """(n, T, 2) how far forces of supports, then of interfaces, are from those of û and λ̂; n motions in all."""
     space, team, certificate = d.space, d.space.team, lawful.certificate
-    count = sum(len(axes) for _, axes in ways)
-    lifts = _lifts(d, ways[:entries], count)
+    moving = sum(map(len, supports))
+    count = moving + sum(map(len, cuts))
+    lifts = _lifts(d, supports, count)
     rest = np.zeros((count, 0, 3))  # of those that nothing holds, and of other ranks'
     known = space.known([SimpleNamespace(prescribed=lifts.get(e, rest)) for e in range(len(d.scene.subdomains))])
     anywhere, = team.max(float(known is not None))
     if anywhere and known is None:
         known = np.zeros((count, space.size))
-    jump, start = _parted(d, lawful, ways[entries:], count)
+    jump, start = _parted(d, lawful, cuts, count)
     answered, energy, carried = _answered(d, lawful, lifts, known, count)
-    moved = np.arange(count) < sum(len(axes) for _, axes in ways[:entries])
-    influence = InfluenceFields(certificate, Asked(jump, start, known, answered, energy, moved))()
+    influence = InfluenceFields(certificate, Asked(jump, start, known, answered, energy, np.arange(count) < moving))()
     return of_forces(certificate, lawful.judged, influence, carried, lawful.rest)
 
 
-def _lifts(d: Decomposition, ways: Sequence[tuple[int, np.ndarray]], count: int) -> dict[int, np.ndarray]:
+def _lifts(d: Decomposition, supports: Sequence[Way], count: int) -> dict[int, np.ndarray]:
     """Own subdomain → (n, n_E, 3) unit motions of the supports of entries, those that there are."""
     lifts = {}
     for s in d.own:
         if s.fixed.any():
             lift, row = np.zeros((count, len(s.nodes), 3)), 0
-            for entry, axes in ways:
-                lift[row: row + len(axes)] = axes[:, None] * (s.fixed & (s.held_by == entry))
-                row += len(axes)
+            for way in supports:
+                lift[row: row + len(way)] = way.at(d.scene.mesh.nodes[s.nodes]) * (s.fixed & (s.held_by == way.number))
+                row += len(way)
             lifts[s.index] = lift
     return lifts
 
 
-def _parted(d: Decomposition, lawful: Lawful, ways: Sequence[tuple[int, np.ndarray]], count: int) -> tuple[np.ndarray, np.ndarray]:
+def _parted(d: Decomposition, lawful: Lawful, cuts: Sequence[Way], count: int) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3, P) jumps, and (n, B) boundary values that have them: side 1 of an interface moves, all else rests."""
     space, pairs = d.space, lawful.certificate.pairs
     traces, start = np.zeros((count, space.size)), np.zeros((count, len(space.global_dof)))
-    row = count - sum(len(axes) for _, axes in ways)
-    for index, axes in ways:
-        side = space.sides[index][0]
+    row = count - sum(map(len, cuts))
+    for way in cuts:
+        side = space.sides[way.number][0]
         own = side[side < space.size]
         free = own[space.gather[own] >= 0]
-        traces[row: row + len(axes), own] = axes[:, space.dof[own] % 3]
-        start[row: row + len(axes), space.gather[free]] = axes[:, space.dof[free] % 3]
-        row += len(axes)
+        for at, into, to in ((own, traces, own), (free, start, space.gather[free])):
+            node, component = np.divmod(space.dof[at], 3)
+            into[row: row + len(way), to] = way.at(d.scene.mesh.nodes[node])[:, np.arange(len(at)), component]
+        row += len(way)
     whole, = space.extended(traces)
     return pairs.masked(-pairs.transfer.first(whole)), start
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, interface_resultants
-from orchestrator.method.delivery.certified import Intervals, Wanted, intervals
+from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.recovery import Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions, recover
+from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, backward_error
 from orchestrator.method.stopping.discretisation import Estimate

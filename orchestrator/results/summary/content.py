@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from orchestrator.config.model import Config
+from orchestrator.config.model import Config, PointProbe, SurfaceProbe
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.balance import bolt_forces
@@ -22,11 +22,12 @@ from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.results.answers import reaction_names
-from orchestrator.results.extremes import DISPLACEMENT
+from orchestrator.results.extremes import DISPLACEMENT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.results.summary.workload import Spent, total
+from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -84,18 +85,19 @@ def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequen
 
     names : of the entries of ``boundary``
     """
-    probes = [(probe.name or f"probe_{i + 1}") for i, probe in enumerate(config.output.probes) if probe.certified]
+    probes = {(probe.name or f"probe_{i + 1}"): probe for i, probe in enumerate(config.output.probes) if probe.certified}
     if not (probes or config.output.certified):
         return None
     if (found := delivered.intervals) is None:
         return {"kind": None, "why": UNKNOWN}
     told: dict[str, object] = {"kind": "guaranteed" if found.guaranteed else "estimated"}
-    told["probes"] = [{"name": name, **_components(found.probes[name], NOT_CARRIED)} for name in probes]
+    told["probes"] = [{"name": name, "of": _what(probe), **_components(found.probes[name], NOT_CARRIED)} for name, probe in probes.items()]
     if found.reactions is not None:
-        told["reactions"] = [{"name": name, **_ends(own)} for name, own in zip(names, found.reactions)]
+        about = config.output.moments_about
+        told["reactions"] = [{"name": name, **_with_moment(own, about)} for name, own in zip(names, found.reactions)]
     for key, perfect in (("sections", True), ("resultants", False)):
         if key in config.output.certified:
-            told[key] = [{"name": i.name, **_ends(found.interfaces[i.index], NOT_PARTED)}
+            told[key] = [{"name": i.name, **_with_moment(found.interfaces[i.index], found.centre[i.index].tolist(), NOT_PARTED)}
                          for i in scene.interfaces if i.law.perfect == perfect]
     if "bolts" in config.output.certified:
         told["bolts"] = [{"name": name, **_ends(own, NOT_PARTED)} for name, own in found.bolts.items()]
@@ -108,13 +110,32 @@ def _ends(interval: np.ndarray, why: str = "") -> dict[str, object]:
     return ends if np.isfinite(interval).all() else ends | {"why": why}
 
 
+def _with_moment(interval: np.ndarray, about: Sequence[float], why: str = "") -> dict[str, object]:
+    """Ends of a force, and of its moment about a point, (T, 6, 2) together."""
+    return {**_ends(interval[:, :3], why), "moment": {**_ends(interval[:, 3:], why), "about": list(about)}}
+
+
+def _what(probe: PointProbe | SurfaceProbe) -> str:
+    """What a probe's interval is of: no energy bounds the stress at a point."""
+    if isinstance(probe, PointProbe):
+        return "stress, mean over the tet at the point" if probe.quantity == "stress" else "displacement"
+    return "stress, mean over the tets behind the faces" if probe.of == "stress" else "displacement"
+
+
 def _components(interval: np.ndarray, why: str) -> dict[str, object]:
-    """Those of a displacement (T, 3, 2), and of its magnitude."""
-    near = np.where((interval[..., 0] > 0) | (interval[..., 1] < 0), np.abs(interval).min(axis=-1), 0.0)
-    size = np.stack([np.linalg.norm(near, axis=-1), np.linalg.norm(np.abs(interval).max(axis=-1), axis=-1)], axis=-1)
-    whole = np.concatenate([interval, size[:, None]], axis=1)
-    ends = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(DISPLACEMENT)}
-    return {"values": ends} | ({} if np.isfinite(interval).all() else {"why": why})
+    """Those of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it."""
+    if interval.shape[1] == 3:
+        near = np.where((interval[..., 0] > 0) | (interval[..., 1] < 0), np.abs(interval).min(axis=-1), 0.0)
+        names, ends = DISPLACEMENT, (np.linalg.norm(near, axis=-1), np.linalg.norm(np.abs(interval).max(axis=-1), axis=-1))
+    else:  # at most as far from the middle's as that of the half widths, of which differences are at most the sums
+        known = np.isfinite(interval).all(axis=(1, 2))
+        low, high = np.moveaxis(np.where(known[:, None, None], interval, 0.0), -1, 0)
+        middle, half = von_mises(0.5 * (low + high)), 0.5 * (high - low)
+        far = np.sqrt(von_mises(half) ** 2 + 2 * (half[:, :3] * np.roll(half[:, :3], -1, axis=1)).sum(axis=1))
+        names, ends = STRESS[:7], (np.maximum(middle - far, 0.0), np.where(known, middle + far, np.inf))
+    whole = np.concatenate([interval, np.stack(ends, axis=-1)[:, None]], axis=1)
+    told = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(names)}
+    return {"values": told} | ({} if np.isfinite(interval).all() else {"why": why})
 
 
 def problem_size(scene: Scene) -> dict[str, int]:

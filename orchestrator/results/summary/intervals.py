@@ -24,18 +24,26 @@ def sentences(summary: Mapping[str, object]) -> str:
         if why := probe.get("why"):
             lost.setdefault(why, []).append(probe["name"])
         values = (_between(name, ends["low"][-1], ends["high"][-1]) for name, ends in probe["values"].items())
-        texts.append(f"{probe['name']}: " + ", ".join(values) + units["length"])
+        kind, _, how = probe["of"].partition(", ")
+        unit = units["stress" if kind == "stress" else "length"]
+        texts.append(f"{probe['name']}{how and f' ({how})'}: {', '.join(values)}{unit}")
     for key in ("reactions", "sections", "resultants", "bolts"):
         for one in found.get(key) or ():
             if why := one.get("why"):
                 lost.setdefault(why, []).append(one["name"])
                 continue
-            low, high = (np.atleast_1d(one[end][-1]) for end in ("low", "high"))
-            axes = ("fx", "fy", "fz") if len(low) == 3 else ("force",)
-            texts.append(f"{one['name']}: " + ", ".join(_between(*each) for each in zip(axes, low, high)) + units["force"])
+            text = f"{one['name']}: {_row('f', one)}{units['force']}"
+            texts.append(text + (f"; {_row('m', one['moment'])}{units['moment']}" if "moment" in one and "why" not in one["moment"] else ""))
     more = [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN)
     lost = [f"{some(names)}: {why}" for why, names in lost.items()]
     return "\n".join([f"{found['kind']}, of the solution of this mesh:", *texts[:SHOWN], *more, *lost])
+
+
+def _row(letter: str, ends: Mapping[str, object]) -> str:
+    """Components of a vector, or a number."""
+    low, high = (np.atleast_1d(ends[end][-1]) for end in ("low", "high"))
+    names = [letter + axis for axis in "xyz"] if len(low) == 3 else ["force"]
+    return ", ".join(_between(*each) for each in zip(names, low, high))
 
 
 def _between(name: str, low: float | None, high: float | None) -> str:

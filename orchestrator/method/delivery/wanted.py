@@ -1,0 +1,128 @@
+"""What is asked to be certified: displacements and mean stresses, as what they are of nodes' displacements; forces, by their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import Refusal
+from orchestrator.scene.conditions.probes import Point, Surface
+from orchestrator.scene.conditions.rigid import size_of
+from orchestrator.scene.elasticity import strain, stress
+from orchestrator.scene.mesh.geometry import shape_gradients
+from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
+from orchestrator.scene.model import Scene, Subdomain
+
+STRESS = "stress"  # quantity of a probe
+REACTIONS, BOLTS, SECTIONS, RESULTANTS = KINDS = ("reactions", "bolts", "sections", "resultants")
+Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a probe tells of displacements: c components.
+
+    weights : of the displacements of nodes
+    given : (T, c) what it tells where nothing moves, of matter that is heated
+    stressed : subdomains of which the stress is asked for
+    """
+
+    weights: Weights
+    given: np.ndarray
+    stressed: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for.
+
+    probes : name → what is asked of displacements
+    reactions : whether those are; entries : numbers of the entries of ``boundary`` that hold something then
+    interfaces : numbers of the interfaces whose forces are
+    about : (3,) what moments of reactions are about; length : of the scene
+    bolts : name → number of the interface at its cut, and axis (3,)
+    """
+
+    probes: dict[str, Measured] = field(default_factory=dict)
+    reactions: bool = False
+    entries: list[int] = field(default_factory=list)
+    interfaces: list[int] = field(default_factory=list)
+    about: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    length: float = 1.0
+    bolts: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.probes or self.reactions or self.interfaces or self.bolts)
+
+    @classmethod
+    def of(cls, scene: Scene, names: Sequence[str], kinds: Sequence[str], about: Sequence[float]) -> Wanted:
+        """Of a whole scene.
+
+        names : of its probes of displacement or stress, at points or means over surfaces; kinds : of ``KINDS``
+        about : a point, which moments of reactions are about
+
+        Raises Refusal: a probe in a part whose mesh is not ours
+        """
+        return cls({p.name: _measured(scene, p) for p in scene.probes if p.name in names}, REACTIONS in kinds,
+                   [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
+                   [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
+                   np.array(about, dtype=float), size_of(scene.mesh.nodes),
+                   {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds})
+
+    def check(self, own: Sequence[Subdomain], blackbox: BlackBox) -> None:
+        """Raises Refusal: a stress in matter of a code's own, of which nobody knows the moduli.
+
+        own : subdomains of this rank
+        """
+        for name, probe in self.probes.items():
+            for s in own:
+                if s.index in probe.stressed and blackbox.traits(s.code).own_matter:
+                    raise Refusal("certified stress in own matter", name=name)
+
+
+def _measured(scene: Scene, probe: Point | Surface) -> Measured:
+    """What a probe tells of nodes' displacements: of stresses the mean over the tet at a point, or over those behind faces."""
+    place, stress = np.zeros(len(scene.mesh.cells), dtype=int), STRESS in (getattr(probe, "of", ""), probe.quantity)
+    for s in scene.subdomains:
+        place[s.cells] = np.arange(len(s.cells))
+    if isinstance(probe, Point):
+        cells, local, share = np.array([probe.cell]), np.arange(scene.mesh.cells.shape[1])[None], np.ones(1)
+        shape = tet_functions(probe.weights, scene.mesh.cells.shape[1])
+    else:
+        area = np.linalg.norm(probe.area, axis=1)
+        cells, local = probe.cells, (scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
+        share, shape = area / area.sum(), TRIANGLE_SHARES[probe.triangles.shape[1]]
+    given = np.zeros((scene.steps, 6 if stress else 3))
+    if stress:
+        local = np.broadcast_to(np.arange(scene.mesh.cells.shape[1]), (len(cells), scene.mesh.cells.shape[1]))
+        each = share[:, None] * _stress_of_nodes(scene, cells)  # (6, k, n, 3)
+        if scene.thermal is not None:
+            lam, mu = scene.lame[cells].T
+            given[:, :3] = -((share * (3 * lam + 2 * mu)) @ scene.thermal[:, cells].mean(axis=2).T)[:, None]
+    else:
+        each = np.einsum("k,n,ci->ckni", share, shape, np.eye(3))
+    result = {}
+    for e in np.unique(scene.cell_subdomain[cells]):
+        own = np.flatnonzero(scene.cell_subdomain[cells] == e)
+        s = scene.subdomains[e]
+        if s.foreign:
+            raise Refusal("certified in a foreign part", name=probe.name)
+        nodes = s.connectivity[place[cells[own]][:, None], local[own]]
+        result[int(e)] = nodes.ravel(), each[:, own].reshape(len(each), -1, 3)
+    return Measured(result, given, tuple(result) if stress else ())
+
+
+def _stress_of_nodes(scene: Scene, cells: np.ndarray) -> np.ndarray:
+    """(6, k, 4 or 10, 3) mean stress of some cells (k,) by the displacement of each of their nodes."""
+    size = scene.mesh.cells.shape[1]
+    gradients, apart = shape_gradients(scene.mesh.nodes, scene.mesh.cells[cells, :4])[0], np.arange(len(cells) * size).reshape(-1, size)
+    result = np.empty((6, len(cells), size, 3))
+    for node in range(size):
+        for component in range(3):
+            u = np.zeros((apart.size, 3))
+            u[apart[:, node], component] = 1.0
+            result[:, :, node, component] = stress(strain(gradients, apart, u), scene.lame[cells]).T
+    return result
