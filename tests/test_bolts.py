@@ -94,6 +94,10 @@ def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pull
     assert abs(told["force"][2] - 400) < 0.5 * pull  # the plates take most of it
     assert abs(pressed[2]) == pytest.approx(told["force"][2] - pull, rel=1e-5)
     assert told["shortening"][2] == pytest.approx(told["shortening"][1], rel=1e-9)
+    # symmetric but for the steps of the path: next to no shear, and heads that press with what the shank pulls
+    assert max(told["shear"]) < 1e-2 * 400 and max(np.abs(told["torsion"])) < 1e-2 * 400
+    between = [face for face in solution.summary["contact_faces"] if face["kind"] == "plane" and "bolt" not in face["bodies"]]
+    assert len(between) == 2 and sum(face["normal"][1] for face in between) == pytest.approx(400, rel=1e-5)
     assert dict(summary_rows(solution.summary))["bolts"].startswith("bolt: 39")
     assert "| bolt | 3 |" in "\n".join(interface_section(solution.summary))
 

@@ -3,14 +3,18 @@
 import gmsh
 import numpy as np
 import pytest
+from contact_case import contact
 from joint_case import lap_joint
 from typer.testing import CliRunner
 
-from orchestrator import InputError, build_scene, config_from
+from orchestrator import InputError, build_scene, config_from, solve
 from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
+from orchestrator.results.report.sections import interface_section
+from orchestrator.results.summary.verdict import verdict
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import make_mesh, placed
@@ -136,3 +140,23 @@ def test_a_head_and_its_shank_are_two_faces(tmp_path):
     assert np.allclose(head.law.gap, 0) and bore.law.gap.min() > 0.4
     crease = [scene.side_nodes(i, 0)[i.mortar.points] for i in (head, bore)]
     assert len(np.intersect1d(*crease)) >= 12
+
+
+def test_the_load_at_which_a_face_slips():
+    """A block pressed onto another and pushed aside, in steps of the path: at the last it slides as a whole."""
+    bottom, top = ({"on": {"plane": "z", "at": at}} for at in (0.0, 1.0))
+    push = [[0, 0, -0.005], [4e-4, 0, -0.005], [8e-4, 0, -0.005], [0.02, 0, -0.005]]
+    press = {**top, "displacement": push}
+    made = contact(0.2, boundary=[{**bottom, "displacement": [0, 0, 0]}, press],
+                   error=1e-6)
+    summary = solve(made, build_scene(made)).summary
+    (face,) = summary["contact_faces"]
+    assert face["kind"] == "plane" and face["slipping"] == [False, False, False, True]
+    assert face["carried"][3] == pytest.approx(0.2 * face["normal"][3], rel=1e-3) and face["used"][3] == pytest.approx(1, abs=1e-2)
+    slips = face["slips"]
+    assert slips["step"] == 4 and slips["on"] == "z = 1" and slips["before"] < slips["at"] <= slips["load"]
+    assert slips["at"] == pytest.approx(face["capacity"][3], rel=0.05)
+    (said,) = verdict(summary)
+    assert "slips from load step 4, at about" in said and dict(summary_rows(summary))["verdict"] == said
+    assert "slips" in "".join(interface_section(summary))
+    assert verdict({**summary, "converged": False}) == []

@@ -73,10 +73,11 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
 
 
-def bolt_forces(scene: Scene, interfaces: InterfaceFields) -> list[dict[str, object]]:
+def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants) -> list[dict[str, object]]:
     """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, and per load step
 
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
+    - shear, across the axis; bending and torsion, moments about the middle of the section where its plane cuts it
     - shortening, a length: how much the cut's sides have gone into each other along the axis
     - state: what its law says it does
     """
@@ -84,10 +85,16 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields) -> list[dict[str, obj
     for bolt in scene.bolts:
         for k, own in interfaces.each():
             if interfaces.names[k] == bolt.interface.name:
-                area = interfaces.area[own]
+                area, at = interfaces.area[own], bolt.interface.index
+                force, middle = resultants.force[:, at], resultants.centre[at]
+                lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis  # the section zigzags along the mesh's faces
+                moment = resultants.moment[:, at] - np.cross(lift, force)
+                along, turning = force @ bolt.axis, moment @ bolt.axis
                 told.append({
                     "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
                     "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
+                    "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
+                    "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(), "torsion": turning.tolist(),
                     "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
                     "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))] for row in interfaces.status[:, own]]})
     return told

@@ -18,7 +18,9 @@ from orchestrator.results.summary.words import hold_sentences, place_sentences, 
 LARGE = 0.1  # an error that stands out
 MOST = 40  # rows of a table; of more, the largest
 _SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
-_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual", "mesh's error")
+_ANSWER = ("run", "result", "verdict", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual",
+           "mesh's error")
+_OF_BOLTS = ("force", "shear", "bending", "torsion", "shortening")
 _BESIDE = ("on", "part", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
 _QUANTITIES = [
@@ -204,19 +206,40 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
              *((LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")))
             for law in sorted({entry["law"] for entry in resultants})]  # some of another's may not be registered here
     names = shown_statuses(counts)
-    tightened = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts
-                 for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
+    tightened = [(bolt["name"], str(step), *map(number, carried), state) for bolt in bolts for step, (*carried, state) in enumerate(
+        zip(*(bolt.get(key) or [0.0] * len(bolt["force"]) for key in _OF_BOLTS), bolt["state"]), 1)]
     return [*section("Warnings", *sentences(summary.get("warnings") or ())),
         *section("Interface laws", table(("law", "interfaces", "formula", "meaning"), laws),
                  "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on side 1; A: a node's share "
                  "of the area; p: pressure; μ: friction; g₀: initial gap." * bool(laws)),
-        *section("Bolts", "Force along the bolt, positive where it is pulled; what tightening has taken off its length." * bool(bolts),
-                 table(("bolt", "load step", "force", "shortening", "state"), tightened, numeric=True)),
+        *section("Bolts", "Force along the bolt, positive where it is pulled; shear, and moments of bending and torsion, at its cut; what "
+                 "tightening has taken off its length." * bool(bolts),
+                 table(("bolt", "load step", *_OF_BOLTS, "state"), tightened, numeric=True)),
+        *section("Faces in contact", *_faces(summary)),
         *section("Interface status", table(("load step", *names), [
             (str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)], numeric=True)),
         *section("Stabilisation", *sentences(stabilised_sentences(summary))),
         *section("Places of loose bodies", *sentences(place_sentences(summary))),
         *section("Bodies that are not held", *sentences(hold_sentences(summary)))]
+
+
+def _faces(summary: Mapping[str, object]) -> list[str]:
+    """What every face that touches carries, and how near it is to slipping, over the load steps."""
+    faces = [face for face in summary.get("contact_faces") or () if max(face["capacity"], default=0.0) > 0]
+    kept = sorted(faces, key=lambda face: -max(face["capacity"]))[:MOST]
+    lines = [(face["name"], str(step), number(normal), number(carried), number(capacity), f"{used:.0%}", _state(face, step - 1))
+             for face in faces if face in kept for step, (normal, carried, capacity, used) in enumerate(
+                 zip(*(face[key] for key in ("normal", "carried", "capacity", "used"))), 1)]
+    text = ("Normal force, the friction that the face carries as a whole, what friction can hold of it, and the share that is used, "
+            "twisting included; a shank in a hole with room bears or not.")
+    text += f" The {MOST} faces that hold most of {len(faces)}." * (len(kept) < len(faces))
+    return [text, table(("face", "load step", "normal", "friction", "can hold", "used", "state"), lines, numeric=True)] if lines else []
+
+
+def _state(face: Mapping[str, object], step: int) -> str:
+    if not face["capacity"][step]:
+        return "open"
+    return "bears" if face["kind"] == "bore" else "slips" if face["slipping"][step] else "holds"
 
 
 def last_values(summary: Mapping[str, object], history: Mapping[str, Sequence[float]]) -> str:

@@ -25,6 +25,7 @@ from orchestrator.results.answers import reaction_names
 from orchestrator.results.extremes import DISPLACEMENT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.summary.contact_faces import contact_faces
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.elasticity import von_mises
@@ -47,7 +48,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     ranks : what each rank has spent
     """
     iterated, estimated = delivered.iterated, delivered.discretisation
-    last, contact, met = iterated.last, _contact(scene, delivered), delivered.contact
+    last, contact, met = iterated.last, _contact(scene, delivered, reaction_names(config)), delivered.contact
     spent = total(ranks, scene)
     if foreign := _foreign_matter(spent["codes"]):
         estimated = None
@@ -173,8 +174,11 @@ def _backward(found: Backward | None) -> dict[str, object] | None:
     return each and {name: max(steps) for name, steps in each.items()} | {"load_steps": each}
 
 
-def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
-    """What happens on interfaces that are not perfect; empty where all are."""
+def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object]:
+    """What happens on interfaces that are not perfect; empty where all are.
+
+    names : of the entries of ``boundary``
+    """
     interfaces = delivered.interfaces
     if interfaces is None:
         return {}
@@ -184,7 +188,8 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
         "detached": detached, "weakly_held": weakly_held, **_unbalanced(scene, delivered),
-        **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}
+        "contact_faces": contact_faces(scene, interfaces, names, delivered.reactions),
+        **({"bolts": bolt_forces(scene, interfaces, delivered.resultants)} if scene.bolts else {})}
 
 
 def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:

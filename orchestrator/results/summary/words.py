@@ -9,6 +9,7 @@ from pathlib import Path
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.intervals import sentences as intervals
+from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.summary import blackbox_seconds, code_label, jsonable, stage_seconds, units_of
 
 LARGEST = 6  # stages named
@@ -159,8 +160,9 @@ def _nonlinear(summary: Mapping[str, object]) -> str:
 
 def _bolts(summary: Mapping[str, object]) -> str:
     """What they carry at the last load step."""
-    return "\n".join(f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}"
-                     for bolt in summary.get("bolts") or ())
+    return "\n".join(f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}" + (
+        f"; shear {bolt['shear'][-1]:.3g}, bending {bolt['bending'][-1]:.3g}" if bolt.get("shear") else "")
+        for bolt in summary.get("bolts") or ())
 
 
 def hold_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
@@ -286,7 +288,8 @@ def _skipped(summary: Mapping[str, object]) -> str:
 
 # label → a function of the summary, or a key of it and the format of what is there
 _LINES: tuple[tuple[str, object], ...] = (
-    ("run", ("name", "{}")), ("result", _result), ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
+    ("run", ("name", "{}")), ("result", _result), ("verdict", lambda summary: "\n".join(verdict(summary))),
+    ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
     ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
     ("error bound", _error), ("backward", _backward),
