@@ -23,8 +23,8 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.model import Scene
 
 # Normals whose cosine with their mean is below 1 by more than that are of no plane, and those that look along an axis by more than
-# that of no cylinder about it; planes and axes this far apart, of the scene's size, are two.
-PLANE, ROUND, APART = 1e-6, 0.05, 1e-4
+# that of no cylinder about it; planes this far apart, of the scene's size, are two; axes, found from facets, so many times that.
+PLANE, ROUND, APART, TURNED = 1e-6, 0.05, 1e-4, 50
 # A face slips where less than the first share of what friction can carry still sticks, and more than the second is used.
 STICKS, USED = 0.01, 0.9
 # A load has changed by more than this share of its largest.
@@ -57,9 +57,9 @@ class Face:
         """Whether another one is a piece of the same face: planes and axes no farther apart than a length."""
         if (self.bodies, self.kind, self.friction) != (other.bodies, other.kind, other.friction):
             return False
-        arm, along = other.through - self.through, float(abs(self.axis @ other.axis))
-        off = abs(arm @ self.axis) if self.kind in ("plane", "head") else float(np.linalg.norm(np.cross(arm, self.axis)))
-        return self.kind == "face" or (along > 1 - PLANE and off <= apart)
+        arm, along, flat = other.through - self.through, float(abs(self.axis @ other.axis)), self.kind in ("plane", "head")
+        off = abs(arm @ self.axis) if flat else float(np.linalg.norm(np.cross(arm, self.axis)))
+        return self.kind == "face" or (along > 1 - (PLANE if flat else ROUND**2) and off <= (1 if flat else TURNED) * apart)
 
 
 def contact_faces(scene: Scene, fields: InterfaceFields, names: Sequence[str], reactions: np.ndarray) -> list[dict[str, Any]]:
