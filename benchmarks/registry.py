@@ -59,6 +59,7 @@ _LISTED = {
                        "contact between ten-node tets and between four-node ones: two cantilevers, a cylinder on a block"),
     "bolts": ("studies.bolts:run",
               "eight bolts tightened one round after another, beside CalculiX's pre-tension sections on the same mesh"),
+    "lap_joint": ("studies.lap_joint:run", "a lap joint of two bolts, pulled until it slips: by hand and beside CalculiX"),
     "faults": ("studies.faults:run",
                "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
     "falsified": ("studies.falsified:run",

@@ -4,7 +4,7 @@ import gmsh
 import numpy as np
 import pytest
 from contact_case import contact
-from joint_case import lap_joint
+from benchmarks.problems.lap_joint import lap_joint
 from typer.testing import CliRunner
 
 from orchestrator import InputError, build_scene, config_from, solve
@@ -160,3 +160,14 @@ def test_the_load_at_which_a_face_slips():
     assert "slips from load step 4, at about" in said and dict(summary_rows(summary))["verdict"] == said
     assert "slips" in "".join(interface_section(summary))
     assert verdict({**summary, "converged": False}) == []
+
+
+@pytest.mark.long
+def test_the_lap_joint_beside_calculix(tmp_path):
+    """Preload shortening, slip load and bolts' forces on one mesh, within 3 %; by hand."""
+    from benchmarks.kit.study import Study
+    from benchmarks.studies.lap_joint import run
+
+    study = Study("lap_joint", "", tmp_path)
+    run(study)
+    assert len(study.targets) == 9 and all(target.met for target in study.targets), study.targets
