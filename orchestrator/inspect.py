@@ -114,6 +114,8 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     if scene.element is not None:
         lines.append(f"element: {scene.element}")
     lines += _pairs(scene, config)
+    gaps = [sentence for sentence in scene.near.values() if sentence]
+    lines += [f"gap: {sentence}" for sentence in gaps[:PAIRS]] + [f"… and {len(gaps) - PAIRS} gaps more"] * (len(gaps) > PAIRS)
     return lines + [f"warning: {sentence}" for sentence in [*scene_cautions(scene), *stabilisation_cautions(config.method)]]
 
 

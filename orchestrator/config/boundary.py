@@ -225,7 +225,8 @@ class Bolt(Part):
     on: Name = Field(description="the name of its volume")
     cut: either(Literal["auto"], Cut, lambda value: isinstance(value, str),
                 "auto, or {plane: z, at: 12}, or {plane: [0, 1, 1], at: [0, 5, 5]}") = Field("auto", description=(
-        "plane across the shank, {plane: z, at: 12}; auto: at mid-length of the longest cylinder of the volume"))
+        "plane across the shank, {plane: z, at: 12}; auto: at mid-length of the longest cylinder of the volume, moved into a plate where "
+        "plates meet there"))
     force: Positive = Field(description="pretension, above 0")
     history: Name | None = Field(None, description=(
         "name of the factors per load step, of the force: while it is zero at the beginning the bolt is in place, and not "

@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
@@ -26,6 +26,8 @@ ALIKE = 0.05
 SHORTEST = 0.5
 # The corners of a cylinder's facets are on it, but for digits of files; those of a square bar's are up to 41 % off.
 ROUND = 0.02
+# Parts end beside a shank with faces across its axis, to so many of its radii, within this share of one.
+NEAR, FLAT = 2.0, 1e-3
 # Steps of a fit that squares its error in each, from some hundredths of the radius.
 FIT = 6
 
@@ -60,6 +62,9 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
 
         if found := _plane(mesh, faces, partition, bolt, [name for _, name, *_ in planes], wrong):
             name, own, axis, point = found
+            if bolt.cut != "auto" and (better := _elsewhere(mesh, faces, own, axis, point)):
+                problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane and "
+                                         f"leaves pieces of contact with hardly a node; {better} is amid one of them")
             corners = mesh.nodes[mesh.cells[own, :4]]
             height = (corners - point) @ axis
             ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0,
@@ -100,14 +105,14 @@ def _plane(mesh: Mesh, faces: Faces, partition: Partition, bolt: Any, known: lis
     if name in known:
         return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
     own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-    if bolt.cut == "auto":
-        plane = across_shank(mesh, faces, own)
-    else:
-        plane = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
-    if plane is None:
+    shank = across_shank(mesh, faces, own)
+    if bolt.cut != "auto":
+        axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
+    elif shank is None:
         return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
                      "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
-    axis, point = plane
+    else:
+        axis, point = shank.axis, shank.middle + away_from_joints(mesh, faces, own, shank) * shank.axis
     ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
     if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
@@ -132,8 +137,54 @@ def _in_one_piece(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: n
     return ahead ^ lonely
 
 
-def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Axis (3,) and middle (3,) of the longest cylinder that some cells are round; None where there is none.
+@dataclass(frozen=True)
+class Shank:
+    """The longest cylinder of a bolt: its axis (3,), middle (3,) on it, radius and length."""
+
+    axis: np.ndarray
+    middle: np.ndarray
+    radius: float
+    length: float
+
+
+def away_from_joints(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank, at: float = 0.0) -> float:
+    """Where to cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
+
+    A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
+    node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.
+
+    own : cells of the bolt
+    """
+    mine, inner = np.isin(faces.owner, own), faces.neighbour >= 0
+    ends = ~mine & ~inner | inner & (mesh.volume[faces.owner] != mesh.volume[faces.neighbour])
+    middles = mesh.nodes[faces.triangles[ends, :3]] - shank.middle
+    along = middles @ shank.axis
+    beside = np.linalg.norm(middles - along[:, :, None] * shank.axis, axis=2).min(axis=1) < NEAR * shank.radius
+    flat = beside & (np.ptp(along, axis=1) < FLAT * shank.radius)  # faces across the axis: where a part ends
+    corners = (mesh.nodes[mesh.cells[own, :4]] - shank.middle) @ shank.axis
+    size = float(np.median(np.ptp(corners, axis=1)))
+    ends = np.r_[-shank.length / 2, along[flat].mean(axis=1), shank.length / 2]
+    ends = np.unique(ends[np.abs(ends) <= shank.length / 2])
+    if np.abs(ends - at).min() > size:
+        return at
+    places = (ends[1:] + ends[:-1]) / 2
+    places = places[np.diff(ends) > 2 * size]
+    far = np.abs(places - at)
+    return float(places[far <= far.min() + FLAT * shank.radius].max()) if len(places) else at
+
+
+def _elsewhere(mesh: Mesh, faces: Faces, own: np.ndarray, axis: np.ndarray, point: np.ndarray) -> str:
+    """A better place for a cut that crosses planes at which other parts end; empty where there is none, or no need."""
+    shank = across_shank(mesh, faces, own)
+    if shank is None or abs(shank.axis @ axis) < 1 - ACROSS**2:
+        return ""
+    at = float((point - shank.middle) @ shank.axis)
+    better = away_from_joints(mesh, faces, own, shank, at)
+    return "" if better == at else format_point(shank.middle + better * shank.axis)
+
+
+def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
+    """The longest cylinder that some cells are round; None where there is none.
 
     The axis is first the principal axis of inertia that is least like the others, then what the faces that look across it
     all look across.
@@ -175,7 +226,7 @@ def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> tuple[np.ndarra
     radius = np.linalg.norm(np.cross(shank - through, axis), axis=1)
     if np.ptp(radius) > ROUND * radius.mean():
         return None
-    return axis, through + (found - through @ axis) * axis
+    return Shank(axis, through + (found - through @ axis) * axis, float(radius.mean()), float(best))
 
 
 def fitted(points: np.ndarray, through: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

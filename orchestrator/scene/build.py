@@ -57,7 +57,7 @@ class Joints:
     """
 
     interfaces: list[Interface]
-    near: list[tuple[int, int]]
+    near: dict[tuple[int, int], str]
     bolts: list[PlacedBolt]
     grounds: list[Interface] = field(default_factory=list)
     stands: dict[int, slice] = field(default_factory=dict)
@@ -131,7 +131,7 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
     """The interfaces; where their sides are fitted to each other the mesh's nodes move, and what acts on faces with them."""
     mesh, matter = body.mesh, _matter(body, boundary)
     laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes], _times(config, config.interfaces))
-    interfaces, near = ([], []) if cut.failed else make_interfaces(Search(
+    interfaces, near = ([], {}) if cut.failed else make_interfaces(Search(
         mesh, body.faces, cut.partition, cut.numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
     bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems)
     if mesh.foreign and not cut.failed:

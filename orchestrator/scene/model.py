@@ -271,7 +271,7 @@ class Scene:
     loads : (steps, n, 3), consistent nodal forces on global nodes
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
-    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
+    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface; with a sentence on their gap
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
@@ -293,7 +293,7 @@ class Scene:
     loads: np.ndarray
     steps: int
     warnings: list[str] = field(default_factory=list)
-    near: list[tuple[int, int]] = field(default_factory=list)
+    near: dict[tuple[int, int], str] = field(default_factory=dict)
     bolts: list[PlacedBolt] = field(default_factory=list)
     thermal: np.ndarray | None = None
     overview: Overview | None = None

@@ -27,6 +27,8 @@ from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
 
+FARTHER = 1.5  # search distance that is proposed, of the nearest faces' distance: chords of round faces vary
+
 
 @dataclass(frozen=True)
 class Near:
@@ -44,8 +46,9 @@ class Near:
     miss: float
 
 
-def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int, int]]:
-    """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there.
+def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int, int], str]:
+    """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there, and a sentence of
+    each that has a gap.
 
     found : all interfaces
     """
@@ -66,7 +69,14 @@ def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int,
         elif pair not in inside and (apart or (seen.touching and not laws[governing[pair]].apart)):
             _report(search, pair, seen, pair in joined, governing[pair])
     _report_alone(search, cells, told)
-    return list(beside)
+    return {pair: "" if seen.touching or pair in inside else _gap(search, pair, seen) for pair, seen in beside.items()}
+
+
+def _gap(search: Search, pair: tuple[int, int], seen: Near) -> str:
+    """A gap that nothing bridges."""
+    one, two = (search.mesh.volumes[v] for v in pair)
+    return (f"{one} and {two} look at each other {seen.distance:.3g} apart, at {format_point(seen.where)}, and nothing keeps them apart there: "
+            f"to have contact across that gap, write within: {FARTHER * seen.distance:.2g} beside between: auto, or gap: geometry for the two")
 
 
 def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:

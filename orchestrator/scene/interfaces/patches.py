@@ -25,16 +25,16 @@ from orchestrator.scene.names import suggestion
 MOST = 50
 
 
-def make_interfaces(search: Search) -> tuple[list[Interface], list[tuple[int, int]]]:
+def make_interfaces(search: Search) -> tuple[list[Interface], dict[tuple[int, int], str]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces, then ``hinges``.
 
     Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as
     free, see ``leave_free``.
 
-    Returns interfaces, and the pairs of volumes that are near each other without one
+    Returns interfaces, and the pairs of volumes that are near each other without one, as ``report_neighbours``
     """
     laws, partition, problems = search.laws, search.partition, search.problems
-    found, near = _shared(search), []
+    found, near = _shared(search), {}
     _report_loose(search, found)
     found += _opposite(search)
     within = [partition.body(one) == partition.body(two) for one, two in (i.subdomains for i in found)]
