@@ -121,6 +121,29 @@ def test_faces_of_a_part_on_a_plane():
         build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
 
 
+def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
+    """A bolt whose middle is where two plates meet is cut amid one of them; its shank has no pair across the gap."""
+    with session():
+        occ = gmsh.model.occ
+        for z in (0, 6):
+            occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
+        shank = occ.fuse([(3, occ.addCylinder(10, 10, 0, 0, 0, 12, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])[0]
+        occ.fuse(shank, [(3, occ.addCylinder(10, 10, -4, 0, 0, 4, 7))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "clamp.brep"))
+    data = {"name": "clamp", "mesh": {"step": str(tmp_path / "clamp.brep"), "conforming": False, "h": {"curvature": 12, "max": 3.0},
+                                      "rename": {"solid_3": "bolt"}}, "subdomains": "groups",
+            "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"between": "auto", "law": "contact", "friction": 0.2}],
+            "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}], "bolts": [{"on": "bolt", "force": 1000.0}]}
+    scene = build_scene(config_from(data))
+    assert np.allclose(scene.bolts[0].point, [10, 10, 9], atol=0.05)
+    gaps = [sentence for sentence in scene.near.values() if sentence]
+    assert len(gaps) == 2 and all("bolt" in gap and "nothing keeps them apart" in gap for gap in gaps)
+    there = build_scene(config_from({**data, "bolts": [{"on": "bolt", "force": 1000.0, "cut": {"plane": "z", "at": 6.0}}],
+                                     "interfaces": [{"between": "auto", "law": "contact", "friction": 0.2, "within": 0.7}]}))
+    assert any("(10, 10, 9) is amid one" in warning for warning in there.warnings) and not any(there.near.values())
+
+
 def test_a_head_and_its_shank_are_two_faces(tmp_path):
     """Each with its own normal, at the crease between them too: a head presses along its axis and nowhere else."""
     with session():
