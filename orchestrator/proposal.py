@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from orchestrator.scene.fits import Bolt, Fit, Pressed, bolts, fits, pressed, round_faces
-from orchestrator.scene.inspection import SurfaceRow, pairs_of_mesh
+from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import INSIDE, unique_names
@@ -48,7 +48,7 @@ class Proposal:
             for volume, what in ((bolt.volume, f"bolt_{number}"), *((nut, f"nut_{number}" + "b" * k) for k, nut in enumerate(bolt.nuts))):
                 inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
                 roles[mesh.volumes[volume]] = f"{inside}{sign}{what}"
-        return cls(mesh, found, touching, clamps, len(list(pairs_of_mesh(mesh, faces))), roles)
+        return cls(mesh, found, touching, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles)
 
     def renamed(self, new_names: dict[str, str]) -> Mesh:
         """The mesh with other names of volumes, and of their surfaces, which are told from now on."""

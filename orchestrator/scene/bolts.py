@@ -63,8 +63,8 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
         if found := _plane(mesh, faces, partition, bolt, [name for _, name, *_ in planes], wrong):
             name, own, axis, point = found
             if bolt.cut != "auto" and (better := _elsewhere(mesh, faces, own, axis, point)):
-                problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane and "
-                                         f"leaves pieces of contact with hardly a node; {better} is amid one of them")
+                problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
+                                         f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
             corners = mesh.nodes[mesh.cells[own, :4]]
             height = (corners - point) @ axis
             ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0,

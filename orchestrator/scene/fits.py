@@ -33,10 +33,10 @@ NUT = 2.0
 
 @dataclass(frozen=True, eq=False)
 class RoundFace:
-    """A cylindrical surface: its volume, axis (3,), a point (3,) of it, radius, from where to where along the axis, whether matter is
-    outside."""
+    """A cylindrical surface, of one name or of several halves: its volume, axis (3,), a point (3,) of it, radius, from where to where
+    along the axis, whether matter is outside, mean element size."""
 
-    name: str
+    names: tuple[str, ...]
     volume: int
     axis: np.ndarray
     through: np.ndarray
@@ -44,6 +44,7 @@ class RoundFace:
     low: float
     high: float
     hollow: bool
+    size: float
 
     def eccentric(self, other: RoundFace) -> float:
         """How far another one's axis is from this one's; infinite where they are not parallel."""
@@ -140,16 +141,18 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         arm = points.mean(axis=1) - shape.through
         arm -= np.outer(arm @ shape.direction, shape.direction)
         outward = np.einsum("ki,ki->", arm, area_vectors(mesh.nodes, faces.triangles[at]))
-        face = RoundFace(name, int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
-                         float(along.min()), float(along.max()), bool(outward < 0))
-        area = float(np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1).sum())
+        each = np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1)
+        face = RoundFace((name,), int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
+                         float(along.min()), float(along.max()), bool(outward < 0), float(np.sqrt(2 * each).mean()))
+        area = float(each.sum())
         half = next((k for k, other in enumerate(found) if other.continued_by(face)), None)
         if half is None:
             found.append(face)
             covered.append(area)
         else:
             low, high = found[half].extent_of(face)
-            found[half] = replace(found[half], low=min(low, found[half].low), high=max(high, found[half].high))
+            found[half] = replace(found[half], names=(*found[half].names, name), low=min(low, found[half].low),
+                                  high=max(high, found[half].high))
             covered[half] += area
     return [face for face, area in zip(found, covered) if area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
 
@@ -165,6 +168,18 @@ def fits(found: Sequence[RoundFace]) -> list[Fit]:
             low, high = (pick(ends) for pick, ends in zip((max, min), zip((shaft.low, shaft.high), shaft.extent_of(hole))))
             if high - low > TOGETHER * shaft.radius:
                 result.append(Fit(shaft, hole, clearance, eccentric, high - low, shaft.through + (low + high) / 2 * shaft.axis))
+    return result
+
+
+def exact_distance(mesh: Mesh, found: Sequence[Fit]) -> np.ndarray:
+    """(s, s) clearance between the CAD faces of the mesh, in the order of ``mesh.smooth``, of those that fit about one axis; else nan."""
+    number = {name: k for k, name in enumerate(mesh.smooth)}
+    result = np.full((len(number) + 1, len(number) + 1), np.nan)  # the last one for what is on no CAD face
+    for fit in found:
+        if fit.eccentric <= SAME * fit.shaft.radius:
+            for a in (number[name] for name in fit.shaft.names if name in number):
+                for b in (number[name] for name in fit.hole.names if name in number):
+                    result[a, b] = result[b, a] = fit.clearance
     return result
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.scene.fits import exact_distance, fits, round_faces
 from orchestrator.scene.shapes import Shape, shape_of
 from orchestrator.scene.interfaces.distances import paired_distance
 from orchestrator.scene.interfaces.facing import facing
@@ -21,7 +22,7 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
-SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
+SHARED, COINCIDENT, APART, ROOM = "shared", "matching", "not matching", "with room"
 UNKNOWN = Shape("curved")
 
 
@@ -32,7 +33,7 @@ class PairRow:
     one, two : names of the parts
     area : that they have in common
     nearest, farthest : distance of the sides along the normal; negative inside each other
-    meshes : whether faces are shared, nodes coincide or project onto each other, or neither
+    meshes : whether faces are shared, nodes coincide or project onto each other, neither, or a shaft has room in a hole
     slave : name of the part whose nodes carry the points; empty where nodes are paired
     size : element size of either side
     law : that governs; empty where that is not known
@@ -74,7 +75,7 @@ def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, flo
 
 
 def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
-    """What touches, whatever laws may say: shared faces, then faces that lie on each other."""
+    """What touches, whatever laws may say: shared faces, then faces that lie on each other; then shafts in holes with room."""
     shared, sides, bounds = patches(faces, mesh.volume)
     for first, last in zip(bounds[:-1], bounds[1:]):
         each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[shared[first:last]]), axis=1)
@@ -82,13 +83,21 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
         yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED, "", (size, size))
     if len(mesh.volumes) < 2:
         return
-    skins = Skins(mesh, faces)
+    skins, round_ones, told = Skins(mesh, faces), fits(round_faces(mesh, faces)), set()
+    exact = exact_distance(mesh, round_ones)  # chords of two polygons about one circle are in each other, circles are not
     for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
         matching = np.concatenate([np.empty(0, int), *(patch.facets[:, 0] for patch in match(one, two))])
         for found in facing(skins(one), skins(two)):
-            fits = np.isin(found.segments.slave, matching).all()
-            yield PairRow(mesh.volumes[one.volume], mesh.volumes[two.volume], found.area, float(found.distance.min()),
-                          float(found.distance.max()), COINCIDENT if fits else APART, "", found.size)
+            alike = np.isin(found.segments.slave, matching).all()
+            known = exact[skins(one).face[found.segments.slave], skins(two).face[found.segments.master]]
+            distance = np.where(np.isnan(known), found.distance, known)
+            told |= {(one.volume, two.volume)} if (~np.isnan(known)).any() else set()
+            yield PairRow(mesh.volumes[one.volume], mesh.volumes[two.volume], found.area, float(distance.min()), float(distance.max()),
+                          COINCIDENT if alike else APART, "", found.size)
+    for fit in round_ones:
+        if not fit.same and fit.clearance > 0 and not {fit.volumes, fit.volumes[::-1]} & told:
+            yield PairRow(*(mesh.volumes[v] for v in fit.volumes), fit.area, fit.clearance - fit.eccentric, fit.clearance + fit.eccentric,
+                          ROOM, "", (fit.shaft.size, fit.hole.size))
 
 
 # Largest extents of what is built and made, in metres: beyond, one unit is meant for another.

@@ -75,8 +75,8 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
 def _gap(search: Search, pair: tuple[int, int], seen: Near) -> str:
     """A gap that nothing bridges."""
     one, two = (search.mesh.volumes[v] for v in pair)
-    return (f"{one} and {two} look at each other {seen.distance:.3g} apart, at {format_point(seen.where)}, and nothing keeps them apart there: "
-            f"to have contact across that gap, write within: {FARTHER * seen.distance:.2g} beside between: auto, or gap: geometry for the two")
+    return (f"{one} and {two} look at each other {seen.distance:.3g} apart, at {format_point(seen.where)}, and nothing keeps them apart "
+            f"there: for contact across that gap write within: {FARTHER * seen.distance:.2g} beside between: auto, or gap: geometry")
 
 
 def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:
