@@ -38,20 +38,22 @@ def lap_joint(folder: Path, shift: float = 0.0) -> list[Path]:
     return [folder / "plates.step", folder / "bolts.step"]
 
 
-def joint_scene(folder: Path, pull: Sequence[float], **changes: Any) -> dict[str, Any]:
+def joint_scene(folder: Path, pull: Sequence[float], size: tuple[int, float, float] = (12, 5.9, 4.2)) -> dict[str, Any]:
     """The configuration as ``orchestrator init`` writes it and four lines are edited, of four-node tets.
 
     pull : factors of the pull, a load step each, after the one that tightens the bolts
+    size : elements on a circle, and the largest of the plates and of the bolts
     """
     plates, bolts = lap_joint(folder)
+    circle, *largest = size
+    sizes = [{"curvature": circle, "min": 0.1 * most, "max": most} for most in largest]
     names = {"solid_1": "bolt_1", "solid_2": "nut_1", "solid_3": "bolt_2", "solid_4": "nut_2"}
     end = {"on": {"plane": "x", "at": 140}}
     return {
         "name": "lap_joint",
-        "parts": [{"name": "plates", "mesh": {"step": str(plates), "h": {"curvature": 12, "min": 0.59, "max": 5.9}, "conforming": False,
+        "parts": [{"name": "plates", "mesh": {"step": str(plates), "h": sizes[0], "conforming": False,
                                               "rename": {"solid_1": "lower", "solid_2": "upper"}}},
-                  {"name": "bolts", "mesh": {"step": str(bolts), "h": {"curvature": 12, "min": 0.42, "max": 4.2}, "conforming": False,
-                                             "rename": names}}],
+                  {"name": "bolts", "mesh": {"step": str(bolts), "h": sizes[1], "conforming": False, "rename": names}}],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {**end, "displacement": [None, 0, 0]},
                      {**end, "resultant": {"force": [PULL, 0, 0]}, "history": "pull"}],
@@ -59,4 +61,4 @@ def joint_scene(folder: Path, pull: Sequence[float], **changes: Any) -> dict[str
         "bolts": [{"on": f"bolts/bolt_{k}", "force": PRETENSION, "history": "tighten"} for k in (1, 2)],
         "interfaces": [{"between": "auto", "law": "contact", "friction": FRICTION, "within": 0.65},
                        *({"between": [f"bolts/bolt_{k}", f"bolts/nut_{k}"], "law": "perfect"} for k in (1, 2))],
-        "blackbox": {"code": "freefem", "element": "P1"}, "method": {"tolerance": {"error": 1e-4}}, "output": {"figures": False}, **changes}
+        "blackbox": {"code": "freefem", "element": "P1"}, "method": {"tolerance": {"error": 1e-4}}, "output": {"figures": False}}
