@@ -65,7 +65,7 @@ def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
 
 
 def test_sizes_by_curvature_on_faces_and_names(tmp_path):
-    plates, _ = lap_joint(tmp_path)
+    plates, bolts = lap_joint(tmp_path)
     keys = {"step": str(plates), "conforming": False, "rename": {"solid_1": "lower"}}
     coarse, fine, refined = (make_mesh(section(**keys, **more))[0] for more in (
         {"h": 8.0}, {"h": {"*": 8.0, "lower": {"curvature": 24, "max": 8.0}}}, {"h": 8.0, "refine": [{"on": "lower:1", "h": 2.0}]}))
@@ -75,6 +75,8 @@ def test_sizes_by_curvature_on_faces_and_names(tmp_path):
     assert sides[1] == 24 and sides[0] < 12
     assert len(refined.surfaces["lower:1"]) > 8 * len(coarse.surfaces["lower:1"])
     assert len(refined.surfaces["solid_2:1"]) == len(coarse.surfaces["solid_2:1"])
+    with pytest.raises(InputError, match="curvature: 1000 makes about 3.1e.06 nodes"):
+        make_mesh(section(**{**keys, "step": str(bolts)}, h={"curvature": 1000}))
     with pytest.raises(InputError, match="did you mean solid_2 or solid_1"):
         make_mesh(section(**{**keys, "rename": {"solid_l": "lower"}}))
     with pytest.raises(InputError, match="several volumes called lower"):

@@ -29,7 +29,8 @@ def run(study: Study) -> None:
     study.add(Case(config, {"element": "P1"}), {
         "dofs": summary["dofs"], "iterations": solved.iterations, "stop_reason": solved.stop_reason,
         "slips_at": face["slips"] and face["slips"]["at"], "calculix_slips_at": theirs,
-        "shortening": float(np.mean([b["shortening"][0] for b in summary["bolts"]])), "calculix_shortening": float(exact.shortening[0].mean()),
+        "shortening": float(np.mean([b["shortening"][0] for b in summary["bolts"]])),
+        "calculix_shortening": float(exact.shortening[0].mean()),
         "seconds": round(summary["timing"]["total"], 1)},
         solved.history, f"slips at {face['slips'] and face['slips']['at']}")
     heads = [exact.normal[bolt["name"], PLATES[1]] for bolt in summary["bolts"]]

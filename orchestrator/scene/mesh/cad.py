@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from orchestrator.config.mesh import Curved
 from orchestrator.errors import Problems, some
+from orchestrator.scene.mesh.checks import check_size
 from orchestrator.scene.mesh.gmsh_session import TRIANGLE, elements, gmsh
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.scene.shapes import Shape
@@ -87,6 +88,20 @@ class Sizing:
     def __str__(self) -> str:
         told = "auto" if self.largest is None else f"{self.largest:g}"
         return told + (f", curvature {self.per_circle:g}" if self.per_circle else "")
+
+
+def check_curvature(solids: Iterable[tuple[Iterable[int], Sizing]]) -> None:
+    """Raises InputError for elements on curved faces so small that no memory holds them; solids by the tags of their faces."""
+    count, most = 0.0, 0.0
+    for faces, sizing in solids:
+        for tag in faces if sizing.per_circle else ():
+            low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
+            bent = max(float(abs(k[0])) for k in gmsh.model.getPrincipalCurvatures(tag, (low + high) / 2)[:2])
+            per_length = bent * sizing.per_circle / (2 * np.pi)
+            per_length = min(per_length, 1 / sizing.least) if sizing.least else per_length
+            count, most = count + 1.15 * gmsh.model.occ.getMass(2, tag) * per_length**2, max(most, sizing.per_circle)
+    check_size(count, ("mesh", "h"), f"curvature: {most:g}", lambda factor: f"take elements {factor:.2g} times as large on curved faces: "
+               f"curvature: {most / factor:.2g}, or a larger min")
 
 
 def sizes_of(names: list[str], h: Any) -> dict[str, Sizing]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import wrong
-from orchestrator.scene.mesh.cad import Sizing, apply_refinement, face_shape, refined_faces
+from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
@@ -54,6 +54,7 @@ def joined(path: Path, mesh: Any, sizing: Sizing) -> tuple[list[str], dict[int, 
         solids, names = [solids[i] for i in kept], [names[i] for i in kept]
     if sizing.largest is not None:
         check_h(solids, sizing.largest)
+    check_curvature([([tag for _, tag in gmsh.model.getEntities(2)], sizing)])
     if len(solids) == 1:
         return names, {solids[0][1]: 0}
     _, children = gmsh.model.occ.fragment(solids, [])

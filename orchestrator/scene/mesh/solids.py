@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, some
-from orchestrator.scene.mesh.cad import Sizing, apply_refinement, face_shape, refined_faces, sizes_of
+from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
@@ -121,6 +121,7 @@ def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[l
         check_h([found[i] for i in kept], largest)
     solids = [Solid(found[i][1], names[i], sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)}),
                     sizes[names[i]]) for i in kept]
+    check_curvature((solid.faces, solid.size) for solid in solids)
     return solids, list(_small(solids))
 
 
