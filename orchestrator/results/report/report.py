@@ -17,12 +17,13 @@ from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.report.document import by_step, heading, page, picture, plain, section, table
+from orchestrator.results.report.document import Marked, by_step, heading, page, picture, plain, section, table
 from orchestrator.results.report.sections import (answer, carried, extremes, interface_section, last_values, probes, question, reactions,
     settings)
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
 from orchestrator.results.summary.words import summary_rows, told_by_code
+from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.workload import PERIODS
 from orchestrator.scene.conditions.selection import check_figures
 
@@ -91,12 +92,12 @@ def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
-    """Question and answer first; the structure's picture beside the answer."""
+    """What it does in a sentence, question and answer first; the structure's picture beside the answer."""
     summary, folder = solution.summary, solution.directory
-    told = {"run", "result", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "probes", "warning"}
+    told = {"run", "result", "verdict", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "probes", "warning"}
     rest = [row for row in summary_rows(summary) if row[0] not in told]
-    return [heading(str(summary.get("name") or "Run"), 1), *question(summary), *answer(summary), *pictures,
-        *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),
+    return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, verdict(summary)), *question(summary), *answer(summary),
+        *pictures, *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),
         *section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True)),
         heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), last_values(summary, solution.history),
         heading("Time"), _time(summary),

@@ -18,8 +18,7 @@ from orchestrator.results.summary.words import hold_sentences, place_sentences, 
 LARGE = 0.1  # an error that stands out
 MOST = 40  # rows of a table; of more, the largest
 _SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
-_ANSWER = ("run", "result", "verdict", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual",
-           "mesh's error")
+_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual", "mesh's error")
 _OF_BOLTS = ("force", "shear", "bending", "torsion", "shortening")
 _BESIDE = ("on", "part", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
