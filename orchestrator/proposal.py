@@ -65,8 +65,14 @@ class Proposal:
         return self.mesh
 
     @property
+    def room(self) -> list[Fit]:
+        """Shafts that have room in their holes."""
+        return [fit for fit in self.fits if not fit.same and fit.clearance > 0]
+
+    @property
     def tolerance(self) -> str:
-        return "1.0e-4" if self.bolts else "1.0e-6"
+        """Of the run: bonded parts cost little to the last digit."""
+        return "1.0e-4" if self.bolts or self.room else "1.0e-6"
 
     @property
     def force(self) -> float:
@@ -103,7 +109,7 @@ bolts:                              # EDIT: the force; the cut is across the sha
 
     def interfaces(self) -> str:
         """Laws of what touches and of what is in holes with room."""
-        room = [fit for fit in self.fits if not fit.same and fit.clearance > 0]
+        room = self.room
         count = "one pair of parts lies" if self.pairs == 1 else f"{self.pairs} pairs of parts lie"
         if not self.pairs and not room:
             return ""

@@ -4,8 +4,10 @@ import gmsh
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
+from typer.testing import CliRunner
 
-from orchestrator.config.load import config_from
+from orchestrator.cli import app
+from orchestrator.config.load import config_from, load_config
 from orchestrator.config.mesh import Mesh, Move
 from orchestrator.errors import InputError
 from orchestrator.run import solve
@@ -168,6 +170,14 @@ def test_dirty_models_are_told_by_solid_and_face(dirty):
     assert remark.startswith("solid_3 is small") and "solid_3:1" in remark
     assert told(h=0.3, exclude=["sold_1"])[0].path == ("mesh", "exclude")
     assert told(h={"solid_1": 1}, exclude=["shell_1"])[0].found.startswith("no element size for solid_2")
+
+
+def test_what_can_be_meshed_of_a_dirty_model_is_shown_and_proposed(dirty, tmp_path):
+    done = CliRunner().invoke(app, ["inspect", dirty, "--h", "0.3"])
+    assert done.exit_code == 0 and "solid_2" in done.stdout and "solid_1 cannot be meshed" in done.stdout
+    done = CliRunner().invoke(app, ["init", str(tmp_path / "dirty.yaml"), dirty])
+    assert done.exit_code == 0 and "close no solid; it is left out" in " ".join(done.stdout.split())
+    assert load_config(tmp_path / "dirty.yaml").config.mesh.exclude == ["shell_1", "solid_1"]
 
 
 def test_solids_left_out_where_solids_share_faces():
