@@ -35,6 +35,7 @@ MAX_NEWTON = 60
 SOFT = 1e-7  # compliance of a pair over 1/c, in the Newton direction alone
 PROXIMAL = 1e-9  # stiffness added to K's diagonal likewise: bodies that nothing holds
 BACKTRACKS = 5
+ALIKE, TURNS = 1e-10, 1000  # of the forces that go with given displacements, what need not be known, and how often they are improved
 NORMAL = 1e-6  # share of a normal that prescribed components must leave for the contact to press on
 SCALES = (1.0, 10.0, 0.1, 100.0)  # c over the local stiffness; the next one when Newton cycles
 
@@ -129,6 +130,27 @@ class Monolithic:
             steps.append(last[1])
             last = (last[1].parts, last[1].force)
         return steps
+
+    def start(self, t: int, parts: list[np.ndarray], before: list[np.ndarray] | None = None) -> tuple[list[np.ndarray], np.ndarray]:
+        """Displacements (n_E, 3) of the subdomains as a start, with pair forces (P, 3) that balance them and obey the laws beside them.
+
+        Where several interfaces meet in a node many forces balance: laws and balance are met in turn until both hold.
+
+        Parameters
+        ----------
+        before : displacements at the load step before, if there is one
+        """
+        self.pairs.gap, self.pairs.jump = self.pairs.at[t]
+        u, previous = (np.concatenate([p.ravel() for p in each]) for each in (parts, before or [np.zeros_like(p) for p in parts]))
+        left, jump, previous = (self._loads(t) - self.K @ u)[self.free], *((self.pairs.D @ x).reshape(-1, 3) for x in (u, previous))
+        force = np.zeros_like(jump)
+        for _ in range(TURNS):
+            missing = sla.lsqr(self.D.T, left - self.D.T @ force.ravel(), atol=ALIKE, btol=ALIKE)[0]
+            balanced = force + missing.reshape(-1, 3)
+            force = self._law(balanced, jump, previous, 1.0)[0]
+            if np.abs(force - balanced).max(initial=0.0) <= ALIKE * np.abs(force).max(initial=0.0):
+                break
+        return parts, force
 
     def reactions(self, t: int, parts: list[np.ndarray], force: np.ndarray) -> np.ndarray:
         """(n, 3) forces that supports exert on the nodes of the mesh, which carry pair forces (P, 3) as well."""

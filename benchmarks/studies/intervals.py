@@ -18,8 +18,9 @@ from pydantic import Field, PositiveInt
 from benchmarks.kit.drawing import BLUE, ORANGE, panels
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
+from benchmarks.kit.truth import EXACT, solved_in
 from benchmarks.monolithic import Monolithic
-from benchmarks.studies.certified import EXACT, drawn, solved_in
+from benchmarks.problems.random_contact import drawn
 from orchestrator import Scene
 
 SAMPLE, PER_SCENE = 100, 4  # quantities in the sample, at most so many of a scene

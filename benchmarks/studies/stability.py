@@ -16,16 +16,15 @@ import numpy as np
 
 from benchmarks.kit.drawing import BLUE, GREEN, between_lines, panels
 from benchmarks.kit.study import Case, Study, first
+from benchmarks.kit.truth import NOISE, Truth
 from benchmarks.problems.cases import CONTACT_RATIO
 from benchmarks.problems.hard_cases import BEFORE, Hard, cured, hard_cases
-from benchmarks.studies.certified import EXACT, NOISE, Truth
 from orchestrator import InputError, OrchestratorError, Solution, build_scene, config_from, solve
 
 CONVERGED, REFUSED, STOPPED = "converged", "refused", "stopped"
 EFFECTIVITY, STAGES, ACCURATE, SHARE = 5.0, 60, 1e-6, 0.9
 FLOOR = 1e-11  # rounding in the reference itself, relative
 ESTIMATED = 2.0  # true over estimated energy error; 120 random scenes had 1.2 at most
-STRAINED = 1e-20  # energy over modulus × displacement² × length from which there is a strain
 LAWFUL, ALIKE = 1e-4, 1e-2  # laws and balance on written fields; two runs with different soles
 OTHER_SOLES = 3.0
 LIMIT = 200  # iterations
@@ -107,10 +106,8 @@ def true_error(solved: Solution) -> float | None:
     """Against a solution in one piece; None where the run tells no error, or that solution is not found."""
     if not np.isfinite(solved.error_bound):
         return None
-    truth, scene = Truth(solved.scene), solved.scene
-    # what rounding leaves of bodies that are moved and not strained
-    least = STRAINED * max(m.young for m in scene.materials) * np.abs(solved.displacement).max() ** 2 * np.ptp(scene.mesh.nodes)
-    return truth.error(solved.sides) if truth.residual <= EXACT and truth.size > least else None
+    truth = Truth(solved.scene)
+    return truth.error(solved.sides) if truth.known else None
 
 
 def beyond(kind: str, bound: float, error: float) -> list[str]:
