@@ -67,6 +67,7 @@ _LISTED = {
     "bound": ("studies.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
     "certified": ("studies.certified:run",
                   "the energy error with contact beside the true one: 200 random scenes against solutions in one piece"),
+    "places": ("studies.places:run", "how far grains may be off their places beside how far they are: 60 random crowds"),
     "intervals": ("studies.intervals:run",
                   "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "metamorphic": ("metamorphic.study:run",

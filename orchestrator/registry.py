@@ -95,7 +95,6 @@ MONITORS = Registry({
     "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
-    "places": "orchestrator.method.monitors.places:Places",
     "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
     "placing": "orchestrator.method.monitors.placing:Placing",
 })

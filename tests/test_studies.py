@@ -18,7 +18,8 @@ from benchmarks.kit.following import follow
 from benchmarks.kit.meshes import bricks
 from benchmarks.kit.study import Case, Study, first
 from benchmarks.kit.true_errors import carried
-from benchmarks.problems import cases
+from benchmarks.kit.truth import NOISE, Truth, nearest
+from benchmarks.problems import cases, random_contact
 from benchmarks.problems.alternating import alternating_beam
 from benchmarks.problems.cases import contact_defaults, defaults, paper, paper_contact, with_method
 from benchmarks.problems.error_cases import MODELS
@@ -43,7 +44,7 @@ from benchmarks.studies import (
     ten_grains,
     time_vs_error,
 )
-from orchestrator import BlackBoxError, InputError, config_from, solve
+from orchestrator import BlackBoxError, InputError, build_scene, config_from, solve
 from orchestrator.cli import app
 from orchestrator.method.interface import cholmod
 
@@ -510,15 +511,15 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
 
 
 def test_certified_scenes_are_drawn_again_alike():
-    drawn = [certified.drawn(number, "in-process") for number in range(60)]
-    assert {labels["kind"] for _, labels in drawn} == set(certified.KINDS)
+    drawn = [random_contact.drawn(number, "in-process") for number in range(60)]
+    assert {labels["kind"] for _, labels in drawn} == set(random_contact.KINDS)
     for key, count in (("steps", 4), ("element", 2), ("contrast", 3), ("asked", 4), ("friction", 4), ("gap", 4)):
         assert len({labels[key] for _, labels in drawn}) == count
     for number, (data, labels) in enumerate(drawn):
-        assert certified.drawn(number, "in-process") == (data, labels) and config_from(data).method.tolerance.error == labels["asked"]
+        assert random_contact.drawn(number, "in-process") == (data, labels) and config_from(data).method.tolerance.error == labels["asked"]
         moduli = [matter["young"] for matter in data["materials"]]
         assert max(moduli) / min(moduli) == pytest.approx(labels["contrast"])
-    assert {certified.held(number)[1]["kind"] for number in range(20)} == {"held", "held apart"}
+    assert {random_contact.held(number)[1]["kind"] for number in range(20)} == {"held", "held apart"}
 
 
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
@@ -546,21 +547,44 @@ def test_targets_of_certified_scenes(tmp_path):
     def judged(*changes):
         study = Study("certified", "judged", tmp_path)
         row = {"iterations": 9, "stop_reason": "converged", "error_kind": "guaranteed", "asked": 1e-3, "true_error": 4e-4,
-               "error_bound": 6e-4, "effectivity": 1.5, "friction": 0.0}
+               "error_bound": 6e-4, "effectivity": 1.5, "friction": 0.0, "scene": "1", "loose": 0}
         study.rows = [{**row, **change} for change in changes]
         certified.judge(study)
         return [target.met for target in study.targets]
 
-    assert all(judged({}, {"error_kind": "estimated", "effectivity": 0.5, "true_error": 2e-3}))
+    assert judged({}, {"error_kind": "estimated", "effectivity": 0.5, "true_error": 2e-3}) == [True] * 5 + [False, True, True]
     little = {"friction": 0.05}
     assert all(judged({}, {**little, "effectivity": 7.0}))
     assert judged({}, {**little, "effectivity": 0.99})[3] is False and judged({}, {**little, "true_error": 2e-3})[4] is False
-    assert judged({}, {"effectivity": 0.99}) == [True, False, True, True]
-    assert judged({"effectivity": 2.5}) == [True, False, True, True]
-    assert judged({}, {}, {"effectivity": 6.5}) == [True, False, True, True]
-    assert judged({}, {"true_error": 1.1e-3}) == [True, True, False, True]
+    assert judged({}, {"effectivity": 0.99}) == [True, False, True, True, True, True]
+    assert judged({"effectivity": 2.5}) == [True, False, True, True, True, True]
+    assert judged({}, {}, {"effectivity": 6.5}) == [True, False, True, True, True, True]
+    assert judged({}, {"true_error": 1.1e-3}) == [True, True, False, False, True, True]
     assert judged({}, {"true_error": 1.1e-3, "error_bound": 1.2e-3})[2]  # it is told
     assert judged({}, {"stop_reason": "max_iterations"})[0] is False
+    # of twenty runs one may be above what was asked, by no more than five times; those with loose bodies are judged apart
+    assert all(judged(*[{}] * 19, {"true_error": 4e-3, "error_bound": 5e-3}))
+    assert judged(*[{}] * 19, {"true_error": 6e-3, "error_bound": 7e-3})[3] is False
+    assert judged(*[{}] * 19, {"true_error": 4e-3, "error_bound": 5e-3, "loose": 1})[3:5] == [False, True]
+
+
+@pytest.mark.long
+def test_places_are_compared_with_true_ones(tmp_path, capsys, saved_figures):
+    asked = ["scenes=1", "first=4", "code=in-process"]
+    run_study("places", tmp_path, asked)
+    rows = rows_of(tmp_path / "table.csv")
+    assert [row["criterion"] for row in rows] == ["error", "law"] and all(float(row["ratio"]) > 0.3 for row in rows)
+    assert is_drawn(tmp_path / "places.png", saved_figures[-1]) and "0.3" in capsys.readouterr().out
+    run_study("places", tmp_path, asked, resume=True)
+    assert rows_of(tmp_path / "table.csv") == rows
+
+
+def test_of_several_exact_solutions_the_nearest_one_counts():
+    scene = build_scene(config_from(blocks([[0, 0, -0.002]], friction=0.3)))
+    exact, count = nearest(scene, (first := Truth(scene)).parts, 1e-9)
+    assert first.known and count == 1 and exact.error(first.parts) < NOISE
+    again = Truth(scene, [1.001 * part for part in first.parts])  # from fields nearby: forces are found that go with them
+    assert again.known and again.error(first.parts) < NOISE
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -149,29 +149,17 @@ class CoarseCorrection:
         result.start_from(local)
         return result
 
-    def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
-        """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
-        stage. Nothing of it is remembered."""
-        aside, before = copy(self), self.predict.before.jump
-        aside.problem = self.problem.aside()
-        moved = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
-        moved[..., : jump.shape[2]] = np.diff(jump, axis=0, prepend=before[None, :, : jump.shape[2]])
-        return self._moved(fields.u, aside._solved(fields, moved), self.response.u, self.response.body)
-
-    def _solved(self, fields: Admissible, moved: np.ndarray | None = None) -> np.ndarray:
-        """(T, bodies, n) y.
-
-        moved : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: none
-        """
+    def _solved(self, fields: Admissible) -> np.ndarray:
+        """(T, bodies, n) y."""
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         before = self.predict.before
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(len(y)):
-            number, anchor = self.predict.pairs.numbers[t], before.jump if moved is None else before.jump + moved[t]
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, np.where(self.loose, self.radius, np.inf), anchor)
+            number = self.predict.pairs.numbers[t]
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, np.where(self.loose, self.radius, np.inf))
             answer = self.pairs.force(F, before, number)
-            before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
+            before = History(self.pairs.settled(answer.force, F, before.jump)[1], answer.own)
         return y
 
     @staticmethod

@@ -26,7 +26,6 @@ REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 # The same where contacts are stabilised, as ρ tells little of where loose bodies are: 125 grains of seed 2 take 51 iterations, 64 with
 # 1e-3 and 83 with 1e-2.
 FINELY = 1e-4
-ROUGH = 0.1  # the same for an estimate
 MOST_STEPS = 60  # every body has a place, where contacts are stabilised, and it pays to find it
 
 
@@ -54,7 +53,7 @@ class CoarseProblem:
         self.left: dict[int, float] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-              radius: float | np.ndarray, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+              radius: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
@@ -62,9 +61,8 @@ class CoarseProblem:
         resultant : (bodies, n) Uᵀf
         before : what the load step before has left
         radius : longest move of a body in one Newton step; (bodies,) or of all
-        anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
-        at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
+        at = LoadStep(self.bodies, number, F0, resultant, before)
         y, size, start, end = self._newton(at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
@@ -75,13 +73,6 @@ class CoarseProblem:
         other = copy(self)
         other.fields = self.fields.with_springs(pairs)
         other.bodies = self.bodies.stabilised(other.fields)
-        return other
-
-    def aside(self) -> CoarseProblem:
-        """The same problem for an estimate, whose solves leave no trace in this one."""
-        other = copy(self)
-        other.ends, other.left = {}, {}
-        other.reduction = ROUGH
         return other
 
     def _newton(self, at: LoadStep, radius: float | np.ndarray) -> tuple[np.ndarray, float, float, str]:

@@ -82,7 +82,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
                               for t, pairs, before in iterated.by_pairing(d)], lengths, team)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
-        contact = Contact(laws, stabilised(d, iterated), open_places(iterated, scale, parts, team), d.made.sole_scale,
+        contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
                           backward)
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful)
     if broken:

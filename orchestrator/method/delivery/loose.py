@@ -18,10 +18,11 @@ import numpy as np
 from orchestrator.laws.points import Hold, Status, dot, norm, table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.reach import reach
 from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.law_residuals import LengthScale
-from orchestrator.parallel.team import Team
+from orchestrator.method.stopping.certificate import Certified
+from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.mesh.faces import components
@@ -30,6 +31,7 @@ from orchestrator.scene.model import Scene
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
 FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
+UNTOLD = 10.0  # relative energy error over law residual, where the former is not known
 LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
 
 
@@ -146,21 +148,28 @@ def _ratio(part: float, whole: float) -> float:
 
 @dataclass(frozen=True)
 class OpenPlaces:
-    """Over the largest displacement of all bodies and load steps."""
+    """How far bodies may be from their places, over the largest displacement of all bodies and load steps; infinite: not determined."""
 
     open: float  # of the body whose place is determined least
-    bodies: dict[str, float]  # each that supports and joints leave loose → the same, at its worst load step, the largest first
+    bodies: dict[str, float]  # each → the same, at its worst load step, the largest first
 
 
-def open_places(iterated: Iterated, lengths: LengthScale, parts: Parts, team: Team) -> OpenPlaces | None:
-    """What is told of them; None where nothing is stabilised, or where nothing can be said."""
-    found = iterated.found.get("places", [])
-    if sum(places.shape[1] for places in found) < len(iterated.fields.s):
+def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws: LawResiduals, parts: Parts) -> OpenPlaces | None:
+    """What is told of them; None where supports and joints hold all bodies.
+
+    Where no energy error is known it is taken to be ``UNTOLD`` law residuals.
+    """
+    if not lengths.loose.any():
         return None
-    largest, = team.max(max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0))
-    each = np.concatenate(found, axis=1).max(axis=1) / (largest or 1.0)
+    bound = iterated.bound
+    if isinstance(bound, Certified) and np.isfinite(bound.errors).all():
+        error = np.maximum.accumulate(bound.errors)
+    else:
+        error = np.full(d.steps, UNTOLD * laws.largest * float(np.sqrt(bound.energy.max(initial=0.0))))
+    largest, = d.space.team.max(max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0))
+    each = reach(d, lengths, iterated, error).max(axis=1) / (largest or 1.0)
+    each[~(each <= 1)] = np.inf
     bodies: dict[str, float] = {}
     for b in np.argsort(-each, kind="stable"):
-        if each[b] > 0:
-            bodies.setdefault(lengths.names[b], float(each[b]))
+        bodies.setdefault(lengths.names[b], float(each[b]))
     return OpenPlaces(float(each.max(initial=0.0)), bodies)

@@ -177,7 +177,7 @@ class Pairs:
         """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_anchor), where anything is stabilised, and d = (F − f̂)/keq.
 
         lawful : law(F); F : as for ``force``
-        anchor : (3, P) jump at which springs carry nothing: d_before, or where they have been let go
+        anchor : (3, P) jump at which springs carry nothing: d_before
         """
         force = lawful if self.stabilisation is None else lawful + self.stabilisation * (self.resisted(F, anchor) - lawful)
         return force, self.compliance(F - force)

@@ -25,7 +25,8 @@ class Bodies:
     size, centre : (count,) half the diagonal of the box around each, and (count, 3) its middle
     motions : per own subdomain (boundary dofs, 6) of the body's translations, and of its rotations about the centre over its size
     gram : (count, 6, 6) products of these over all boundary dofs
-    loose : (count, 6, 6) combinations of these that supports leave; zero columns for the others
+    held : (count, 6, 6) the same over the dofs that supports hold
+    loose : (count, 6, 6) combinations of the motions that supports leave; zero columns for the others
     """
 
     def __init__(self, d: Decomposition, joins: Callable[[Law], bool]):
@@ -50,8 +51,8 @@ class Bodies:
             self.gram[body] += self.motions[-1].T @ self.motions[-1]
             rows = self.of(body, nodes[s.nodes[fixed // 3]])[np.arange(len(fixed)), fixed % 3]
             held[body] += rows.T @ rows
-        self.gram, held = self.team.sum(self.gram, held)
-        values, vectors = np.linalg.eigh(held)
+        self.gram, self.held = self.team.sum(self.gram, held)
+        values, vectors = np.linalg.eigh(self.held)
         self.loose = vectors * (values <= FREE * values[:, -1:])[:, None, :]
 
     def of(self, body: int, points: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 
 from orchestrator.errors import some
@@ -15,6 +16,7 @@ from orchestrator.results.summary.summary import blackbox_seconds, code_label, j
 LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
 NAMES = 6  # bodies in a sentence
+FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
 ROUNDED = 1e-10  # of the largest component of them: shown as zero
 
 
@@ -190,13 +192,17 @@ def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> 
 
 
 def place_sentences(summary: Mapping[str, object]) -> list[str]:
-    """How far the places of loose bodies are determined, and which ones are beyond the tolerance, in words."""
+    """How far places of bodies are determined, in a sentence: which are beyond a few tolerances, and which not at all."""
     found, tolerance = summary.get("places"), summary.get("tolerance")
-    if not found or not found["bodies"]:
+    if not found:
         return []
-    beyond = [f"{name} {_times(far)}" for name, far in found["bodies"].items() if None in (far, tolerance) or far > tolerance]
-    return [f"rigid positions of loose bodies are determined to about {_times(found['open'])} of the largest displacement"
-            + (": " + some(beyond, NAMES) if beyond else ", less than the tolerance")]
+    known = {name: far for name, far in found["bodies"].items() if far is not None and isfinite(far)}
+    beyond = [f"{name} {far:.1e}" for name, far in known.items() if tolerance is None or far > FAR * tolerance]
+    text = [f"{some(sorted(found['bodies'].keys() - known), NAMES)}: not determined, as next to nothing holds "
+            f"{'it' if len(found['bodies']) == len(known) + 1 else 'them'}"] * (len(known) < len(found["bodies"]))
+    rest = "all others" if text else "bodies"
+    return ["; ".join(text + ([f"{rest} stand within {max(known.values()):.1e} of the largest displacement of their places"
+                               + (": " + some(beyond, NAMES) if beyond else "")] if known else []))]
 
 
 def _times(share: float | None) -> str:
