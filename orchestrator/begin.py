@@ -127,8 +127,7 @@ subdomains: {subdomains}
 materials:                          # EDIT: the last match wins
   - {{young: 200e3, poisson: 0.3}}    # everywhere; a part of its own: {{young: 70e3, poisson: 0.33, on: {json.dumps(mesh.volumes[-1])}}}
 
-{proposal.boundary(held, loaded)}
-{proposal.interfaces()}
+{proposal.boundary(held, loaded)}{proposal.interfaces()}
 blackbox: {{element: auto}}         # ten-node tets (P2) unless the mesh is too large for them; P1: four-node ones
 method:
   tolerance: {{error: {proposal.tolerance}}}        # bonded: guaranteed bound on the energy error; with contact, the laws' residual

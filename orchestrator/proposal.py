@@ -114,10 +114,11 @@ bolts:                              # EDIT: the force; the cut is across the sha
         if not self.pairs and not room:
             return ""
         if not room and not self.bolts:
-            return f"""interfaces:                         # {count} on each other
+            return f"""
+interfaces:                         # {count} on each other
   - {{between: auto, law: perfect}}   # EDIT: bonded; or law: contact, friction: {FRICTION:g}, between: auto or [one, other]
 """
-        text, within = f"interfaces:                         # {count} on each other; the last match wins\n", ""
+        text, within = f"\ninterfaces:                         # {count} on each other; the last match wins\n", ""
         if room:
             within = f", within: {FARTHER * max(fit.clearance + fit.eccentric for fit in room):.2g}"
             holes = f"{len(room)} shafts are" if len(room) > 1 else "one shaft is"

@@ -196,3 +196,15 @@ def test_the_lap_joint_beside_calculix(tmp_path):
     study = Study("lap_joint", "", tmp_path)
     run(study)
     assert len(study.targets) == 9 and all(target.met for target in study.targets), study.targets
+
+
+def test_shanks_that_bear_are_told_above_the_tolerance():
+    def told(bears):
+        bore = {"name": "bolt | plate (bore)", "kind": "bore", "bears": bears, "normal": bears, "capacity": bears, "used": [0.0, 0.0],
+                "slips": None}
+        plane = {**bore, "name": "a | b", "kind": "plane", "normal": [1e4, 1e4], "capacity": [2e3, 2e3], "used": [0.1, 0.6]}
+        return verdict({"converged": True, "tolerance": 1e-4, "contact_faces": [plane, bore]})
+
+    assert told([0.0, 0.5])[-1] == "no shank bears in its hole"
+    assert told([0.0, 50.0])[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
+    assert told([0.0, 0.0])[0] == "nothing slips: of what friction can hold at most 60% is used, by a | b at load step 2"

@@ -47,11 +47,13 @@ def _rounded(number: float) -> str:
 
 
 def _bearing(summary: Mapping[str, object]) -> Iterator[str]:
-    """Shanks that have come to bear in holes with room."""
-    bores = [face for face in summary.get("contact_faces") or () if face["kind"] == "bore"]
-    bearing = [face for face in bores if max(face["bears"], default=0.0) > 0]
+    """Shanks that have come to bear in holes with room; what is within the run's tolerance of the largest normal force is nothing."""
+    faces = summary.get("contact_faces") or ()
+    bores = [face for face in faces if face["kind"] == "bore"]
+    least = (summary.get("tolerance") or 0.0) * max((max(face["normal"]) for face in faces), default=0.0)
+    bearing = [face for face in bores if max(face["bears"], default=0.0) > least]
     for face in bearing[:MOST]:
-        first = next(step for step, force in enumerate(face["bears"], 1) if force > 0)
+        first = next(step for step, force in enumerate(face["bears"], 1) if force > least)
         yield f"{face['name']} bears from load step {first}, with up to {_rounded(max(face['bears']))}{units_of(summary)['force']}"
     if len(bearing) > MOST:
         yield f"… and {len(bearing) - MOST} more shanks bear"
