@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import sys
 from collections.abc import Callable
@@ -55,7 +56,9 @@ def run(config: ConfigFile, overrides: Overrides = None,
         output: Annotated[Optional[Path], typer.Option(help="results folder, instead of the one in CONFIG")] = None,
         resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in the results folder")] = False,
         reference: Annotated[bool, typer.Option("--reference", help="also solve undecomposed; report the true error")] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
+        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False,
+        verbose: Annotated[bool, typer.Option("--verbose", help="print all of the summary, not only what most look for")] = False,
+        ) -> int | None:
     """Solve a problem and write its results."""
     from orchestrator.processes import check_addresses
     from orchestrator.parallel.team import join
@@ -68,7 +71,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 from orchestrator.run import follow
 
                 return follow(team)
-            return _lead(team, config, overrides or [], output=output, resume=resume, reference=reference, quiet=quiet)
+            return _lead(team, config, overrides or [], verbose, output=output, resume=resume, reference=reference, quiet=quiet)
     except BaseException as error:
         if team.lost():
             from orchestrator import folders
@@ -79,7 +82,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
         raise team.cause(error)
 
 
-def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
+def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: object) -> int:
     """What rank 0 does; errors of the configuration say where in the file they are."""
     from orchestrator.config.load import load_config, located
     from orchestrator.parallel.team import Elsewhere
@@ -90,7 +93,7 @@ def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
         from orchestrator.run import Means, Ranks, run as solve
 
         try:
-            return solve(loaded, means=Means(Ranks(team), artist), **options)
+            return solve(loaded, means=Means(Ranks(team), artist, verbose=verbose), **options)
         except (InputError, Elsewhere) as error:
             cause = team.cause(error)
             raise located(cause, loaded) if isinstance(cause, InputError) else error
@@ -216,6 +219,16 @@ def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results fol
 
 
 @command
+def export(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder, or a sweep's")],
+           target: Annotated[Path, typer.Argument(
+               metavar="FILE", help="NAME.xlsx, a sheet for each table; or NAME.parquet, a file for each")]) -> int | None:
+    """Write the tables of a results folder, and the numbers of its summary, for spreadsheets or pandas."""
+    from orchestrator.results.export import export as write
+
+    print(visible("\n".join(map(str, write(directory, target)))))
+
+
+@command
 def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
           overrides: Annotated[Optional[list[str]], typer.Option(
               "--set", metavar="KEY=VALUE", help="change a setting of the study, if it has any (repeatable)")] = None,
@@ -291,7 +304,7 @@ def main() -> None:
         code = ended.code
     if code == 1 and heard():  # before a command has begun, typer takes interrupts for failures
         code = INTERRUPTED
-    if error := lost_output():
+    if (error := lost_output()) and error.errno != errno.EPIPE:  # who has read enough, as head, closes the pipe
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.", file=sys.stderr)
     sys.exit(code)
 

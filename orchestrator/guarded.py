@@ -49,7 +49,7 @@ def heard() -> bool:
 
 
 def guarded(action: Callable[[], int]) -> None:
-    """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced.
+    """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced, and what an interrupt says.
 
     SIGTERM, SIGHUP and SIGUSR2 interrupt like Ctrl-C, so that batch systems and lost terminals get the checkpoint too; what is
     ignored, as SIGHUP is under nohup, stays so.
@@ -72,8 +72,8 @@ def guarded(action: Callable[[], int]) -> None:
             _show(InternalError(f"{type(error).__name__}: {error}".rstrip(": "), "none is kept", saved=False, memory=True))
             code = BLACKBOX_FAILED
         raise_waiting()  # a short command may end, or fail, before it has been looked again
-    except KeyboardInterrupt:
-        print("Interrupted.", file=sys.stderr)
+    except KeyboardInterrupt as interrupted:
+        print(" ".join(["Interrupted.", *map(str, interrupted.args)]), file=sys.stderr)
         code = INTERRUPTED
     finally:
         for number, handler in previous.items():

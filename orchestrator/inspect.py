@@ -20,6 +20,7 @@ from orchestrator.scene.foreign.joints import not_asked
 from orchestrator.scene.inspection import (
     pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
 from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Scene
@@ -88,8 +89,7 @@ def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:
 
 
 def _content(mesh: Mesh, young: Sequence[float] = (), matter: Mapping[str, str] | None = None) -> list[str]:
-    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
-    box = " … ".join("(" + ", ".join(f"{x:.6g}" for x in corner) + ")" for corner in (low, high))
+    box = " … ".join(format_point(corner) for corner in (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)))
     return [repr(mesh), f"box {box}, {units_remark(mesh, young)}", "", *volume_table(volumes_of(mesh), matter), "",
             *surface_table(surfaces_of(mesh)), ""]
 

@@ -24,7 +24,7 @@ from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
-from orchestrator.results.summary.words import print_summary
+from orchestrator.results.summary.screen import print_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
@@ -39,12 +39,14 @@ class Means:
     artist : who draws the figures; None: one that gets ready for this run, where they are asked for
     meshed : what makes the mesh
     watch : where seconds are counted; None: since this process was started
+    verbose : whether all of the summary is printed
     """
 
     ranks: Ranks = Ranks()
     artist: Artist | None = None
     meshed: Meshed | None = None
     watch: Stopwatch | None = None
+    verbose: bool = False
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
@@ -75,7 +77,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                     solution.summary["warnings"] += told
                 record.finish(solution)
     if not quiet:
-        print_summary(solution.summary, folder.path)
+        print_summary(solution.summary, folder.path, verbose=means.verbose)
     return CONVERGED if solution.converged else NOT_CONVERGED
 
 

@@ -85,7 +85,7 @@ def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
     assert checked.stderr == started.stderr
 
 
-MEANS = {"Means": lambda *given: given, "Ranks": lambda team: team}  # what a stand-in for ``orchestrator.run`` has beside ``run``
+MEANS = {"Means": lambda *given, verbose: given, "Ranks": lambda team: team}  # what a stand-in for ``orchestrator.run`` has beside ``run``
 
 
 def test_run_hands_over_its_options_and_exit_code(room):

@@ -27,7 +27,7 @@ from orchestrator.results.progress import Progress, fraction_done
 from orchestrator.results.report import document
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.words import print_summary
+from orchestrator.results.summary.screen import print_summary
 from orchestrator.results.summary.summary import KEYS, memory_peak_mb, read_summary, versions, write_summary
 
 

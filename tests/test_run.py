@@ -225,7 +225,7 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     # Ctrl-C reaches the whole foreground group, SIGTERM the program alone
     os.killpg(process.pid, blow) if blow == signal.SIGINT else process.send_signal(blow)
     code, _, err = ended(process)
-    assert code == 130 and err.strip() == "Interrupted."
+    assert code == 130 and err.strip() == "Interrupted. To go on: the same command with --resume."
     assert nothing_left(temporary)
     summary = json.loads((out / "summary.json").read_text())
     assert (out / "checkpoint").is_dir() and summary["stop_reason"] == "interrupted"

@@ -16,7 +16,7 @@ from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import write_history
 from orchestrator.results.report.report import report
-from orchestrator.results.summary.words import print_summary
+from orchestrator.results.summary.screen import print_summary
 from orchestrator.results.summary.summary import write_summary
 from orchestrator.results.summary.workload import Workload, joined
 from orchestrator.run import solve

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, GetJsonSchemaHandler,
@@ -34,6 +36,21 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
     """
     one, two = f"{TAG}1{expected}", f"{TAG}2{expected}"
     return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)], Discriminator(lambda value: one if is_first(value) else two)]
+
+
+def one_of(kinds: dict[str, type[Part]], expected: str) -> Any:
+    """A union of models, each told by a key that it alone has; what has none of these keys is taken for the last one.
+
+    expected : what is accepted, as shown to the user
+    """
+    tags = {key: f"{TAG}{number}{expected}" for number, key in enumerate(kinds)}
+
+    def told(value: Any) -> str:
+        return tags[next((key for key, model in kinds.items() if isinstance(value, model) or (isinstance(value, dict) and key in value)),
+                         list(kinds)[-1])]
+
+    every = [Annotated[model, Tag(tags[key])] for key, model in kinds.items()]
+    return Annotated[reduce(or_, every), Discriminator(told)]
 
 
 class Chosen:

@@ -206,9 +206,9 @@ Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping
 
 
 class Cut(Part):
-    """A plane across a bolt's shank."""
+    """A plane across a bolt's shank, or across any part."""
 
-    plane: Axis = Field(description="its normal, the axis of the bolt: x, y, z, or a direction [x, y, z]")
+    plane: Axis = Field(description="its normal, of a bolt the axis: x, y, z, or a direction [x, y, z]")
     at: float | Vector = Field(description="coordinate of the plane along x, y or z; or a point on it")
 
     @property

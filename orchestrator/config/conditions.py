@@ -48,7 +48,8 @@ def acting(data: Any) -> Iterator[Problem]:
 
 def directions(data: Any) -> Iterator[Problem]:
     """Axes have a direction."""
-    for where in (("parts", "*", "move", "rotate", "axis"), ("bolts", "*", "cut", "plane"), ("boundary", "*", "frame", "axis")):
+    for where in (("parts", "*", "move", "rotate", "axis"), ("bolts", "*", "cut", "plane"), ("output", "probes", "*", "section", "plane"),
+                  ("boundary", "*", "frame", "axis")):
         for path, axis in find(data, where):
             yield from no_direction(path, axis)
 

@@ -11,45 +11,9 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads, Where
 from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
+from orchestrator.config.probes import Force, Probe
 from orchestrator.registry import FOREIGN
 
-ProbeName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
-Quantity = Literal["displacement", "stress"]
-
-
-Certified = Annotated[bool, Field(description=(
-    "add the interval that the energy error leaves for each component of displacement, or of stress: the mean over the tet at the point, or "
-    "over those behind the faces, as no energy bounds the stress at a point; off, as it costs a few answers of the code"))]
-Force = Literal["reactions", "bolts", "sections", "resultants"]
-
-
-class PointProbe(Part):
-    """A value at a point of the undeformed body."""
-
-    name: ProbeName | None = Field(None, description="in the results; none: probe_1, probe_2, … by its place in the list")
-    at: Vector = Field(description="the point, in the undeformed body")
-    part: Name | None = Field(None, description=(
-        "name of the volume or body that is meant, shell wildcards allowed; none: whichever has the point, where it is one"))
-    quantity: Quantity = Field("displacement", description="displacement, or the stress at the nodes, linear between them")
-    certified: Certified = False
-
-
-class SurfaceProbe(Part):
-    """A value over faces: the mean, an extreme with its place, or the resultant of all that acts on them."""
-
-    name: ProbeName | None = PointProbe.model_fields["name"]
-    on: Where = Field(description="a surface group (shell wildcards allowed), a plane or a box")
-    part: Name | None = Field(None, description=(
-        "name of the volume or body whose faces are meant, shell wildcards allowed; none: whichever has them"))
-    quantity: Literal["mean", "max", "min", "resultant"] = Field("mean", description=(
-        "mean: by area; max, min: of every component, with its place; resultant: force and moment that act on the faces"))
-    of: Quantity | None = Field(None, description="what the mean or extreme is of: displacement, as where nothing is said, or stress")
-    about: Vector | None = Field(None, description="the moment of a resultant is about this point; none: the surface's centre")
-    certified: Certified = False
-
-
-Probe = either(PointProbe, SurfaceProbe, lambda value: isinstance(value, PointProbe) or (isinstance(value, dict) and "at" in value),
-               "{at: [x, y, z], quantity: displacement} or {on: top, quantity: max, of: stress}")
 UnitName = Annotated[str, Field(pattern=r"^[^\s/*]{1,12}$")]
 
 
@@ -96,7 +60,8 @@ class Output(Part):
     fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
     figures: Drawn = Field(True, description=("draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
     probes: list[Probe] = Field([], description=(
-        "values that are asked for, at points and on surfaces; into summary.json, probes.csv and a figure"))
+        "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv, "
+        "figures"))
     certified: list[Force] = Field([], description=(
         "forces with the intervals that the energy error leaves: reactions, bolts, sections (of bonded interfaces), resultants (of "
         "others); none, as each costs a few answers of the code"))

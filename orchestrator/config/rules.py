@@ -15,7 +15,7 @@ from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import dotted, find, get, is_number, law_of, shown
+from orchestrator.config.paths import dotted, find, get, is_number, is_vectors, law_of, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
 
@@ -229,6 +229,12 @@ def probes_fit(data: Any) -> Iterator[Problem]:
     for path, probe in find(data, ("output", "probes", "*")):
         if not isinstance(probe, dict):
             continue
+        ends, section = probe.get("along"), probe.get("section")
+        if is_vectors(ends) and len(ends) == 2 and ends[0] == ends[1]:
+            yield Problem((*path, "along"), shown(ends), "two ends apart", "give another end, or at: for a point")
+        if isinstance(section, dict) and isinstance(section.get("plane"), list) and is_number(section.get("at")):
+            yield Problem((*path, "section", "at"), shown(section["at"]), "a point on the plane, beside a direction",
+                          "write at: [x, y, z]")
         resultant = probe.get("quantity") == "resultant"
         for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
             if "on" in probe and probe.get(key) is not None and not fits:

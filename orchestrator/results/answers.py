@@ -15,6 +15,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.paths import read_paths, write_paths
 from orchestrator.results.probes import NAME as PROBES, read_probes
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import place_text
@@ -33,12 +34,16 @@ class Answers:
     interfaces : what all interfaces carry
     probes : as ``probes.read_probes`` gives them
     steps : load steps
+    kinds : of each entry of ``boundary``: support, or load
+    paths : as ``paths.read_paths`` gives them
     """
 
     extremes: Extremes
     interfaces: InterfaceTable
     probes: list[dict[str, object]]
     steps: int
+    kinds: list[str]
+    paths: list[dict[str, object]]
 
     @classmethod
     def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = (),
@@ -53,18 +58,21 @@ class Answers:
             lost = np.array([[s.foreign or s.body in names for s in scene.subdomains] for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
         found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
-        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps)
+        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
+                   ["load" if entry.forces else "support" for entry in scene.boundary],
+                   read_paths(scene, fields.nodal) if scene.probes else [])
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """What summary.json says of it."""
         about = np.array(config.output.moments_about, dtype=float)
         forces, moments = np.split(delivered.reactions, 2, axis=2)
         return {"peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
-            "reaction_names": reaction_names(config), "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces)},
-            "probes": self.probes}
+            "reaction_names": reaction_names(config), "reaction_kinds": self.kinds,
+            "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces)}, "probes": self.probes,
+            "paths": self.paths}
 
     def write(self, folder: ResultsFolder) -> None:
-        """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv."""
+        """Writes extremes.csv, interfaces.csv and, where there are such probes, probes.csv and paths.csv."""
         folder.write_table(EXTREMES, [COLUMNS, *([*row[:3], *(f"{x:.9g}" for x in row[3:7]), row[7]] for row in self.extremes.rows)])
         if self.interfaces.names:
             self.interfaces.write(folder)
@@ -73,6 +81,8 @@ class Answers:
                                    for name, column in probe["values"].items()))
             rows = [[step + 1, *("" if column is None else repr(column[step]) for column in columns)] for step in range(self.steps)]
             folder.write_table(PROBES, [["load_step", *names], *rows])
+        if self.paths:
+            write_paths(folder, self.paths)
 
 
 def reaction_names(config: Config) -> list[str]:

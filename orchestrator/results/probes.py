@@ -20,7 +20,8 @@ from orchestrator.blackbox.models.matter import Matter
 from orchestrator.results.extremes import (DISPLACEMENT, STRESS, components_of_displacement, components_of_stress)
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.scene.conditions.probes import Point, Surface
+from orchestrator.results.sections import copies, section_forces
+from orchestrator.scene.conditions.probes import Line, Point, Section, Surface
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
 from orchestrator.scene.model import Scene
@@ -38,11 +39,12 @@ def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray]) -> list
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
     return [_at_point(probe, nodal) if isinstance(probe, Point)
+            else _across(probe, scene, nodal.fields, parts) if isinstance(probe, Section)
             else _resultant(probe, scene, nodal.fields, parts) if probe.quantity == "resultant"
-            else _over_surface(probe, scene, nodal) for probe in scene.probes]
+            else _over_surface(probe, scene, nodal) for probe in scene.probes if not isinstance(probe, Line)]
 
 
-def _told(probe: Point | Surface, quantity: str, of: str, names: Sequence[str], values: np.ndarray, **more: object) -> dict:
+def _told(probe: Point | Section | Surface, quantity: str, of: str, names: Sequence[str], values: np.ndarray, **more: object) -> dict:
     """``values`` (T, components)."""
     known = bool(np.isfinite(values).all())
     told = {"name": probe.name, "quantity": quantity, "of": of, **more,
@@ -58,6 +60,13 @@ def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
     shape = tet_functions(probe.weights, fields.cells.shape[1])
     u = np.einsum("a,tai->ti", shape, fields.displacement[:, fields.cells[cell]])
     return _told(probe, "point", "displacement", DISPLACEMENT, components_of_displacement(u), at=probe.at)
+
+
+def _across(probe: Section, scene: Scene, fields: Fields, parts: Sequence[np.ndarray]) -> dict[str, object]:
+    total = section_forces(probe, scene, fields, parts)
+    along = total[:, :3] @ probe.normal
+    across = np.linalg.norm(total[:, :3] - along[:, None] * probe.normal, axis=1)
+    return _told(probe, "section", "force", (*RESULTANT, "normal", "shear"), np.column_stack([total, along, across]), at=probe.about)
 
 
 def _over_surface(probe: Surface, scene: Scene, nodal: Nodal) -> dict[str, object]:
@@ -91,12 +100,7 @@ def _over_surface(probe: Surface, scene: Scene, nodal: Nodal) -> dict[str, objec
 
 
 def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.ndarray]) -> dict[str, object]:
-    ends = np.cumsum([0] + [len(s.nodes) for s in scene.subdomains])
-    cells = np.empty_like(scene.mesh.cells)  # copies of nodes, as in ``Fields.numbering``
-    for s, start in zip(scene.subdomains, ends):
-        cells[s.cells] = s.connectivity + start
-    node = np.concatenate([s.nodes for s in scene.subdomains])
-    label = node if fields.joined is None else fields.joined
+    ends, cells, node, label = copies(scene, fields)
     local = (scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
     chosen = np.isin(label, label[cells[probe.cells[:, None], local]])  # (N,) copies on the surface
     around = chosen[cells].any(axis=1) & (np.isin(scene.mesh.volume, probe.within) if len(probe.within) else True)

@@ -1,17 +1,21 @@
-"""The progress line on a terminal: iteration, what is waited for, sweeps, time left."""
+"""How far a run is: on a terminal a line that changes, elsewhere a line of plain text from time to time."""
 
 from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Sequence
 from typing import TextIO
 
 from orchestrator.method.events import Finished, Iteration, Subscriber
 
 
+EVERY = 10.0  # seconds between two lines where the stream is no terminal
+
+
 class Progress(Subscriber):
-    """A line on the terminal; silent when ``quiet`` or, but for warnings, when the stream is no terminal.
+    """A line on the terminal: iteration, what is waited for, sweeps, time left. Elsewhere one each ``EVERY`` seconds.
 
     quiet : no output at all
     stream : default: standard output
@@ -19,8 +23,9 @@ class Progress(Subscriber):
 
     def __init__(self, quiet: bool = False, stream: TextIO | None = None):
         stream = sys.stdout if stream is None else stream
-        self._live, self._quiet = None, quiet
+        self._live, self._quiet, self._stream = None, quiet, stream
         self._values: list[float] = []
+        self._begun = self._told = time.monotonic()
         # isatty, not rich's own guess: FORCE_COLOR in a CI log must not bring control characters
         if quiet or not stream.isatty():
             return
@@ -49,7 +54,7 @@ class Progress(Subscriber):
             print(f"warning: {sentence}", file=sys.stderr, flush=True)
 
     def iteration(self, event: Iteration) -> None:
-        if self._live is None:
+        if self._quiet:
             return
         name, target = event.target
         value, label = float(getattr(event, name, math.nan)), name.replace("_", " ")
@@ -59,9 +64,16 @@ class Progress(Subscriber):
 
     def _show(self, description: str, text: str | None, fraction: float | None) -> None:
         if self._live is None:
+            self._now_and_then(description, text)
             return
         self._live.update(self._task, description=description, completed=fraction, **({} if text is None else {"text": text}))
         self._live.refresh()
+
+    def _now_and_then(self, description: str, text: str | None) -> None:
+        now = time.monotonic()
+        if not self._quiet and text and now - self._told >= EVERY:
+            self._told = now
+            print(f"{now - self._begun:.0f} s: {description}, {text}", file=self._stream, flush=True)
 
     def close(self) -> None:
         """Leaves the last line on the terminal and gives the terminal back."""

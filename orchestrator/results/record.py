@@ -28,6 +28,7 @@ from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
+GO_ON = "To go on: the same command with --resume."
 
 
 class Record(Subscriber):
@@ -150,10 +151,12 @@ def _first_line(error: BaseException) -> str:
 def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
     """Turns what is no error of the user's into an ``InternalError``, its traceback into a file of the folder.
 
-    Memory that is exhausted is a want of memory, not a bug: it is said so.
+    Memory that is exhausted is a want of memory, not a bug: it is said so. An interrupt says how to go on, where that can be.
     """
     try:
         yield
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(*[GO_ON] * saved(folder)) from error
     except (Exception, Elsewhere) as error:
         cause = team.cause(error)
         if isinstance(cause, OrchestratorError) or not isinstance(cause, Exception):

@@ -23,6 +23,7 @@ from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
+from orchestrator.results.paths import NAME as PATHS
 from orchestrator.results.probes import NAME as PROBES
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import read_summary, write_summary
@@ -101,8 +102,8 @@ class Solution:
         return cls(summary, read_history(directory), read_npz(directory), Path(directory))
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary, history, fields, tables. ``read`` gives the same
-        back. What an earlier run has left there goes, as with ``run``; programs that are parts are not told of their results.
+        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary, history, fields, tables. ``read`` gives the
+        same back. What an earlier run has left there goes, as with ``run``; programs that are parts are not told of their results.
 
         Returns the folder
         Raises InputError: it cannot be written to, or files that are not this program's are in the way
@@ -128,7 +129,7 @@ class Solution:
         if self.answers is not None:
             self.answers.write(folder)
         elif self.directory is not None:  # they have been read with it
-            for name in (EXTREMES, INTERFACES, PROBES):
+            for name in (EXTREMES, INTERFACES, PROBES, PATHS):
                 if (self.directory / name).is_file():
                     folder.write(name, (self.directory / name).read_bytes())
 

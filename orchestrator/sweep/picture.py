@@ -43,7 +43,7 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
         axes.set_visible(False)
     if len(_curves(names[0], across, found)) > 1:
         panels[0].legend(fontsize=7.5, frameon=False)
-    figure.tight_layout()
+    figure.subplots_adjust(left=0.27 / columns, right=1 - 0.06 / columns, top=1 - 0.13 / rows, bottom=0.2 / rows, wspace=0.35, hspace=0.5)
     return png(figure)
 
 

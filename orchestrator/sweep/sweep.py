@@ -17,13 +17,15 @@ from orchestrator.blackbox.kept import KeptCodes
 from orchestrator.config.load import Loaded, load_config, located
 from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem, Problems
+from orchestrator.optional import absent
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.summary.summary import read_summary, units_of
+from orchestrator.results.record import GO_ON
 from orchestrator.run import Means, Ranks, run
 from orchestrator.scene.body import Meshed
-from orchestrator.sweep.numbers import numbers_of
+from orchestrator.results.summary.numbers import numbers_of
 from orchestrator.sweep.table import Screen, write_table
 from orchestrator.sweep.variants import Variant
 from orchestrator.timing import Stopwatch
@@ -109,9 +111,8 @@ class Sweep:
         except OrchestratorError as error:
             self._codes.end()
             outcome.exit_code, outcome.why = error.exit_code, _in_a_line(_in_file(error, loaded))
-        except BaseException:
-            self._codes.end()
-            raise
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(GO_ON) from error
         if outcome.exit_code in (CONVERGED, NOT_CONVERGED) and (summary := _summary(path)):
             outcome.numbers, self.units = numbers_of(summary), units_of(summary)
             if outcome.exit_code:
@@ -133,8 +134,11 @@ class Sweep:
         self.folder.write(NOTES, json.dumps({"variants": notes}, indent=1) + "\n")
 
     def _draw(self) -> None:
+        """The picture, where what draws is installed."""
         from orchestrator.sweep.picture import drawn  # with it comes matplotlib
 
+        if absent("matplotlib"):
+            return
         found = [(variant.values, self.outcomes[variant.name].numbers) for variant in self.variants]
         if (picture := drawn(found, self.units)) is not None:
             self.folder.write(PICTURE, picture)

@@ -75,8 +75,8 @@ class Screen:
         good = sum(outcome.exit_code == CONVERGED for outcome in outcomes)
         if len(outcomes) > self._shown + self._failed:
             print(f"… and {len(outcomes) - self._shown - self._failed} more in {folder / NAME}")
-        print(f"{good} of {len(outcomes)} converged, in {time.perf_counter() - self._since:.1f} s; {folder / NAME}, sweep.png beside it, "
-              "and a folder for each variant", flush=True)
+        print(f"{good} of {len(outcomes)} converged, in {time.perf_counter() - self._since:.1f} s; {folder / NAME}, "
+              + "sweep.png beside it, " * (folder / "sweep.png").is_file() + "and a folder for each variant", flush=True)
 
 
 def more(numbers: Mapping[str, float]) -> list[str]:

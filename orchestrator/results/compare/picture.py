@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.artist import CannotDraw, drawn
+from orchestrator.results.figures.artist import CannotDraw, drawn, no_figures
 from orchestrator.results.figures.pictures import deformed
 from orchestrator.results.figures.plotting import png
 from orchestrator.results.figures.sheet import compose
@@ -20,6 +20,8 @@ NAME = "difference.png"
 
 def draw_difference(folder: ResultsFolder, one: Path, other: Path) -> str:
     """Draws it; returns why not, where that cannot be: other meshes, no fields, no difference, no graphics."""
+    if lacking := no_figures():
+        return lacking[0]
     fields = [Solution.read(path).fields for path in (one, other)]
     if None in fields:
         return "no fields"

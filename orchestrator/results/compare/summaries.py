@@ -17,17 +17,19 @@ from orchestrator.results.answers import INTERFACES
 from orchestrator.results.compare.quantities import ENERGY, FORCE, LENGTH, MOMENT, STRESS, Quantity
 from orchestrator.results.extremes import DISPLACEMENT, NAME as EXTREMES, STRESS as STRESSES
 from orchestrator.results.folder import DIRECTORY_KEY
+from orchestrator.results.paths import NAME as PATHS
 from orchestrator.results.probes import NAME as PROBES
 
 FACTS = ("converged", "stop_reason", "load_steps", "dofs", "subdomains", "interfaces", "element", "reaction_names", "detached",
          "weakly_held")
+OF_BOLTS = {"force": FORCE, "shear": FORCE, "bending": MOMENT, "torsion": MOMENT, "shortening": LENGTH}
 TOLD = ("iterations", "error_bound", "error_kind", "tolerance", "status_counts", "warnings")
 KIND_OF = {**dict.fromkeys(DISPLACEMENT, LENGTH), **dict.fromkeys(STRESSES, STRESS), **dict.fromkeys(("fx", "fy", "fz"), FORCE),
            **dict.fromkeys(("mx", "my", "mz"), MOMENT), "work": ENERGY, "dissipation": ENERGY, "pressure_max": STRESS}
 # table → columns that name a row, columns that are no result: of extremes that are alike at several places any place may be told
 TABLES = {EXTREMES: (("part", "quantity", "extreme"), ("x", "y", "z", "load_step")),
           INTERFACES: (("interface", "side_1", "side_2", "law", "load_step"), ("pressure_x", "pressure_y", "pressure_z")),
-          PROBES: (("load_step",), ())}
+          PROBES: (("load_step",), ()), PATHS: (("path", "load_step", "distance"), ())}
 
 
 def of_summary(summary: Mapping[str, object]) -> Iterator[Quantity]:
@@ -41,8 +43,8 @@ def of_summary(summary: Mapping[str, object]) -> Iterator[Quantity]:
                               ("reaction_moments", MOMENT, (summary.get("reaction_moments") or {}).get("moments"))):
         yield from _known(key, kind, values, lambda i: str(names[i]) if i < len(names) else "")
     for bolt in summary.get("bolts") or ():
-        yield from _known(f"bolt {bolt['name']}: force", FORCE, bolt["force"], _step)
-        yield from _known(f"bolt {bolt['name']}: shortening", LENGTH, bolt["shortening"], _step)
+        for key, kind in OF_BOLTS.items():
+            yield from _known(f"bolt {bolt['name']}: {key}", kind, bolt.get(key), _step)
     for one in summary.get("interface_resultants") or ():
         yield from _known(f"resultant of {one['name']}", FORCE, one["resultant"], _step)
 

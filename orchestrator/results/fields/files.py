@@ -10,11 +10,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.part import OwnFields
 from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
+from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import write_npz
@@ -102,7 +104,7 @@ def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
         some, at = some.some(shown), np.unique(some.cells[shown])
     for step, name in enumerate(names):
         data = _data(nodal, some, step, at, shown)
-        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data)
+        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data, names=_numbered("part", fields.parts))
     return data
 
 
@@ -111,28 +113,41 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
     """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a stress, cells ``shown`` of all."""
     sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
     cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": drawn.subdomain.astype(np.int32)}
+    if drawn.part is not None:
+        cells["part"] = drawn.part.astype(np.int32)
     if drawn.cells.shape[1] == 10:
         cells["von_mises_max"] = nodal.fields.nodal_von_mises(step)[shown].max(axis=1)
     if drawn.discretisation_error is not None:
         cells["discretisation_error"] = drawn.discretisation_error[step]
-    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": principal(stress[at])}, cells
+    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "nodal_von_mises": von_mises(stress[at]),
+            "principal_stress": principal(stress[at])}, cells
+
+
+def _numbered(what: str, names: Sequence[str]) -> dict[str, int]:
+    """Number of each name in the cells' array ``what``, under a name that says what it is of."""
+    return {f"{what} {name}": number for number, name in enumerate(names) if name}
 
 
 def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
-    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known.
+    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known; what
+    pulls at the cut through a bolt is a tension, and no pressure.
 
     nodes : (n, 3) of the mesh
     displacement : of side 1 and side 2, (steps, N, 3) each
     """
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
     shifts = {name: x for name in SHIFTS if (x := getattr(interfaces, name)) is not None}
+    pulls = [(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, interfaces.laws)]
+    pulled = np.array(pulls, dtype=bool)[interfaces.interface_of_node]
     for step, name in enumerate(names):
+        pressure = interfaces.pressure[step]
+        tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
         write_vtu(folder, f"fields/{name}", nodes[interfaces.nodes], interfaces.triangles,
                   {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
-                   "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": interfaces.pressure[step],
+                   "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": np.where(pulled, 0.0, pressure), **tension,
                    "friction_traction": interfaces.friction_traction[step],
                    "status": interfaces.status[step].astype(np.int32), **{name: x[step] for name, x in (shifts | interfaces.own).items()}},
-                  {"interface": interfaces.owner.astype(np.int32)})
+                  {"interface": interfaces.owner.astype(np.int32)}, _numbered("interface", interfaces.names))
     write_pvd(folder, INTERFACES_PVD, names)
 
 
@@ -142,13 +157,14 @@ _COUNT = np.dtype(np.uint64)  # of an array's bytes, ahead of them
 
 
 def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.ndarray,
-              point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray]) -> None:
+              point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray], names: Mapping[str, int] | None = None) -> None:
     """Writes one grid.
 
     name : of the file in the folder
     points : (n, 3) float
     cells : (m, 3, 4 or 10) int: triangles, tets or ten-node tets
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
+    names : name → number in an array of the cells; ParaView lists them as field data (texts there are what other readers stumble on)
     """
     appended, at = [], 0
 
@@ -160,7 +176,7 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
 
     m, width = cells.shape
     rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
-            "  <UnstructuredGrid>", f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
+            "  <UnstructuredGrid>", *_field_data(names or {}), f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
             "      <Points>", array("Points", points.astype(float, copy=False)), "      </Points>",
             "      <Cells>", array("connectivity", cells.astype(np.int64, copy=False).ravel()),
             array("offsets", np.arange(width, width * m + 1, width)), array("types", np.full(m, _TYPES[width], np.uint8)),
@@ -173,6 +189,12 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
             file.write(_COUNT.type(values.nbytes))
             file.write(values.data.cast("B") if values.size else b"")
         file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def _field_data(names: Mapping[str, int]) -> list[str]:
+    rows = [f'      <DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'
+            for name, number in names.items()]
+    return ["    <FieldData>", *rows, "    </FieldData>"] if rows else []
 
 
 def _kind(name: str, values: np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""Charts of a run: convergence.png, time.png, and probes.png where there are probes at several load steps."""
+"""Charts of a run: convergence.png, time.png, probes.png where there are probes at several load steps, and paths.png."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ _CURVES = [("error_bound", "error bound", "black", "o"),
            ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
 # of each kind, the components that are drawn: one number says most of a stress or a displacement
 _DRAWN = {"displacement": ("ux", "uy", "uz"), "stress": ("von_mises",), "force": ("fx", "fy", "fz")}
+LATEST = 2  # load steps of a path that are drawn
 _UNIT = {"displacement": "length", "stress": "stress", "force": "force"}
 
 
@@ -141,4 +142,27 @@ def probes_over_steps(summary: Mapping[str, object]) -> Figure | None:
         if curves:
             axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.subplots_adjust(left=0.13, right=0.72, top=0.97, bottom=0.18 / len(kinds), hspace=0.35)
+    return figure
+
+
+def along_paths(summary: Mapping[str, object]) -> Figure | None:
+    """Values along each path at its last load steps; None where there is no path."""
+    found = jsonable(summary.get("paths")) or []
+    if not found:
+        return None
+    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(found))
+    for axes, path in zip(figure.subplots(len(found), squeeze=False)[:, 0], found):
+        kind, count = path["of"], len(next(iter(path["values"].values())))
+        curves = [(f"{name}, load step {step + 1}" if count > 1 else name, path["values"][name][step])
+                  for step in range(count)[-LATEST:] for name in _DRAWN[kind]]
+        curves = [(name, values) for name, values in curves if any(values)]
+        for k, (name, values) in enumerate(curves):
+            axes.plot(path["distance"], np.array(values, dtype=float), color=COLOURS[k % len(COLOURS)], marker=".", label=name)
+        unit, length = units[_UNIT[kind]], units["length"]
+        axes.set(xlabel=f"distance along {path['name']}" + (length and "," + length),
+                 ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
+        tidy(axes)
+        if curves:
+            axes.legend(fontsize=7.5, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.subplots_adjust(left=0.13, right=0.68, top=0.97, bottom=0.18 / len(found), hspace=0.45)
     return figure

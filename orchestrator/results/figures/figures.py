@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.charts import convergence, probes_over_steps, time_per_stage
+from orchestrator.results.figures.charts import along_paths, convergence, probes_over_steps, time_per_stage
 from orchestrator.results.figures.pictures import codes, deformed, interfaces
 from orchestrator.results.figures.plotting import new_figure, png
 from orchestrator.results.figures.sheet import compose, draw
@@ -28,7 +28,8 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     Returns paths of the figures written
     """
     made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
-            "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary)}
+            "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary),
+            "paths": along_paths(summary)}
     if fields is not None and fields.steps and len(fields.cells):
         look, title = look or look_of(summary), str(summary.get("name") or "")
         sheets = {"deformed": deformed(fields, look), "interfaces": interfaces(fields, look),

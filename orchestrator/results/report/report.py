@@ -33,6 +33,7 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("jumps.png", "The interfaces whose jump is imposed: pressure."),
              ("probes.png", "Probes over the load steps."),
+             ("paths.png", "Values along paths, at the last load steps; all of them are in paths.csv."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
@@ -94,7 +95,8 @@ def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
     """What it does in a sentence, question and answer first; the structure's picture beside the answer."""
     summary, folder = solution.summary, solution.directory
-    told = {"run", "result", "verdict", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "probes", "warning"}
+    told = {"run", "result", "verdict", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "loads",
+            "probes", "warning"}
     rest = [row for row in summary_rows(summary) if row[0] not in told]
     return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, verdict(summary)), *question(summary), *answer(summary),
         *pictures, *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),

@@ -13,12 +13,13 @@ from orchestrator.results.answers import INTERFACES
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.report.document import Marked, by_step, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
-from orchestrator.results.summary.words import hold_sentences, place_sentences, shown_statuses, stabilised_sentences, summary_rows
+from orchestrator.results.summary.words import ROUNDED, hold_sentences, place_sentences, shown_statuses, stabilised_sentences, summary_rows
+from orchestrator.scene.mesh.geometry import format_point
 
 LARGE = 0.1  # an error that stands out
 MOST = 40  # rows of a table; of more, the largest
 _SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
-_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "error bound", "true error", "law residual", "mesh's error")
+_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "loads", "error bound", "true error", "law residual", "mesh's error")
 _OF_BOLTS = ("force", "shear", "bending", "torsion", "shortening")
 _BESIDE = ("on", "part", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
@@ -134,7 +135,10 @@ def reactions(summary: Mapping[str, object]) -> list[str]:
     names = summary.get("reaction_names") or [f"boundary[{k}]" for k in range(len(forces))]
     about = moments.get("about")
     per_entry = moments.get("moments") or [[()] * len(steps or ()) for steps in forces]
-    rows = [(name, str(step), *map(number, force), *map(number, moment)) for name, steps, turned in zip(names, forces, per_entry)
+    if kinds := summary.get("reaction_kinds"):
+        names = [f"{name} ({kind})" for name, kind in zip(names, kinds)]
+    most, turning = largest(forces), largest(per_entry)
+    rows = [(name, str(step), *rounded(force, most), *rounded(moment, turning)) for name, steps, turned in zip(names, forces, per_entry)
             for step, (force, moment) in enumerate(zip(steps or (), turned), 1)]
     head = ["on", "load step", *(f"F{axis}{units['force']}" for axis in "xyz")]
     head += [f"M{axis}{units['moment']}" for axis in "xyz"] if about else []
@@ -142,12 +146,24 @@ def reactions(summary: Mapping[str, object]) -> list[str]:
     return [heading("Reactions"), table(head, rows, numeric=True), *told]
 
 
+def rounded(values: Sequence[float | None], most: float) -> list[str]:
+    """Numbers; what rounding leaves of zeros beside ``most`` is zero."""
+    return [number(0.0 if x is not None and abs(x) <= ROUNDED * most else x) for x in values]
+
+
+def largest(values: object) -> float:
+    """Magnitude of the largest of numbers in lists of lists."""
+    if isinstance(values, (list, tuple)):
+        return max(map(largest, values), default=0.0)
+    return 0.0 if values is None else abs(float(values))
+
+
 def probes(summary: Mapping[str, object]) -> list[str]:
     """A table for every probe: components over load steps."""
     parts = []
     for probe in summary.get("probes") or ():
         where = probe.get("at")
-        place = f" at ({', '.join(f'{x:.6g}' for x in where)})" if isinstance(where, list) else ""
+        place = f" at {format_point(where)}" if isinstance(where, list) else ""
         kind = "" if probe["quantity"] == "point" else f"{probe['quantity']} of "
         parts.append(plain(f"{probe['name']}: {kind}{probe['of']}{place}"))
         parts.append(Marked.of(f"{probe['why']}.") if probe.get("why") else
@@ -161,8 +177,8 @@ def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
     units, size = units_of(summary), dict.fromkeys((row["part"] for row in rows), 0.0)
     size |= {row["part"]: float(row["value"]) for row in rows if row["quantity"] == "von_mises"}
     kept = _largest(size)
-    lines = [(part, row["quantity"], row["extreme"], *(number(float(row[key])) for key in ("value", "x", "y", "z")), row["load_step"])
-             for part in kept for row in rows if row["part"] == part]
+    lines = [(part, row["quantity"], row["extreme"], number(float(row["value"])), *rounded(at := [float(row[x]) for x in "xyz"], largest(at)),
+              row["load_step"]) for part in kept for row in rows if row["part"] == part]
     text = "The largest displacement and von Mises stress of every part, its largest tension (s1) and compression (s3)."
     text += f" The {MOST} parts with the largest stress of {len(size)}; {EXTREMES} has all." * (len(kept) < len(size))
     text += f" Displacements in{units['length']}, stresses in{units['stress']}." * bool(units["length"])

@@ -8,7 +8,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from orchestrator.config.model import Config, PointProbe, SurfaceProbe
+from orchestrator.config.model import Config
+from orchestrator.config.probes import PointProbe, SurfaceProbe
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.balance import bolt_forces

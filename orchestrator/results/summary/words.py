@@ -1,11 +1,9 @@
-"""A summary in words: a label and a text for each line, for the console and for the report, and the sentences that these share."""
+"""A summary in words: a label and a text for each line, for the screen and for the report, and the sentences that these share."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import isfinite
-from pathlib import Path
 
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
@@ -17,31 +15,7 @@ LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
 NAMES = 6  # bodies in a sentence
 FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
-ROUNDED = 1e-10  # of the largest component of them: shown as zero
-
-
-def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None) -> None:
-    """Prints what matters of a summary as a compact table.
-
-    summary : as for ``write_summary``
-    directory : the results folder, to say where the figures are
-    console : a rich Console; default: standard output
-    """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
-    style = {"result": "green" if summary.get("converged") else "red", "warning": "yellow", "what to do": "yellow"}
-    rows = summary_rows(summary)
-    if directory is not None:
-        rows += [("results", str(directory)), ("figures", "\n".join(map(str, sorted(Path(directory).glob("figures/*.png")))))]
-    for label, text in rows:
-        if text:
-            table.add_row(label, Text(text, style=style.get(label, "")))
-    (console or Console(highlight=False, emoji=False)).print(table)
+ROUNDED = 1e-10  # of the largest of them: shown as zero
 
 
 def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
@@ -102,28 +76,37 @@ def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], st
             return ""
         part = f" of {found['part']}" if found["part"] else ""
         when = f", load step {found['load_step']}" if (summary.get("load_steps") or 1) > 1 else ""
-        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {_vector(found['at'])}{part}{when})"
+        at = _vector(found["at"], ROUNDED * max(map(abs, found["at"])))
+        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {at}{part}{when})"
 
     return told
 
 
-def _reactions(summary: Mapping[str, object]) -> str:
-    """Of the last load step."""
-    names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
-    largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
-    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}" for name, steps in zip(names, reactions)
-             if steps]
-    return "\n".join(texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN))
+def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
+    """What supports carry, or what loads add up to, at the last load step."""
+    def told(summary: Mapping[str, object]) -> str:
+        names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
+        kinds = summary.get("reaction_kinds") or ["support"] * len(names)
+        largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
+        texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}"
+                 for name, steps, kind in zip(names, reactions, kinds) if steps and (kind == "load") == loads]
+        count = summary.get("load_steps") or 1
+        if texts and count > 1:
+            texts[0] += f"  (load step {count} of {count})"
+        return "\n".join(texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN))
+
+    return told
 
 
 def _probes(summary: Mapping[str, object]) -> str:
     """At the last load step."""
     units, texts = units_of(summary), []
     for probe in summary.get("probes") or ():
-        kind = "" if probe["quantity"] in ("point", "resultant") else f"{probe['quantity']} "
+        kind = "" if probe["quantity"] in ("point", "resultant", "section") else f"{probe['quantity']} "
         unit = {"displacement": units["length"], "stress": units["stress"], "force": ""}[probe["of"]]
+        least = ROUNDED * max((abs(values[-1]) for values in probe["values"].values() if values), default=0.0)
         texts.append(f"{probe['name']}: " + (probe.get("why") or kind + ", ".join(
-            f"{name} {values[-1] + 0.0:.5g}" for name, values in probe["values"].items()) + unit))
+            f"{name} {values[-1] if abs(values[-1]) > least else 0.0:.5g}" for name, values in probe["values"].items()) + unit))
     return "\n".join(texts)
 
 
@@ -296,7 +279,8 @@ def _skipped(summary: Mapping[str, object]) -> str:
 _LINES: tuple[tuple[str, object], ...] = (
     ("run", ("name", "{}")), ("result", _result), ("verdict", lambda summary: "\n".join(verdict(summary))),
     ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
-    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _reactions), ("probes", _probes), ("certified", intervals),
+    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _forces(loads=False)),
+    ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
     ("error bound", _error), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),

@@ -1,4 +1,4 @@
-"""Where probes are: points found in their tets, surfaces in their faces."""
+"""Where probes are: points and paths found in their tets, surfaces in their faces, sections between tets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config.model import PointProbe
+from orchestrator.config.base import unit
+from orchestrator.config.probes import PathProbe, PointProbe, SectionProbe
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
@@ -57,6 +58,38 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class Line:
+    """A probe along a line.
+
+    at : (n, 3) places; distance : (n,) from the first
+    cells : (n,) int, the tet that has each, −1 where none does; weights : (n, 4) barycentric coordinates there
+    """
+
+    name: str
+    quantity: str
+    at: np.ndarray
+    distance: np.ndarray
+    cells: np.ndarray
+    weights: np.ndarray
+
+
+@dataclass(frozen=True)
+class Section:
+    """A probe across a plane, between tets in front of it and tets behind it.
+
+    front, behind : (k,) int, the tets of the parts that are cut
+    normal : (3,) unit vector, to the front; about : (3,) what moments are about
+    """
+
+    name: str
+    front: np.ndarray
+    behind: np.ndarray
+    normal: np.ndarray
+    about: np.ndarray
+    quantity: str = "section"
+
+
+@dataclass(frozen=True)
 class Finder:
     """Finds probes on a mesh.
 
@@ -70,7 +103,7 @@ class Finder:
     interfaces: Sequence[Interface]
     problems: Problems
 
-    def find(self, asked: Sequence[Any]) -> list[Point | Surface]:
+    def find(self, asked: Sequence[Any]) -> list[Point | Line | Section | Surface]:
         """The probes that ``output.probes`` asks for."""
         found = []
         for i, one in enumerate(asked):
@@ -78,7 +111,8 @@ class Finder:
             cells = self._cells_of(one.part, (*path, "part"))
             if cells is None:
                 continue
-            made = (self._point if isinstance(one, PointProbe) else self._surface)(one, name, cells, path)
+            kinds = {PointProbe: self._point, PathProbe: self._path, SectionProbe: self._section}
+            made = kinds.get(type(one), self._surface)(one, name, cells, path)
             found += [made] if made else []
         return found
 
@@ -97,28 +131,14 @@ class Finder:
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Point | None:
         at = np.array(asked.at, dtype=float)
-        cells = np.flatnonzero(allowed)
-        corners = self.mesh.nodes[self.mesh.cells[cells, :4]]
-        size = np.ptp(corners, axis=1).max(axis=1)
-        near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
-        cells, corners, size = cells[near], corners[near], size[near]
-        weights = barycentric(corners, at)
-        inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
-        if inside.any():
-            cells, weights = cells[inside], weights[inside]
+        cells, weights, place = self._around(at, allowed)
+        if len(cells):
             names = self._apart(cells)
             if len(names) > 1:
                 self.problems.add((*path, "at"), f"{format_point(at)} is where {some(names)} meet: each has values of its own there",
                              "one part", f"add part: {names[0]}")
                 return None
-            return Point(name, asked.quantity, at, int(cells[0]), weights[0])
-        if len(cells):
-            clamped = np.maximum(weights, 0.0)
-            clamped /= clamped.sum(axis=1, keepdims=True)
-            distance = np.linalg.norm(np.einsum("kax,ka->kx", corners, clamped) - at, axis=1)
-            best = int(np.argmin(distance))
-            if distance[best] <= BESIDE * size[best]:
-                return Point(name, asked.quantity, clamped[best] @ corners[best], int(cells[best]), clamped[best])
+            return Point(name, asked.quantity, place, int(cells[0]), weights[0])
         nodes = np.unique(self.mesh.cells[allowed, :4])
         distance = np.linalg.norm(self.mesh.nodes[nodes] - at, axis=1)
         nearest = self.mesh.nodes[nodes[np.argmin(distance)]]
@@ -127,6 +147,63 @@ class Finder:
                      f"{format_point(nearest)}", "a point inside or on the surface",
                      f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
         return None
+
+    def _around(self, at: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tets (k,) that have a point, its barycentric coordinates (k, 4) there, and its place (3,); beside a curved surface the nearest
+        tet and the nearest place in it, farther away no tet."""
+        cells = np.flatnonzero(allowed)
+        corners = self.mesh.nodes[self.mesh.cells[cells, :4]]
+        size = np.ptp(corners, axis=1).max(axis=1)
+        near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
+        cells, corners, size = cells[near], corners[near], size[near]
+        weights = barycentric(corners, at)
+        inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
+        if inside.any() or not len(cells):
+            return cells[inside], weights[inside], at
+        clamped = np.maximum(weights, 0.0)
+        clamped /= clamped.sum(axis=1, keepdims=True)
+        places = np.einsum("kax,ka->kx", corners, clamped)
+        distance = np.linalg.norm(places - at, axis=1)
+        best = np.argmin(distance)[None] if distance.min() <= BESIDE * size[np.argmin(distance)] else np.empty(0, dtype=int)
+        return cells[best], clamped[best], places[best[0]] if len(best) else at
+
+    def _path(self, asked: PathProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Line | None:
+        """Where parts meet a point belongs to the one that the path comes from."""
+        ends = np.array(asked.along, dtype=float)
+        at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
+        cells, weights, before = np.full(len(at), -1), np.zeros((len(at), 4)), None
+        for k in range(len(at)):
+            found, shares, at[k] = self._around(at[k], allowed)
+            if len(found):
+                same = [] if before is None else np.flatnonzero(self.subdomain[found] == self.subdomain[before])
+                best = int(same[0]) if len(same) else 0
+                cells[k], weights[k], before = found[best], shares[best], found[best]
+        outside = int((cells < 0).sum())
+        if outside == len(at):
+            self.problems.add((*path, "along"), f"all points from {format_point(ends[0])} to {format_point(ends[1])} are outside "
+                              + ("the body" if asked.part is None else repr(asked.part)), "a line through the body",
+                              "look at the coordinates; if the unit of length differs, set scale: under mesh:")
+            return None
+        if outside:
+            self.problems.warnings.append(f"{outside} of the {len(at)} points of {name!r} are outside the body and have no values")
+        return Line(name, asked.quantity, at, np.linalg.norm(at - ends[0], axis=1), cells, weights)
+
+    def _section(self, asked: SectionProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Section | None:
+        mesh, normal, point = self.mesh, np.array(unit(asked.section.plane)), np.array(asked.section.point, dtype=float)
+        front = (mesh.nodes[mesh.cells[:, :4]].mean(axis=1) - point) @ normal > 0
+        may_part = [i for i in self.interfaces if not (i.law.perfect and i.mortar is None)]
+        along = [i.name for i in may_part if _parted(mesh, i.cells, allowed, front).any()]
+        if along:
+            self.problems.add((*path, "section"), f"the plane runs along {some(along)}, where sides may part", "a plane through matter",
+                              "move it by an element; what interfaces carry is in interfaces.csv, bolts have lines of their own")
+            return None
+        front, behind = np.flatnonzero(front & allowed), np.flatnonzero(~front & allowed)
+        if not len(np.intersect1d(mesh.cells[front], mesh.cells[behind])):
+            box = mesh.nodes[np.unique(mesh.cells[allowed, :4])]
+            self.problems.add((*path, "section"), f"the plane cuts nothing of the body from {format_point(box.min(axis=0))} to "
+                              f"{format_point(box.max(axis=0))}", "a plane through it", "look at the coordinates, and at part:")
+            return None
+        return Section(name, front, behind, normal, point if asked.about is None else np.array(asked.about, dtype=float))
 
     def _apart(self, cells: np.ndarray) -> list[str]:
         """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
@@ -165,3 +242,10 @@ class Finder:
         about = centre if asked.about is None else np.array(asked.about, dtype=float)
         within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
         return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)
+
+
+def _parted(mesh: Mesh, cells: np.ndarray, allowed: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Bool for each face between two tets (k, 2) of the mesh: they are of one volume, one in front of a plane and the other behind it."""
+    cells = cells[((cells >= 0) & (cells < len(allowed))).all(axis=1)]  # a ground's are beyond the mesh's
+    first, second = cells.T
+    return allowed[first] & allowed[second] & (mesh.volume[first] == mesh.volume[second]) & (front[first] != front[second])

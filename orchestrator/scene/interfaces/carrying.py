@@ -125,8 +125,8 @@ def _tell(waiting: Sequence[Interface], group: Sequence[Face], corners: Sequence
         area = np.array([i.surfaces.segments.area.sum() * (own == pair) for i, own in zip(waiting, group)])
         lost = float(area[np.array(corners)].sum() / area.sum())
         if lost > LITTLE:
-            problems.warnings.append(f"{' | '.join(pair[:2])}: cuts through both leave corners of {lost:.1%} of what they have in common in "
-                                     "which no node is covered best: they carry nothing; cut less, or mesh finer")
+            problems.warnings.append(f"{' | '.join(pair[:2])}: both are cut into subdomains, and corners between the cuts, {lost:.1%} "
+                                     "of the faces on each other, get no contact point: they carry nothing; cut less, or mesh finer")
 
 
 def _refuse_doubles(moving: Iterable[Interface], total: int, bodies: list[str], problems: Problems) -> None:

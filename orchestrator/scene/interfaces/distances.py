@@ -66,7 +66,7 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, s
     name : of the interface
     key : the entry of the YAML and what in it asks for the distance
     """
-    x1, one, segments = surfaces.points[0], surfaces.triangles[0][:, :3], surfaces.segments
+    x1, one = surfaces.points[0], surfaces.triangles[0][:, :3]
     h, inside = local_size(x1, one), -_mean_distance(surfaces)
     around, unsure = (_around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
     deep = inside > around + COINCIDE * h
@@ -77,10 +77,9 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, s
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
-        search.problems.warnings.append(f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "
-            f"{max(0.0, segments.distance.max()):.2g} apart, off the curved surfaces that they stand for by up to {around.max():.2g}: "
-            f"what is within {unsure.max():.2g} there counts as touching; smaller clearances and press fits need a number, gap: 0.01, "
-            "or finer meshes")
+        search.problems.warnings.append(f"{name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
+            f"clearance below {unsure.max():.2g} and an overlap below {around.max():.2g} may be the mesh's alone: such sides count as "
+            "touching. Where it matters, give the clearance or the press fit as a number, gap: 0.01, or mesh finer")
     return np.where(touching, 0.0, gap)
 
 

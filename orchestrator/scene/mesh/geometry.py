@@ -168,6 +168,10 @@ def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
     return float(sharp.min()), float(blunt.max())
 
 
+ROUNDED = 1e-12  # of the largest coordinate: shown as zero
+
+
 def format_point(point: np.ndarray) -> str:
-    """Coordinates for a message: (1, 2.5, 0)."""
-    return "(" + ", ".join(f"{float(x) + 0.0:.6g}" for x in point) + ")"
+    """Coordinates for a message: (1, 2.5, 0); what rounding leaves of a zero beside others is zero."""
+    least = ROUNDED * max((abs(float(x)) for x in point), default=0.0)
+    return "(" + ", ".join(f"{float(x) if abs(x) > least else 0.0:.6g}" for x in point) + ")"
