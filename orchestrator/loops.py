@@ -1,6 +1,6 @@
 """Everything that installation can do beforehand: all loops of contact compiled, packages named that are not there.
 
-The loops are compiled by the first few iterations of the smallest scene that calls all of them: two blocks, pressed and pushed.
+The loops are compiled by the first few iterations of the smallest scene that calls all of them.
 """
 
 from __future__ import annotations
@@ -12,23 +12,18 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
-from orchestrator.blackbox.codes.python_code import TEMPLATE
 from orchestrator.compiled import kept_in
-from orchestrator.config.load import config_from
+from orchestrator.config.load import load_config
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent, command, WANTED
 from orchestrator.solving import solve
 
-SCENE = {
-    "name": "loops", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
-    "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.3}],
-    "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [0.002, 0, -0.01]}],
-    "blackbox": {"code": str(TEMPLATE), "workers": 1}, "method": {"max_iterations": 3}}
+SCENE = Path(__file__).with_suffix(".yaml")
 
 
 def compile_loops() -> None:
     """Solve the scene as far as it calls every loop; machine code is kept for the next process."""
-    solve(config_from(SCENE))
+    solve(load_config(SCENE).config)
 
 
 def compiled_once() -> str:

@@ -109,7 +109,7 @@ def by_vtk(source: str, target: str) -> None:
     """
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow, vtkVersion
     from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
     from vtkmodules.vtkIOXML import vtkXMLPUnstructuredGridReader, vtkXMLUnstructuredGridReader
 
@@ -129,8 +129,10 @@ def by_vtk(source: str, target: str) -> None:
     grid, found = reader.GetOutput(), {}
     if grid.GetNumberOfCells():
         cells = grid.GetCells()
+        renamed = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
+        kinds = grid.GetCellTypes() if renamed else grid.GetCellTypesArray()
         found = {"points": vtk_to_numpy(grid.GetPoints().GetData()), "nodes": vtk_to_numpy(cells.GetConnectivityArray()),
-                 "ends": vtk_to_numpy(cells.GetOffsetsArray()), "types": vtk_to_numpy(grid.GetCellTypes())}
+                 "ends": vtk_to_numpy(cells.GetOffsetsArray()), "types": vtk_to_numpy(kinds)}
     for what, data in (("cell", grid.GetCellData()), ("field", grid.GetFieldData())):
         arrays = [data.GetAbstractArray(i) for i in range(data.GetNumberOfArrays())]
         arrays = [a for a in arrays if a.GetName() and (what == "field" or a.GetNumberOfComponents() == 1)]
