@@ -138,7 +138,8 @@ class Cholesky:
             if not self._library.cholmod_l_solve2(SYSTEM, self._factor, byref(given), None, byref(x), None, byref(y), byref(e),
                                                   self._room):
                 raise MemoryError("CHOLMOD has no room for a solution")
-            found = np.ctypeslib.as_array(ctypes.cast(x.contents.x, POINTER(c_double)), columns.shape[::-1]).copy()
+            found = np.empty(columns.shape[::-1])
+            ctypes.memmove(found.ctypes.data, x.contents.x, found.nbytes)  # a cast would leave a cycle of references
         return found.T.reshape(right.shape)
 
 
