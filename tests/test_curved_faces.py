@@ -1,5 +1,8 @@
 """Faces on cylinders, cones, spheres and tori, or on faces of a CAD model, have their normals and gaps, whatever their facets."""
 
+import sys
+from pathlib import Path
+
 import gmsh
 import numpy as np
 import pytest
@@ -10,6 +13,9 @@ from orchestrator import build_scene, config_from, solve
 from orchestrator.scene.interfaces.recognised import recognised
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.geometry import node_normals
+
+sys.path.append(str(Path(__file__).parents[1] / "meshes"))
+from hertz import LENGTH, cylinder_on_block, write  # noqa: E402
 
 TURN = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
 ROUND = {
@@ -87,6 +93,21 @@ def test_a_ball_turns_in_its_socket(tmp_path):
     found = solve(made, build_scene(made))
     before, after = found.interfaces.pressure
     assert found.converged and (before > 0).all() and np.abs(after - before).max() < 1e-6 * before.max()
+    assert not any("slid" in text for text in found.summary["warnings"])  # the surfaces conform
+
+
+@pytest.mark.parametrize("way, told", [(0.0, ""), (0.006, "do not conform"), (0.03, "of an element")])
+def test_a_cylinder_that_slid_on_a_block_is_told(tmp_path, way, told):
+    """By a fraction of an element of 0.04: pressures move with the points that have been opposite each other, not with the cylinder."""
+    write(tmp_path / "hertz.msh", cylinder_on_block(0.04, fine=0.16))
+    held = [{"on": {"plane": "y", "at": y}, "displacement": [None, 0, None]} for y in (0.0, 0.08)]
+    made = config_from({
+        "name": "slid", "mesh": {"file": str(tmp_path / "hertz.msh")}, "subdomains": "groups", "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "gap": "geometry", "within": 0.1}],
+        "boundary": [*held, {"on": {"plane": "z", "at": -LENGTH}, "displacement": [0, None, 0]},
+                     {"on": {"plane": "z", "at": LENGTH}, "displacement": [way, None, -0.005]}], "method": {"tolerance": {"law": 1e-4}}})
+    texts = [text for text in solve(made, build_scene(made)).summary["warnings"] if "slid" in text]
+    assert bool(texts) == bool(told) and all(told in text for text in texts[:1])
 
 
 def test_the_distance_of_a_ball_and_its_socket(tmp_path):

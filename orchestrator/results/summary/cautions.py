@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from orchestrator.errors import some
-from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.results.summary.sliding import sliding
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
@@ -71,11 +71,7 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
     result += [f"{some(names)} {caution}" for caution, names in said.items()]
-    follows = {i.name for i in scene.interfaces if i.law.follows}
-    slid = [name for name in _slid_too_far(scene, interfaces) if name not in follows]
-    if slid:
-        result.append(f"{some(slid)} slid by more than an element: node pairs do not follow, "
-                      "large sliding is outside small perturbations; a law may have it, as contact has pairing: follow")
+    result += sliding(scene, interfaces)
     volume = scene.mesh.volume
     cut = [i for i in scene.interfaces if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
     if cut:
@@ -84,18 +80,6 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
         result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result
-
-
-def _slid_too_far(scene: Scene, interfaces: InterfaceFields) -> list[str]:
-    """Names of the interfaces where pairs that hold slid farther than the mean edge."""
-    corners = scene.mesh.nodes[interfaces.nodes][interfaces.triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    count = np.bincount(interfaces.owner)
-    size = np.bincount(interfaces.owner, weights=edge) / count
-    holds = np.isin(interfaces.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
-    slip = np.where(holds, np.linalg.norm(interfaces.slip, axis=2), 0.0).max(axis=0)
-    far = np.maximum.reduceat(slip, interfaces.offsets[:-1]) > size
-    return [str(name) for name in interfaces.names[far]]
 
 
 def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray]) -> np.ndarray:
