@@ -127,13 +127,22 @@ class Paired:
 WORTH = 0.1
 
 
+# What Aitken's rule may stretch a way by, and shorten it to.
+LONGEST, SHORTEST = 3.0, 0.1
+
+
 class FollowingMonitor(Monitor):
-    """Has the sides paired anew once points have slid farther than the tolerance, in elements, and the rest is solved as well."""
+    """Has the sides paired anew once points have slid farther than the tolerance, in elements, and the rest is solved as well.
+
+    Paired where points are they move a little again, mostly to and fro: a place is a share ω of the way r from the last one to where the
+    points are then, by Aitken's rule ω' = −ω r·(r' − r) / |r' − r|² (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969).
+    """
 
     name = "following"
 
     def __init__(self, case: Case):
         self.case, self.place = case, case.problem.following.place
+        self.way, self.share = np.zeros_like(self.place), 1.0  # the last r, zero before the first, and ω
 
     @classmethod
     def of(cls, case: Case) -> FollowingMonitor | None:
@@ -146,14 +155,18 @@ class FollowingMonitor(Monitor):
         return Verdict()
 
     def change(self, now: Evaluation) -> Decomposition:
-        self.place = now.fields.w
+        way = now.fields.w - self.place
+        turn = way - self.way
+        along, size = self.case.problem.space.team.sum(float((self.way * turn).sum()), float((turn * turn).sum()))
+        self.share = float(np.clip(-self.share * along / size, SHORTEST, LONGEST)) if along and size > 0 else 1.0
+        self.way, self.place = way, self.place + self.share * way
         return now.problem.paired(self.place)
 
     def state(self) -> dict[str, Any]:
-        return {"trace/place": self.place}
+        return {"trace/place": self.place, "trace/way": self.way, "share": self.share}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.place = state["trace/place"]
+        self.place, self.way, self.share = state["trace/place"], state["trace/way"], float(state["share"])
         return problem if np.array_equal(self.place, problem.following.place) else problem.paired(self.place)
 
     def found(self, problem: Decomposition) -> list[Paired]:
