@@ -61,7 +61,7 @@ def delivered(name, error=ROUGH):
 @pytest.mark.parametrize("name", SCENES)
 def test_the_laws_hold_exactly_at_the_shifted_surfaces(name):
     d, iterated, found = delivered(name)
-    pairs, forces, jumps = d.certificate.pairs, iterated.bound.forces, found.contact.backward.jump
+    pairs, forces, jumps = d.certificate.pairs, iterated.bound.pair.forces, found.contact.backward.jump
     before = History.none(len(pairs))
     for number, force, jump in zip(pairs.numbers, forces, jumps):
         F = force + pairs.points.stiffness(jump)
@@ -75,7 +75,7 @@ def test_the_bodies_are_in_equilibrium_where_the_surfaces_are_shifted_to(name):
     """K û = f_d − NᵀBᵀλ̂ and B û + δ = d', up to rigid motions of bodies that nothing holds, by other elements than ours."""
     d, iterated, found = delivered(name)
     scene, space, pairs, shifted = d.scene, d.space, d.certificate.pairs, found.contact.backward
-    push = space.loads(pairs.transfer.opposed(iterated.bound.forces)[:, : space.size])
+    push = space.loads(pairs.transfer.opposed(iterated.bound.pair.forces)[:, : space.size])
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])
     u, motions = np.zeros((scene.steps, len(space.global_dof))), []
     for s, part, trace, modes in zip(d.own, space.boundary, d.made.traces, d.made.modes):
@@ -106,7 +106,7 @@ def test_shifts_are_the_least_that_contact_allows(name):
     d, iterated, found = delivered(name)
     pairs, shifted = d.certificate.pairs, found.contact.backward
     points, own, previous = pairs.points, pairs.runs[0].points, np.zeros((3, len(pairs)))
-    for force, jump, shift in zip(iterated.bound.forces, shifted.jump, shifted.shift):
+    for force, jump, shift in zip(iterated.bound.pair.forces, shifted.jump, shifted.shift):
         bare, push, shear = jump - shift, -points.along(force), points.across(force)
         size, closed = np.linalg.norm(shear, axis=0), push > 0
         way = np.divide(shear, size, out=np.zeros_like(shear), where=size > 0)

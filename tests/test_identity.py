@@ -126,7 +126,7 @@ def test_what_the_error_consists_of(name, monkeypatch):
     scene = build_scene(made)
     d, found = certified(scene, made, every=ITERATIONS, most=ITERATIONS)
     bound, v = found[0]
-    hold_equal(scene, v, lambda exact: at_pairs(d, bound.forces, exact), bound.errors, bound.factor)
+    hold_equal(scene, v, lambda exact: at_pairs(d, bound.pair.forces, exact), bound.errors, bound.factor)
 
 
 # --- on ranks ---------------------------------------------------------------------------------------------
@@ -151,7 +151,7 @@ def found_by(team, name):
     for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:]):
         if pairs.mine[a:b].any():
             bodies = tuple(int(owner[side[..., a:b].max()]) for side in (pairs.transfer.one, pairs.transfer.two))
-            forces[bodies] = bound.forces[:, :, a:b].transpose(0, 2, 1)
+            forces[bodies] = bound.pair.forces[:, :, a:b].transpose(0, 2, 1)
     forces = dict(item for each in team.all_gather(forces) for item in each.items())
     return None if team.rank else (np.hstack([side.reshape(len(side), -1) for side in solution.sides]), forces, bound.errors, bound.factor)
 

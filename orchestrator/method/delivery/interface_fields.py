@@ -185,8 +185,8 @@ def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -
     if judged is None:
         at = pairs.traces(*(x[t] for x in iterated.fields.extended))
         return at.jump, at.force, iterated.local.status[t], {name: x[t] for name, x in iterated.local.own.items()}
-    first, answers = slice(0, len(pairs)), judged.answers[t]  # those of perfect interfaces come last
-    return (judged.jump[t][:, :, first], judged.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
+    first, answers = slice(0, len(pairs)), judged.pair.answers[t]  # those of perfect interfaces come last
+    return (judged.pair.jump[t][:, :, first], judged.pair.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
             {name: np.array([a.own[name][first] for a in answers]) for name in answers[0].own})
 
 

@@ -57,7 +57,7 @@ class Lawful:
         own = list(parts)
         for s, more in zip(d.own, beyond):
             own[s.index] = parts[s.index] + more.reshape(parts[s.index].shape)
-        f = certificate.pairs.transfer.opposed(at.forces)[:, : d.space.size]
+        f = certificate.pairs.transfer.opposed(at.pair.forces)[:, : d.space.size]
         return cls(certificate, at, own, f, _taken(d, rest), beyond, rest)
 
 

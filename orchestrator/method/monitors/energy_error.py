@@ -58,7 +58,7 @@ class EnergyErrorCriterion(Monitor):
             self.asked, excess = error, float(error / max(value, residual))
         self.waited = self.waited + (still and residual <= SETTLED * value)
         share = now.problem.steps / now.problem.scene.steps
-        formed = not (bound.unbalanced.any() or bound.broken.any())  # where it cannot be, laws that hold well have to do
+        formed = not bound.pair.missing  # where it cannot be, laws that hold well have to do
         met = bound.relative <= value if formed else now.verdict.laws.largest <= LAWFUL * value
         reason = STOPS if self.waited >= MOST and not met else ""
         return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share,

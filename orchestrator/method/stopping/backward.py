@@ -59,8 +59,8 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
     fields : of the linear stage; u : (T, B) boundary displacements u + R y
     x : (T, B) S⁺h where it is known; None: it is found here
     """
-    space, pairs, points, forces = certificate.space, certificate.pairs, certificate.pairs.points, bound.forces
-    if bound.unbalanced.any():
+    space, pairs, points, forces = certificate.space, certificate.pairs, certificate.pairs.points, bound.pair.forces
+    if bound.pair.unbalanced.any():
         return None
     at_odds = False
     if x is None:
@@ -72,7 +72,7 @@ def backward_error(certificate: Certificate, bound: Certified, fields: Admissibl
     jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []
     largest, = space.team.max(max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
     for t, number in enumerate(pairs.numbers):
-        jump = _lawful(pairs, forces[t], jumps[t], bound.lawful[t], before, number, largest)
+        jump = _lawful(pairs, forces[t], jumps[t], pairs.compliance(bound.pair.predicted[t] - forces[t]), before, number, largest)
         answer, off = _judged(pairs, forces[t], jump, before, number, largest)
         at_odds, before = at_odds or bool((off > LAWFUL).any()), History(jump, answer.own)
         found.append(jump)

@@ -25,17 +25,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
+from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement, Placed
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
 from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, moved_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
@@ -44,28 +45,61 @@ from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
 
+@dataclass(frozen=True)
+class Pair:
+    """v and λ̂ of T load steps, this rank's points.
+
+    answers : of the laws, load step by load step, whose force is λ̂; predicted : (T, 3, P) what they are asked, F
+    delta : (T, B) v − u − R y on the boundary dofs; moved : (T, own modes) y
+    jump : (T, 3, P) of v; gap : (T,) Σγ of these points
+    before : what load steps begin with, and what the last one leaves, T + 1
+    unbalanced : (T, bodies) bool, those that no lawful forces balance
+    broken : (T,) bool, load steps in which every displacement breaks a law
+    """
+
+    answers: list[Answer]
+    predicted: np.ndarray
+    delta: np.ndarray
+    moved: np.ndarray
+    jump: np.ndarray
+    gap: np.ndarray
+    before: list[History]
+    unbalanced: np.ndarray
+    broken: np.ndarray
+
+    @cached_property
+    def forces(self) -> np.ndarray:
+        """(T, 3, P) λ̂."""
+        return np.array([answer.force for answer in self.answers])
+
+    @property
+    def missing(self) -> bool:
+        """Whether there is no such pair."""
+        return bool(self.unbalanced.any() or self.broken.any())
+
+    @classmethod
+    def joined(cls, batches: Sequence[Pair]) -> Pair:
+        """Of all load steps from batches of them, in order."""
+        predicted, delta, moved, jump, gap, unbalanced, broken = (np.concatenate([getattr(b, name) for b in batches]) for name in (
+            "predicted", "delta", "moved", "jump", "gap", "unbalanced", "broken"))
+        before = [*(state for b in batches for state in b.before[:-1]), batches[-1].before[-1]]
+        return cls([answer for b in batches for answer in b.answers], predicted, delta, moved, jump, gap, before, unbalanced, broken)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Certified(Bound):
     """The error of an iterate, with the admissible fields that it was measured with, T load steps.
 
     errors : (T,) E, an energy norm, times ``factor`` where that is known
     size : energy norm that E is relative to
-    forces, lawful : (T, 3, P) λ̂, and jumps (F − λ̂)/keq that the laws allow beside them; gap : (T,) Σγ of all ranks
-    after : what the last load step leaves to the next
-    unbalanced : (T, bodies) bool, those that no lawful forces balance
-    broken : (T,) bool, load steps in which every displacement breaks a law
+    pair : v and λ̂
     factor : with which E bounds the error: 1 where all laws are convex; nan where E is an estimate
     dual : S⁺h, as well as E needs it; None where E is not known
     """
 
     errors: np.ndarray
     size: float
-    forces: np.ndarray
-    lawful: np.ndarray
-    gap: np.ndarray
-    after: History
-    unbalanced: np.ndarray
-    broken: np.ndarray
+    pair: Pair
     factor: float = np.nan
     dual: Dual | None = None
 
@@ -77,14 +111,12 @@ class Certified(Bound):
     @classmethod
     def joined(cls, batches: Sequence[Certified]) -> Certified:
         """The error of all load steps from batches of them, in order."""
-        errors, energy, repositioned, correction, forces, lawful, gap, unbalanced, broken = (
-            np.concatenate([getattr(b, name) for b in batches])
-            for name in ("errors", "energy", "repositioned", "correction", "forces", "lawful", "gap", "unbalanced", "broken"))
-        size = max(b.size for b in batches)
+        errors, energy, repositioned, correction = (np.concatenate([getattr(b, name) for b in batches])
+                                                    for name in ("errors", "energy", "repositioned", "correction"))
+        size, duals = max(b.size for b in batches), [b.dual for b in batches]
         return cls(relative(float(errors.max()), size), max(b.a for b in batches), energy, repositioned, correction,
-                   sum(b.sweeps for b in batches), errors=errors, size=size, forces=forces, lawful=lawful, gap=gap, after=batches[-1].after,
-                   unbalanced=unbalanced, broken=broken, factor=float(np.max([b.factor for b in batches])),
-                   dual=None if any(b.dual is None for b in batches) else Dual.joined([b.dual for b in batches]))
+                   sum(b.sweeps for b in batches), errors=errors, size=size, pair=Pair.joined([b.pair for b in batches]),
+                   factor=float(np.max([b.factor for b in batches])), dual=None if None in duals else Dual.joined(duals))
 
 
 class Certificate:
@@ -118,7 +150,7 @@ class Certificate:
         part = copy(self)
         part.pairs, part.external, part.stage = self.pairs.batch(steps), self.external[steps], stage
         if earlier is not None:
-            part.before, part.reached = earlier.after, earlier.size
+            part.before, part.reached = earlier.pair.before[-1], earlier.size
         return part
 
     def __call__(self, fields: Admissible, useful: float = np.inf) -> Certified:
@@ -126,14 +158,14 @@ class Certificate:
 
         useful : an error above it need not be known: it is infinite then, and ``least`` what has been reached
         """
-        forces, lawful, delta, moved, gap, after, unbalanced, broken = self._pair(fields)
-        h, (a2, energy) = self.change(fields, forces), moved_energy(self.stage, self.stiffness, self.external, fields, delta)
-        a2, energy, rest, gap = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * gap, gap)
+        pair = self.pair(fields)
+        delta = pair.delta
+        h, (a2, energy) = self.change(fields, pair.forces), moved_energy(self.stage, self.stiffness, self.external, fields, delta)
+        a2, energy, rest = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * pair.gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(_largest(a2), size)
-        known = Certified(np.inf, a, energy, moved, delta, errors=np.full(len(a2), np.inf), size=size, forces=forces, lawful=lawful,
-                          gap=gap, after=after, unbalanced=unbalanced, broken=broken)
-        if a > useful or unbalanced.any() or broken.any():
+        known = Certified(np.inf, a, energy, pair.moved, delta, errors=np.full(len(a2), np.inf), size=size, pair=pair)
+        if a > useful or pair.missing:
             return replace(known, least=a)
         factor, reached = self.factor(), Reached(_largest, size, useful)
         times_at_most = 1.0 if np.isnan(factor) else factor
@@ -156,23 +188,26 @@ class Certificate:
         """The largest displacement of the interfaces, beside which bodies may move."""
         return max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
 
-    def _pair(self, fields: Admissible) -> tuple:
-        """λ̂ and d̂ (T, 3, P), δ (T, B), y (T, own modes), this rank's Σγ (T,), what is left to the next load step, bodies that are not
-        in balance (T, bodies), and whether laws are broken (T,)."""
-        pairs, forces, before = self.pairs, self.forces, self.before
-        F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
-        radius, found = self.radius(fields), []
+    def pair(self, fields: Admissible, given: np.ndarray | None = None) -> Pair:
+        """v and λ̂ of fields; ``given``: (T, B) v, where all are bonds, with which displacements have been found already."""
+        pairs, found, before = self.pairs, [], [self.before]
+        F, held, radius = pairs.traces(*fields.extended).predicted(), self.stage.loading.known, self.radius(fields)
+        jumps = None if given is None else pairs.transfer.jump(self.space.extended(self.stage.trace(given))[0])
         for t, number in enumerate(pairs.numbers):
-            balanced = forces(F[t], fields.f[t], before, number, radius)
-            u = fields.u[t] + forces.displacement(balanced.y)
-            known = None if held is None else held[t]
-            placed = self.displacement(u, known, balanced.answer, balanced.F, before, number)
-            before = History(placed.jump, balanced.answer.own)
-            lawful = pairs.compliance(balanced.F - balanced.answer.force)
-            found.append((balanced.answer.force, lawful, placed.v - u, forces.moved(balanced.y), placed.gap.sum(), balanced.unbalanced,
-                          not placed.admissible))
-        force, lawful, delta, moved, gap, unbalanced, broken = (np.array(same) for same in zip(*found))
-        return force, lawful, delta, moved, gap, before, unbalanced, broken
+            balanced = self.forces(F[t], fields.f[t], before[t], number, radius)
+            answer, u = balanced.answer, fields.u[t] + self.forces.displacement(balanced.y)
+            if jumps is None:
+                known = None if held is None else held[t]
+                placed = self.displacement(u, known, answer, balanced.F, before[t], number)
+            else:
+                gap = pairs.duality_gap(answer.force, jumps[t], before[t], number)
+                placed = Placed(given[t], jumps[t], gap, True)
+            before.append(History(placed.jump, answer.own))
+            found.append((balanced.F, placed.v - u, self.forces.moved(balanced.y), placed.jump, placed.gap.sum(), balanced.unbalanced,
+                          not placed.admissible, answer))
+        *columns, answers = zip(*found)
+        predicted, delta, moved, jump, gap, unbalanced, broken = map(np.array, columns)
+        return Pair(list(answers), predicted, delta, moved, jump, gap, before, unbalanced, broken)
 
 
 def _largest(squares: np.ndarray) -> float:

@@ -105,7 +105,7 @@ class _Work:
         carried = [self._forces(*row) for row in zip(j, t, tau)]
         forces, gap, lawful = (np.array(x) for x in zip(*carried))
         gap, = team.sum(gap)
-        h = at.change[t] + c.space.loads(c.pairs.transfer.opposed(forces - at.forces[t])[:, : c.space.size])
+        h = at.change[t] + c.space.loads(c.pairs.transfer.opposed(forces - at.pair.forces[t])[:, : c.space.size])
         q, moved, delta = tau[:, None] * loads.boundary[j], tau[:, None] * loads.moved[j], at.delta[t]
         rest = np.where(lawful[:, None], c.beside.balanced(h + tau[:, None] * self.sole[j]), 0.0)
         known, = team.sum(dots(delta, times(c.stiffness, delta)) - 2 * dots(delta, q + h) + 2 * dots(moved, rest))
@@ -119,8 +119,8 @@ class _Work:
         """λ̂_t (3, P), this rank's Σγ, and whether they are lawful and in balance."""
         c, at = self.certificate, self.at
         if self.fixed:
-            return at.forces[t], at.gap[t] if c.space.team.rank == 0 else 0.0, not self.none
-        number, before = c.pairs.numbers[t], at.before[t]
-        balanced = c.forces(at.predicted[t], self.fields.f[t], before, number, self.radius, [tau * r[j] for r in self.loads.resultant])
+            return at.pair.forces[t], at.gap[t] if c.space.team.rank == 0 else 0.0, not self.none
+        number, before = c.pairs.numbers[t], at.pair.before[t]
+        balanced = c.forces(at.pair.predicted[t], self.fields.f[t], before, number, self.radius, [tau * r[j] for r in self.loads.resultant])
         force = balanced.answer.force
-        return force, float(c.pairs.duality_gap(force, at.jump[t], before, number).sum()), not balanced.unbalanced.any()
+        return force, float(c.pairs.duality_gap(force, at.pair.jump[t], before, number).sum()), not balanced.unbalanced.any()

@@ -196,7 +196,7 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
 def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:
     """Per load step the bodies that no forces hold which the laws allow; empty where that is not known."""
     bound = delivered.iterated.bound
-    return {"unbalanced": [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.unbalanced]} \
+    return {"unbalanced": [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.pair.unbalanced]} \
         if isinstance(bound, Certified) else {}
 
 
