@@ -338,11 +338,18 @@ def test_dual_energy(mesh, kind, ratio):
         s = fields.f
         balanced = 0.5 * (s - d.space.across(s))
         h = d.space.loads(s - balanced)
-        estimate, sweeps, *_ = dual_energy(d.stage, h, np.zeros(1), Enough())
+        first = dual_energy(d.stage, h, np.zeros(1), Enough())
+        estimate, sweeps, *_ = first
         early, spent, *_ = dual_energy(d.stage, h, np.zeros(1), Enough(), lambda total: total[0] > 0.1 * estimate[0])
+        closer = Enough(share=1e-6)
+        whole = dual_energy(d.stage, h, np.zeros(1), closer)
+        on, other = (dual_energy(d.stage, h, np.zeros(1), closer, begun=begun) for begun in (first, first._replace(of=2 * h)))
         full = d.bound(fields)
         asked = 0.1 * full.relative
         part = d.bound(fields, useful=asked)
+    # what is known is gone on from, unless it is of other forces
+    assert on.sweeps < whole.sweeps == other.sweeps and abs(on.energy[0] / whole.energy[0] - 1) < 0.05
+    assert np.array_equal(other.x, whole.x) and np.abs(on.x - whole.x).max() < 0.01 * np.abs(whole.x).max()
     assert spent <= sweeps and 0.1 * estimate[0] < early[0] <= estimate[0]
     assert part.relative == np.inf and asked < part.least <= full.relative and part.sweeps <= full.sweeps
     assert part.a == full.a
