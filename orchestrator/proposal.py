@@ -129,8 +129,9 @@ interfaces:                         # {count} on each other
         threads = [fit for bolt in self.bolts for fit in bolt.threads]
         for fit in threads:
             names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
-            text += f"  - {{between: [{names}], law: perfect}}   # a thread\n"
-        for fit in (fit for fit in self.fits if fit.clearance < 0 and not fit.same):
+            inside = f", drawn {-fit.clearance:.3g} inside each other: give both one radius in CAD, else check refuses them" * fit.overlaps
+            text += f"  - {{between: [{names}], law: perfect}}   # a thread{inside}\n"
+        for fit in (fit for fit in self.fits if fit.clearance < 0 and not fit.same and not fit.overlaps):
             names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
             text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}   # a press fit\n"
         return text

@@ -43,6 +43,7 @@ def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
     assert [(entry.law, entry.between) for entry in threads] == [("perfect", [f"bolts/bolt_{k}", f"bolts/nut_{k}"]) for k in (1, 2)]
 
 
+@pytest.mark.long
 def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
     """A screw with its thread in a plate is a bolt without a nut; a bushing with a collar, tight in its hole, clamps nothing."""
     with session():
@@ -62,6 +63,22 @@ def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
     assert not screw.nuts and mesh.volumes[thread.hole.volume] == "solid_1" and np.isclose(thread.length, 8)
     (left,) = fits(round_faces(*make_mesh(section(step=str(tmp_path / "screw.brep"), h=5.0))))  # shared faces are inside
     assert np.isclose(left.clearance, 0.5)
+
+
+@pytest.mark.long
+def test_a_thread_drawn_by_its_core_is_told(tmp_path):
+    """A nut whose hole is narrower than the shank: no press fit, and parts inside each other."""
+    with session():
+        occ = gmsh.model.occ
+        for z in (0, 6):
+            occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
+        occ.fuse([(3, occ.addCylinder(10, 10, -5, 0, 0, 17, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])
+        occ.cut([(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 7))], [(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 3.4))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "core.brep"))
+    assert call("init", tmp_path / "core.yaml", tmp_path / "core.brep").exit_code == 0
+    text = (tmp_path / "core.yaml").read_text()
+    assert '["bolt_1", "nut_1"], law: perfect}   # a thread, drawn 0.6 inside each other' in text and "press fit" not in text
 
 
 def test_sizes_by_curvature_on_faces_and_names(tmp_path):
@@ -85,6 +102,7 @@ def test_sizes_by_curvature_on_faces_and_names(tmp_path):
         make_mesh(section(**keys, refine=[{"on": "upper", "h": 1.0}]))
 
 
+@pytest.mark.long
 def test_shapes_are_the_models_own_wherever_it_is_put(tmp_path):
     _, made = lap_joint(tmp_path)
     mesh, _ = make_mesh(section(step=str(made), h=6.0, conforming=False, scale=2.0))
@@ -123,6 +141,7 @@ def test_faces_of_a_part_on_a_plane():
         build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
 
 
+@pytest.mark.long
 def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
     """A bolt whose middle is where two plates meet is cut amid one of them; its shank has no pair across the gap."""
     with session():

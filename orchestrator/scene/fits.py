@@ -25,6 +25,8 @@ from orchestrator.scene.shapes import shape_of
 TILTED, WIDER, TOGETHER = 1e-3, 0.35, 0.1
 # Radii that differ by less than that share are one: a thread drawn without its turns, a bonded or a press fit.
 SAME = 1e-3
+# A press fit strains the ring by its share of the radius: metals yield at some thousandths, this much is none.
+PRESSED = 0.01
 # Of a full circle, what is less is a fillet.
 ROUND = 0.5
 # A nut is no larger than that many times its bolt.
@@ -91,6 +93,11 @@ class Fit:
     def same(self) -> bool:
         """Whether there is no room: faces that touch all round."""
         return abs(self.clearance) <= SAME * self.shaft.radius
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether shaft and hole are inside each other by more than any press fit: a thread drawn by its outer and its core diameter."""
+        return self.clearance < -PRESSED * self.shaft.radius
 
     @property
     def area(self) -> float:
@@ -203,7 +210,7 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[Pressed]) -> list
         own = [fit for fit in found if fit.shaft.volume == volume]
         shank = max((fit.shaft for fit in own), key=lambda face: face.high - face.low)
         # a nut is a small part that holds the thread; without one it is in a part that the head does not lie on
-        tight = [fit for fit in own if fit.same and fit.shaft is shank]
+        tight = [fit for fit in own if (fit.same or fit.overlaps) and fit.shaft is shank]
         nuts = [fit for fit in tight if content[fit.hole.volume] <= NUT * content[volume]]
         under = {other for _, other in _pressing(volume, shank.axis, touching)}
         threads = nuts or [fit for fit in tight if fit.hole.volume not in under]
