@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from in_process import IN_PROCESS
 from method_case import CLAMP, config, method
+from quick import quick
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -55,8 +56,10 @@ def test_a_path_may_leave_the_body_and_not_miss_it():
         build_scene(config(output={"probes": [{"along": [[9, 9, 9], [8, 8, 8]]}]}))
 
 
-@pytest.mark.parametrize("plane", [{"plane": "x", "at": 1.0}, {"plane": "x", "at": 2.2},
-                                   {"plane": [1.0, 0.2, -0.1], "at": [1.7, 0.5, 0.5]}],
+ASKEW = {"plane": [1.0, 0.2, -0.1], "at": [1.7, 0.5, 0.5]}
+
+
+@pytest.mark.parametrize("plane", quick([{"plane": "x", "at": 1.0}, {"plane": "x", "at": 2.2}, ASKEW], ASKEW),
                          ids=["between subdomains", "through tets", "askew"])
 def test_a_section_carries_what_acts_beyond_it(plane):
     solution = probed([{"name": "cut", "section": plane, "about": [4.0, 0.5, 0.5]}], **method(tolerance={"error": 1e-8}))
@@ -70,6 +73,7 @@ def test_a_section_carries_what_acts_beyond_it(plane):
     assert np.allclose(found["normal"], force @ normal) and np.allclose(found["normal"]**2 + found["shear"]**2, (force**2).sum(axis=1))
 
 
+@pytest.mark.long
 def test_what_heat_stresses_is_carried():
     """A bar that cannot grow: E α ΔT on its area."""
     heated = {"materials": [{"young": 200e3, "poisson": 0.0, "expansion": 1e-5}], "loads": [{"on": "*", "temperature": 10.0}],
@@ -78,6 +82,7 @@ def test_what_heat_stresses_is_carried():
     assert found["normal"] == pytest.approx(-200e3 * 1e-5 * 10.0, rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_bar_on_a_foundation_is_cut_too():
     bedded = {"boundary": [{"on": {"plane": "x", "at": 0.0}, "foundation": {"normal": 1e5, "tangential": 1e5}}, PULL]}
     found = values(probed([{"name": "cut", "section": {"plane": "x", "at": 2.2}, "about": [4, 0.5, 0.5]}], **bedded), "cut")

@@ -96,6 +96,7 @@ def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
     assert not compare(tmp_path / "alone", tmp_path / "sweep" / "young=200000", tolerance=0.0).beyond
 
 
+@pytest.mark.long
 def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tmp_path, loads):
     path = yaml_case.blocks(tmp_path)
     arguments = ["sweep", path, "--vary", "interfaces.0.friction=-1,0.1,0.3", "--output", tmp_path / "sweep"]
