@@ -52,6 +52,8 @@ def test_a_short_one_is_told_whole_and_details_on_request():
 def test_supports_and_loads_are_told_apart_at_the_last_step():
     rows = dict(summary_rows({"load_steps": 3, "reaction_names": ["foot", "neck"], "reaction_kinds": ["support", "load"],
                               "reactions": [[[0, 0, 1], [0, 0, 2], [1e-13, 0, 3]], [[0, 0, -1], [0, 0, -2], [0, 0, -3]]]}))
+    unloaded = dict(summary_rows({"load_steps": 2, "reaction_names": ["foot"], "reactions": [[[0, 0, 9.0], [1e-12, 0, -2e-12]]]}))
+    assert unloaded["reactions"] == "foot: (0, 0, 0)  (load step 2 of 2)"
     assert rows["reactions"] == "foot: (0, 0, 3)  (load step 3 of 3)" and rows["loads"] == "neck: (0, 0, -3)  (load step 3 of 3)"
 
 

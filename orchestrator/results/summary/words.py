@@ -87,7 +87,7 @@ def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
     def told(summary: Mapping[str, object]) -> str:
         names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
         kinds = summary.get("reaction_kinds") or ["support"] * len(names)
-        largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
+        largest = max((abs(x) for steps in reactions for force in steps or () for x in force if x is not None), default=0.0)
         texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}"
                  for name, steps, kind in zip(names, reactions, kinds) if steps and (kind == "load") == loads]
         count = summary.get("load_steps") or 1
