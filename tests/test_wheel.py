@@ -100,3 +100,19 @@ def test_doctor_sees_the_scripts(installed, folder):
 def test_a_study_is_refused_with_the_place_where_studies_are(installed, folder):
     done = call(installed / "orchestrator", "study", "slices", cwd=folder)
     assert done.returncode == 2 and "its repository" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.long
+def test_nothing_is_left_when_it_goes(installed, folder, monkeypatch):
+    """Loops compiled for it are in the user's cache directory, so that pip takes away all that is beside the package. The last test."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    packages = next((installed.parent / "lib").glob("python*/site-packages"))
+    before = {path.name for path in packages.iterdir()}
+    done = call(installed / "orchestrator", "doctor", cwd=folder)
+    assert done.returncode == 0 and f"kept in {folder / 'cache' / 'latin-orchestrator'}" in done.stdout, done.stdout + done.stderr
+    decorated = sum(path.read_text().count("\n@compiled\n") for path in (ROOT / "orchestrator").rglob("*.py") if path.stem != "compiled")
+    assert len(list((folder / "cache").rglob("*.nbc"))) == decorated > 5
+    pip("--python", installed / "python", "uninstall", "--yes", "latin-orchestrator", cwd=folder)
+    assert {path.name for path in packages.iterdir()} == before - {"orchestrator", *(name for name in before if "latin" in name)}
+    assert not (installed / "orchestrator").exists()
