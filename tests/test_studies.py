@@ -24,6 +24,7 @@ from benchmarks.problems.alternating import alternating_beam
 from benchmarks.problems.cases import contact_defaults, defaults, paper, paper_contact, with_method
 from benchmarks.problems.error_cases import MODELS
 from benchmarks.problems.hard_scenes import blocks
+from benchmarks.problems.contact_cases import pushed
 from benchmarks.registry import STUDIES, function_of, run_study
 from benchmarks.studies import (
     certified,
@@ -634,3 +635,12 @@ def test_what_a_study_may_be_told(tmp_path):
         with pytest.raises(InputError, match=message):
             run_study(name, tmp_path / "none", **asked)
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("share, before", [(0.7, None), (0.1, 0.7), (-0.7, 0.7)])
+def test_friction_in_a_cycle_adds_up_to_the_force(share, before):
+    """Cattaneo and Mindlin's, pushed, let go and reversed: ∫ q dx = Q, nowhere more than friction holds."""
+    x = np.linspace(-2, 2, 200_001)
+    found, most = pushed(x, 1.3, share, before), pushed(x, 1.3, 1.0)
+    assert (found * (x[1] - x[0])).sum() / (np.pi * 1.3 / 2) == pytest.approx(share, abs=1e-5)
+    assert (np.abs(found) <= most + 1e-12).all()
