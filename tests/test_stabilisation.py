@@ -13,9 +13,9 @@ from test_keeping import stopped_and_resumed
 
 from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.pairs import History
-from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
+from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautions, MANY, SHARE, stabilisation
 from orchestrator.method.monitors import Verdict
-from orchestrator.method.monitors.weakening import AT_ONCE, PATIENCE, STAGES, WEAKER, Weakening
+from orchestrator.method.monitors.weakening import AT_ONCE, FAINTEST, FOLLOWS, LOST, PATIENCE, STAGES, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
@@ -74,18 +74,23 @@ def decomposed():
         yield prepared(made, build_scene(made), blackbox)
 
 
-def test_the_local_stage_blends_the_laws_with_the_step_before(decomposed):
+@pytest.mark.parametrize("anew", [False, True])
+def test_the_local_stage_blends_the_laws_with_the_step_before_or_where_points_are(decomposed, anew):
     """Each formula from the other's result: the jump, and what the springs add to the true laws."""
     d, rng = decomposed, np.random.default_rng(3)
     fields = d.stage(1e3 * rng.normal(size=(d.steps, d.space.size)))
-    local, pairs = d.local(fields), d.local.pairs
+    pairs = d.local.pairs
+    if anew:
+        fields.anchor = rng.normal(size=fields.extended[0].shape)
+    local = d.local(fields)
     F = pairs.traces(*fields.extended).predicted()
     before = np.concatenate([np.zeros_like(local.jump[:1]), local.jump[:-1]])
+    anchor = pairs.transfer.jump(fields.anchor) if anew else before
     keq = pairs.points.stiffness
     assert len(set(local.status.ravel())) == 3
     for t in range(d.steps):
         law = pairs.force(F[t], History(before[t]), t).force
-        assert local.force[t] == pytest.approx(0.95 * law + 0.05 * (F[t] - keq(before[t])), abs=1e-9 * np.abs(F).max())
+        assert local.force[t] == pytest.approx(0.95 * law + 0.05 * (F[t] - keq(anchor[t])), abs=1e-9 * np.abs(F).max())
         assert keq(local.jump[t]) == pytest.approx(F[t] - local.force[t], abs=1e-9 * np.abs(F).max())
         assert local.lawful[t] == pytest.approx(law)
 
@@ -247,16 +252,16 @@ def test_springs_become_weaker_when_nothing_else_is_left():
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
     def due(watch, laws, met=False, excess=0.0):
-        times = watch.due(Verdict(met, laws=laws, excess=excess), WEAKER ** len(watch.at))
+        times = watch.due(Verdict(met, laws=laws, excess=excess), WEAKER ** len(watch.at), False)
         if times:
             watch.at, watch.carried = [*watch.at, *[0] * times], laws.springs
         return times
 
-    one = Weakening(1e-4)
+    one = Weakening(1e-4, SHARE * 1e-4)
     seen = [laws(2e-4, 1e-2), laws(2e-4, 9e-4), laws(1e-5, 1e-2), laws(1e-5, 9e-5), laws(1e-6, 9e-4), laws(1e-6, 1e-7)]
     assert [due(one, found) for found in seen] == [0, AT_ONCE, 0, STAGES - AT_ONCE, 0, 0]
-    assert due(Weakening(1e-6), laws(0.0, 2e-5), met=True)
-    loaded = Weakening(1e-6)
+    assert due(Weakening(1e-6, SHARE * 1e-6), laws(0.0, 2e-5), met=True)
+    loaded = Weakening(1e-6, SHARE * 1e-6)
     assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 1, 1]
     # where the error stands still: as often as it is too large, once springs carry less than when they became weaker last
     seen = (1e-6, 300.0), (9e-7, 20.0), (1e-8, 40.0)
@@ -264,7 +269,8 @@ def test_springs_become_weaker_when_nothing_else_is_left():
 
 
 def test_weaker_springs_that_lead_nowhere_are_withdrawn():
-    watch, problem = Weakening(1e-6), SimpleNamespace(springs=1.0, weakened=lambda share: share)
+    watch = Weakening(1e-6, SHARE * 1e-6)
+    problem = SimpleNamespace(springs=1.0, coarse=SimpleNamespace(anew=False), weakened=lambda share: share)
 
     def now(number, rest):
         laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
@@ -276,9 +282,69 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
         it = now(number, 1e-5 if number <= 2 else 1e-3)
         if watch.judge(it).changes:
             changed[number] = watch.change(it)
-    assert list(changed)[-1] == watch.at[-1] + PATIENCE == watch.withdrawn
+    assert list(changed)[-1] == watch.at[-1] + LOST == watch.withdrawn
     assert changed[watch.withdrawn] == pytest.approx(WEAKER**-watch.taken_back)
     assert changed[watch.at[-1]] == pytest.approx(WEAKER**watch.taken_back) and len(changed) == len(set(watch.at)) + 1
+
+
+def test_springs_that_begin_anew_follow_the_law_residual():
+    def due(springs, rest, met=False):
+        return Weakening(1e-4, ANEW).due(Verdict(met, laws=LawResiduals(rest, rest, {"stabilisation": 1e-5})), springs, True)
+
+    at = ANEW / FOLLOWS  # the residual that springs suit
+    assert [due(1.0, rest) for rest in (1.0, at, 0.11 * at, 0.09 * at, 0.9e-3 * at, np.nan)] == [0, 0, 0, 1, 3, 0]
+    assert due(WEAKER, 0.09 * at) == 0 and due(WEAKER, 0.9e-3 * at) == 2 and due(1.0, 1e-9, met=True) == 0
+    assert ANEW * WEAKER ** due(1.0, 0.0) >= 0.99 * FAINTEST
+
+
+def test_springs_that_go_on_carrying_stay_where_they_are():
+    """More than the tolerance, and no less for long: then they no longer begin anew; what falls is on its way."""
+    problem = SimpleNamespace(springs=1.0, coarse=SimpleNamespace(anew=True))
+
+    def stays(carried):
+        watch = Weakening(1e-6, ANEW)
+        for number, springs in enumerate(carried, 1):
+            laws = LawResiduals(1e-1, 1e-1, {"stabilisation": springs})
+            now = SimpleNamespace(number=number, last=False, problem=problem, verdict=Verdict(False, laws=laws))
+            if watch.judge(now).changes:
+                return number
+        return 0
+
+    assert stays([1e-3] * 30) == 1 + PATIENCE and stays(1e-3 * 0.95 ** np.arange(60)) == 0 and stays([1e-7] * 30) == 0
+
+
+PILE = {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 8]}}, "subdomains": {"grid": [3, 3, 8]},
+        "law": [{"law": "contact", "friction": 0.3}]}
+
+
+@pytest.mark.long
+def test_many_loose_bodies(tmp_path):
+    """A pile of cubes, pressed and pushed: forces of springs that begin anew are those of true laws, wherever the run was stopped."""
+    made = contact(0.3, method={"tolerance": {"error": 1e-4}, "max_iterations": 400}, **PILE,
+                   boundary=[BOTTOM, {"on": TOP, "displacement": [[0, 0, -1e-3], [5e-4, 0, -1e-3]]}])
+    scene = build_scene(made)
+    assert loose_bodies(scene).sum() >= MANY and begin_anew(scene, made.method)
+    one = converged(made)
+    told = one.summary["stabilised"]
+    assert told["force"] < 1e-8 and told["epsilon"] < ANEW and told["weakened"]
+    stop = told["weakened"][0]
+    resumed, _ = stopped_and_resumed(tmp_path, made, one.scene, [stop - 1, stop, stop + 1])
+    force = np.array(one.summary["reactions"])
+    assert np.abs(np.array(resumed.summary["reactions"]) - force).max() <= 1e-6 * np.abs(force).max()
+    lawful = converged(contact(0.3, method={**made.method.model_dump(exclude_unset=True), "contact": {"stabilisation": 1e-10}}, **PILE,
+                               boundary=made.model_dump(exclude_unset=True)["boundary"]))
+    assert not begin_anew(scene, lawful.config.method)
+    other = np.array(lawful.summary["reactions"])
+    assert np.abs(force - other).max() <= 1e-4 * np.abs(other).max()
+
+
+@pytest.mark.long
+def test_many_loose_bodies_that_nothing_balances():
+    """A layer of cubes pushed by more than friction holds: springs that begin anew would let it go on for ever."""
+    made = contact(0.3, method={"tolerance": {"error": 1e-4}, "max_iterations": 150}, **PILE,
+                   boundary=[BOTTOM, {"on": TOP, "traction": [40.0, 0, -100.0]}])
+    found = solve(made).summary
+    assert found["stop_reason"] == "limit load" and found["limit_load"][0]["load_step"] == 1
 
 
 @pytest.mark.parametrize("case", quick(CASES, "eight cubes"))

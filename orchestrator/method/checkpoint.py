@@ -31,6 +31,7 @@ COMMON = "common"
 _EVALUATED = ("trace/s", "boundary/u", "macro/alpha")
 _DELIVERED = tuple(f"{kind}/delivered.{name}" for kind, name in zip(
     ("trace", "boundary", "macro", "trace", "trace"), ("s", "u", "alpha", "w", "f")))
+_ANCHOR = "trace/delivered.anchor"
 Numbers = Mapping[str, np.ndarray]  # kind → number of each of this rank's columns in the whole scene
 
 
@@ -74,6 +75,8 @@ class Checkpoint:
             arrays |= {_owned(name, owner): x for name, x in own.items()}
         if ended:
             arrays |= dict(zip(_DELIVERED, now.best.rows))
+            if now.best.anchor is not None:
+                arrays[_ANCHOR] = now.best.anchor[:, : problem.space.size]
             notes["event"] = event.content
         return cls(now.number, increment, latin.evaluations, arrays, notes)
 
@@ -147,6 +150,8 @@ def ended(latin: Latin, last: Checkpoint) -> Iterated:
     """The end of an increment, from its last iteration."""
     problem = _restored(latin, last)
     best = Admissible(*(last.arrays[name] for name in _DELIVERED), problem.space)
+    if _ANCHOR in last.arrays:
+        best.anchor, = problem.space.extended(last.arrays[_ANCHOR])
     local = problem.local(best)
     latin.number, latin.sweeps = last.iteration, last.notes["sweeps"]
     event = Iteration.of_content(last.notes["event"], best.s)

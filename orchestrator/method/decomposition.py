@@ -183,6 +183,12 @@ class Decomposition:
         coarse = None if self.coarse is None else self.coarse.weakened(share, local)
         return replace(self, local=local, coarse=coarse, springs=share * self.springs)
 
+    def anchored(self) -> Decomposition:
+        """The same with springs of stabilisation that begin anew no more."""
+        coarse = copy(self.coarse)
+        coarse.anew = False
+        return replace(self, coarse=coarse)
+
     def paired_as(self, other: Decomposition) -> Decomposition:
         """The same for all load steps, with the pairs that another one has for some."""
         if other.springs != 1:

@@ -16,7 +16,7 @@ Where some interfaces are not perfect their laws answer pointwise, swept through
 alone: the linear stage stays parallel over the load steps. At points with the jump d, from the predicted force F to the traces as
 ``point_traces`` has it:
 
-    f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
+    f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d₀), see ``stabilisation``
 """
 
 from __future__ import annotations
@@ -192,15 +192,16 @@ class LawStage:
         """Local stage for the fields of all steps."""
         pairs, steps = self.pairs, len(fields.s)
         w, f = fields.extended
-        at = pairs.traces(w, f)
+        at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             answer = pairs.force(F[t], before, pairs.numbers[t])
-            force[t], jump[t] = pairs.settled(answer.force, F[t], before.jump)
+            anchor = before.jump if anchors is None else anchors[t]
+            force[t], jump[t] = pairs.settled(answer.force, F[t], anchor)
             if pairs.nodes.coupling is not None:
-                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], before, t)
+                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], (before, anchor), t)
             lawful[t], status[t] = answer.force, answer.status
             before = History(jump[t], answer.own)
             own.append(answer.own)
@@ -217,7 +218,8 @@ class LawStage:
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
                           {name: np.stack([each[name] for each in own]) for name in own[0]}, at)
 
-    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, before: History, t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
+    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, start: tuple[History, np.ndarray],
+                 t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
         """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
             f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)
@@ -225,10 +227,11 @@ class LawStage:
         Points whose nodes match have S = 1/keq: for them nothing changes.
 
         F, q : (3, P) predicted forces F = q* + keq d*, and q*
-        force : f̂ = law(F) to begin with; before : what the load step before has left
+        force : f̂ = law(F) to begin with
+        start : what the load step before has left, and the jumps (3, P) at which springs carry nothing
         t : of the load steps here
         """
-        pairs, coupling = self.pairs, self.pairs.nodes.coupling
+        pairs, coupling, (before, anchor) = self.pairs, self.pairs.nodes.coupling, start
         alone = pairs.points.compliance(F - q)
 
         def moved(force: np.ndarray) -> np.ndarray:
@@ -237,7 +240,7 @@ class LawStage:
         for _ in range(COUPLED):
             F = force + pairs.points.stiffness(moved(force))
             answer = pairs.force(F, before, pairs.numbers[t])
-            force = pairs.settled(answer.force, F, before.jump)[0]
+            force = pairs.settled(answer.force, F, anchor)[0]
         return answer, force, moved(force)
 
     def counts(self, local: LocalState) -> dict[str, int]:

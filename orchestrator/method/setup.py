@@ -22,7 +22,7 @@ from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
-from orchestrator.method.interface.stabilisation import stabilisation
+from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
@@ -212,7 +212,8 @@ class _SetUp:
         if asked == "none" or self.space.transfer.perfect.all():
             return None, 0.0
         modes, spent = soft_bodies(self.scene, stage.blackbox) if asked == "auto" else ({}, 0.0)
-        coarse = CoarseCorrection(self.scene, stage, pairs, kind_of(asked, self.scene, pairs, self.space.team), modes)
+        kind, anew = kind_of(asked, self.scene, pairs, self.space.team), begin_anew(self.scene, self.method)
+        coarse = CoarseCorrection(self.scene, stage, pairs, kind, modes, anew)
         return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:

@@ -68,13 +68,15 @@ class CoarseCorrection:
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, or "rigid", 6
+    anew : whether springs of stabilisation begin anew in every iteration, see ``stabilisation``
     modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs, the fields of a body that has
         softer ones; see ``soft_bodies``
     problem : the contact problem of one load step
     """
 
-    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str, modes: Mapping[int, np.ndarray] | None = None):
-        self.stage, self.pairs = stage, pairs
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str, modes: Mapping[int, np.ndarray] | None = None,
+                 anew: bool = False):
+        self.stage, self.pairs, self.anew = stage, pairs, anew
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
@@ -139,7 +141,7 @@ class CoarseCorrection:
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
-        return Admissible.of_extended(s, u, fields.alpha, w, f, space)
+        return Admissible.of_extended(s, u, fields.alpha, w, f, space, fields.extended[0] if self.anew else None)
 
     def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
         """The same with springs of stabilisation of that share of ε, as the local stage has them."""
@@ -153,13 +155,13 @@ class CoarseCorrection:
         """(T, bodies, n) y."""
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
-        before = self.predict.before
-        F0 = self.pairs.traces(*fields.extended).predicted()
-        for t in range(len(y)):
-            number = self.predict.pairs.numbers[t]
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, np.where(self.loose, self.radius, np.inf))
+        before, at = self.predict.before, self.pairs.traces(*fields.extended)
+        F0 = at.predicted()
+        for t, number in enumerate(self.predict.pairs.numbers):
+            anchor, radius = at.jump[t] if self.anew else before.jump, np.where(self.loose, self.radius, np.inf)
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, radius, anchor)
             answer = self.pairs.force(F, before, number)
-            before = History(self.pairs.settled(answer.force, F, before.jump)[1], answer.own)
+            before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y
 
     @staticmethod

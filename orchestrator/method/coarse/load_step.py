@@ -96,14 +96,17 @@ class LoadStep:
     F0 : (3, P) predicted forces
     resultant : (bodies, n) Uᵀf
     before : what the load step before has left
+    anchor : (3, P) jump at which springs carry nothing; None: the one before
     F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its ΣTᵀε L y, with which ρ was formed last
     """
 
-    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History):
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
+                 anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
-            self.resisted = bodies.fields.carried(pairs.resisted(F0, before.jump), bodies.resisting)
+            resisted = pairs.resisted(F0, before.jump if anchor is None else anchor)
+            self.resisted = bodies.fields.carried(resisted, bodies.resisting)
         chosen, self.fields = bodies.summed
         whole = len(chosen) == F0.shape[1]
         self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1), before.take(chosen))

@@ -53,7 +53,7 @@ class CoarseProblem:
         self.left: dict[int, float] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-              radius: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+              radius: float | np.ndarray, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
@@ -61,8 +61,9 @@ class CoarseProblem:
         resultant : (bodies, n) Uᵀf
         before : what the load step before has left
         radius : longest move of a body in one Newton step; (bodies,) or of all
+        anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
-        at = LoadStep(self.bodies, number, F0, resultant, before)
+        at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
         y, size, start, end = self._newton(at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0

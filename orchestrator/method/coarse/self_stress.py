@@ -114,39 +114,44 @@ class SelfStress:
         if self.pairs.stabilisation is not None:  # springs may have been weakened since
             self.pairs = replace(self.pairs, stabilisation=local.pairs.stabilisation[self.chosen])
         at, pairs, before = self.pairs.traces(w, f), self.pairs, local.before.take(self.chosen)
-        F, q, f = at.predicted(), at.force, f.copy()
+        F, q, f, anchors = at.predicted(), at.force, f.copy(), pairs.anchors(fields.anchor)
         one, two, free = pairs.transfer.one[pairs.free], pairs.transfer.two[pairs.free], pairs.free
         for t, number in enumerate(local.pairs.numbers):
-            change = self._step(F[t], q[t], before, number)
+            anchor = before.jump if anchors is None else anchors[t]
+            change = self._step(F[t], q[t], before, number, anchor)
             answer = pairs.force(F[t] + change, before, number)
-            before = History(pairs.settled(answer.force, F[t] + change, before.jump)[1], answer.own)
+            before = History(pairs.settled(answer.force, F[t] + change, anchor)[1], answer.own)
             f[t, one] += change[free]
             f[t, two] -= change[free]
         s = fields.s + (f - fields.extended[1])[:, : self.size]
-        return Admissible.of_extended(s, fields.u, fields.alpha, w, f, fields.space)
+        return Admissible.of_extended(s, fields.u, fields.alpha, w, f, fields.space, fields.anchor)
 
-    def _step(self, F: np.ndarray, q: np.ndarray, before: History, number: int) -> np.ndarray:
-        """(3, Q) δq in one load step, from the predicted forces F and the forces q (3, Q)."""
+    def _step(self, F: np.ndarray, q: np.ndarray, before: History, number: int, anchor: np.ndarray) -> np.ndarray:
+        """(3, Q) δq in one load step, from the predicted forces F and the forces q (3, Q).
+
+        anchor : (3, Q) jumps at which springs carry nothing
+        """
         answer = self.pairs.force(F, before, number, derivative=True)
         share = np.ones(F.shape[1]) if self.pairs.stabilisation is None else 1 - self.pairs.stabilisation
         slope = np.repeat(np.eye(3)[None], F.shape[1], axis=0)
         slope[answer.active] -= answer.derivative.transpose(2, 0, 1)
         slope *= share[:, None, None]
-        left = self._left(F, q, before, number, answer.force)
+        left = self._left(F, q, before, number, anchor, answer.force)
         everyones = self._of_all([x for f in self.families for x in (f.sums(left), f.slopes(slope))])
         sums, slopes = everyones[::2], everyones[1::2]
         steps = [-np.linalg.solve(J + _shift(J) * np.eye(J.shape[1]), phi) for J, phi in zip(slopes, sums)]
         change = self._change(steps, F.shape[1])
-        left = self._left(F + change, q + change, before, number)
+        left = self._left(F + change, q + change, before, number, anchor)
         after = self._of_all([f.sums(left) for f in self.families])
         taken = [_size(new) <= (1 - GAIN) * _size(old) for new, old in zip(after, sums)]
         return self._change([step * good[:, None, None] for step, good in zip(steps, taken)], F.shape[1])
 
-    def _left(self, F: np.ndarray, q: np.ndarray, before: History, number: int, lawful: np.ndarray | None = None) -> np.ndarray:
+    def _left(self, F: np.ndarray, q: np.ndarray, before: History, number: int, anchor: np.ndarray,
+              lawful: np.ndarray | None = None) -> np.ndarray:
         """(Q, 3) q − f̂(F); ``lawful`` is law(F) where it is known."""
         if lawful is None:
             lawful = self.pairs.force(F, before, number).force
-        return (q - self.pairs.settled(lawful, F, before.jump)[0]).T
+        return (q - self.pairs.settled(lawful, F, anchor)[0]).T
 
     def _change(self, steps: list[np.ndarray], count: int) -> np.ndarray:
         """(3, Q) G λ of λ (n, r, 1)."""

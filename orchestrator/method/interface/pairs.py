@@ -173,17 +173,24 @@ class Pairs:
 
     # ---- springs of stabilisation --------------------------------------------------------------
 
+    def anchors(self, w: np.ndarray | None) -> np.ndarray | None:
+        """(T, 3, P) jumps of traces (T, D + G), at which springs carry nothing; None without springs, or without traces."""
+        if self.stabilisation is None or w is None:
+            return None
+        jump = self.transfer.jump(w)
+        return jump if self.slid is None else jump + self.slid
+
     def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_anchor), where anything is stabilised, and d = (F − f̂)/keq.
+        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d₀), where anything is stabilised, and d = (F − f̂)/keq.
 
         lawful : law(F); F : as for ``force``
-        anchor : (3, P) jump at which springs carry nothing: d_before
+        anchor : (3, P) d₀, the jump at which springs carry nothing
         """
         force = lawful if self.stabilisation is None else lawful + self.stabilisation * (self.resisted(F, anchor) - lawful)
         return force, self.compliance(F - force)
 
     def resisted(self, F: np.ndarray, anchor: np.ndarray) -> np.ndarray:
-        """(3, P) F − keq d_anchor: the force that leaves points where springs carry nothing."""
+        """(3, P) F − keq d₀: the force that leaves points where springs carry nothing."""
         return self.masked(F - self.points.stiffness(anchor))
 
     def weakest(self, team: Team) -> float:

@@ -53,13 +53,15 @@ class Admissible:
     f: np.ndarray
     space: TraceSpace  # numbering
     robin: np.ndarray | None = field(default=None, init=False, repr=False)  # (T, D) s − G α, where it is known already
+    # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those of the load step before
+    anchor: np.ndarray | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
-                    space: TraceSpace) -> Admissible:
+                    space: TraceSpace, anchor: np.ndarray | None = None) -> Admissible:
         """From traces (T, D + G) whose ghosts are known already."""
         fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
-        fields.extended = w, f
+        fields.extended, fields.anchor = (w, f), anchor
         return fields
 
     @cached_property

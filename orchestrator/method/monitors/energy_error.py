@@ -47,8 +47,9 @@ class EnergyErrorCriterion(Monitor):
     def judge(self, now: Evaluation) -> Verdict:
         value, residual = self.case.value, now.verdict.laws.largest_other
         told = {"target": ("error_bound", value)}
-        loose = now.problem.local.pairs.stabilisation is not None
-        if not self.due(now.number, residual, value, loose):
+        pairs, coarse = now.problem.local.pairs, now.problem.coarse
+        judged = pairs.stabilisation is not None and (coarse is None or not coarse.anew)  # springs that begin anew carry nothing in the end
+        if not self.due(now.number, residual, value, judged):
             return Verdict(False, told={**told, "error_bound": np.nan})
         bound = now.problem.certificate(now.best, value)
         error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
@@ -64,10 +65,10 @@ class EnergyErrorCriterion(Monitor):
         return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share,
                        excess=excess, told={**told, "error_bound": bound.relative})
 
-    def due(self, number: int, residual: float, value: float, loose: bool) -> bool:
+    def due(self, number: int, residual: float, value: float, springs: bool) -> bool:
         """Whether E may be met in an iteration, taken to fall with the law residual, or springs are to be judged."""
         if not residual <= NEAR * value:
-            return loose and residual <= min(FIRST, DIGIT * self.residual)
+            return springs and residual <= min(FIRST, DIGIT * self.residual)
         return number >= self.at + PATIENCE or residual * self.error <= value * self.residual or residual <= LESS * self.residual
 
     def stands_still(self) -> bool:
