@@ -97,7 +97,7 @@ def test_counts_and_resultants(pressed):
 
 def test_residuals_of_the_laws(pressed):
     r = pressed.summary["residuals"]
-    parts = ("interface_residual", "imbalance", "penetration", "tension", "cone", "slip_direction")
+    parts = ("interface_residual", "imbalance", "penetration", "tension", "cone", "slip_direction", "body_residual")
     assert r["law_residual"] == max(r[p] for p in parts) <= 1e-8
     assert r["law_residual"] == pytest.approx(pressed.iterated.last.law_residual, rel=1e-12)
     assert jsonable(pressed.summary)["error_bound"] is None

@@ -116,7 +116,7 @@ def test_other_laws_beside():
     assert elongation(found) == pytest.approx(np.full((1, 9), exact), rel=1e-8)
     assert found.interfaces.laws.tolist() == ["contact", "elastic"]
     assert found.summary["status_counts"]["sprung"] == [9] and sum(found.summary["status_counts"][k][0] for k in ("stick", "slip")) == 9
-    assert set(found.iterated.last.laws) == {"penetration", "tension", "cone", "slip_direction", "spring", "stabilisation"}
+    assert set(found.iterated.last.laws) == {"penetration", "tension", "cone", "slip_direction", "spring", "stabilisation", "body_residual"}
 
 
 # --- against a monolithic solution ------------------------------------------------------------------------

@@ -87,7 +87,8 @@ class Tolerance(Part):
         "mostly an estimate with Coulomb's; where bodies are loose, or matter is nonlinear, as law; auto: a fraction of the estimated "
         "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
     law: Fraction | None = Field(None, description=(
-        "where interfaces are not perfect: the largest relative residual of equilibrium and laws, which says nothing of the error"))
+        "where interfaces are not perfect: the largest relative residual of equilibrium and laws, of all together and of each body beside its "
+        "own forces; it says nothing of the error"))
     fraction: Fraction | None = Field(None, description=(
         f"beside error: auto only: the iterations' error over the mesh's, {FRACTION} if not given; their squares add up, "
         "so that 0.1 adds half a per cent"))

@@ -17,8 +17,9 @@ from orchestrator.method.delivery.recovery import Parts, continuous, interior, j
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, backward_error
+from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals, LengthScale, law_residuals
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -78,10 +79,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     else:
         ours, scale, team = continuous(d, iterated.bound, parts), LengthScale(d), d.space.team
         lengths = scale(iterated.fields.u)
-        laws = law_residuals([(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
-                              for t, pairs, before in iterated.by_pairing(d)], lengths, team)
-        if d.nonlinear is not None:
-            laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
+        laws = _laws(d, iterated, lengths, scale)
         contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
                           backward)
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful)
@@ -96,6 +94,18 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
             known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants)
     return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
                      resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known)
+
+
+def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:
+    """How well the laws hold in all load steps, by the measures that the run was judged with."""
+    measured = [(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
+                for t, pairs, before in iterated.by_pairing(d)]
+    laws = law_residuals(measured, lengths, d.space.team)
+    if d.nonlinear is not None:
+        laws = laws.and_also(FIXED_POINT, iterated.last.laws[FIXED_POINT])
+    if OF_BODIES in iterated.last.laws:
+        laws = laws.and_also(OF_BODIES, body_residual(measured, lengths, d.space, judged_together(d.scene, bodies)))
+    return laws
 
 
 def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful | None) -> Backward | None:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
-from orchestrator.method.stopping.law_residuals import Lengths, law_residuals
+from orchestrator.method.stopping.body_residual import body_residual, judged_together
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, Lengths, law_residuals
 
 
 class LawCriterion(Monitor):
@@ -19,7 +20,7 @@ class LawCriterion(Monitor):
     name = "law_residual"
 
     def __init__(self, case: Case):
-        self.case = case
+        self.case, self.groups = case, judged_together(case.problem.scene, case.lengths)
 
     @classmethod
     def of(cls, case: Case) -> LawCriterion | None:
@@ -27,9 +28,12 @@ class LawCriterion(Monitor):
 
     def judge(self, now: Evaluation) -> Verdict:
         problem, lengths = now.problem, self.case.lengths(now.best.u)
-        laws = law_residuals([(problem.local.pairs, *now.best.extended, now.local, problem.local.before)], lengths, problem.space.team)
+        parts = [(problem.local.pairs, *now.best.extended, now.local, problem.local.before)]
+        laws = law_residuals(parts, lengths, problem.space.team)
         if problem.nonlinear is not None:
-            laws = laws.with_fixed_point(_fixed_point(now, lengths))
+            laws = laws.and_also(FIXED_POINT, _fixed_point(now, lengths))
+        if self.case.method.tolerance.law is not None:
+            laws = laws.and_also(OF_BODIES, body_residual(parts, lengths, problem.space, self.groups))
         value = laws.largest if self.case.by_error else now.measures.indicator
         return Verdict(bool(value <= self.case.value), measure=value, laws=laws, lengths=lengths, told={
             "target": (self.name if self.case.by_error else "indicator", self.case.value), "law_residual": laws.largest,

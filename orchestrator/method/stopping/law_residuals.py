@@ -8,6 +8,8 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 - stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where contacts are stabilised
 - fixed_point  ‖F(s) − s‖ / ‖F(s)‖ in the same norm, on all interfaces, where matter is nonlinear: then nothing else tells
   whether what was extrapolated from the last true answers is true
+- body_residual  the residual of the body where it is largest beside that body's own forces, see ``body_residual``, where laws alone
+  are asked for (``tolerance: {law: …}``)
 - the laws' own measures, over powers of the length scale ℓ and of the law's largest pressure
 
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
@@ -42,7 +44,7 @@ from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 ROUNDING = 1e-12  # of the largest length that a scene was told, what counts as none
 # Forces are differences of k u: below this share of it they count as none, as where all contacts are open.
 REST = 1e-4
-STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"
+STABILISATION, FIXED_POINT, OF_BODIES = "stabilisation", "fixed_point", "body_residual"
 SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
 
 
@@ -134,9 +136,9 @@ class LawResiduals:
         """What the tolerance is compared with; nan if any is."""
         return float(np.max([self.residual, self.imbalance, *self.measures.values()]))
 
-    def with_fixed_point(self, residual: float) -> LawResiduals:
-        """The same with the residual of the fixed point."""
-        return replace(self, measures={**self.measures, FIXED_POINT: residual})
+    def and_also(self, name: str, residual: float) -> LawResiduals:
+        """The same with another measure: ``FIXED_POINT``, ``OF_BODIES``."""
+        return replace(self, measures={**self.measures, name: residual})
 
     @property
     def springs(self) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from orchestrator.config.method import Method
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.answers import INTERFACES
 from orchestrator.results.extremes import NAME as EXTREMES
@@ -39,6 +39,7 @@ _QUANTITIES = [
     ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
      "forces in equilibrium against forces that obey the laws"),
     (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),
+    (OF_BODIES, "max ‖f − f̂‖ / ‖f‖ of a body's interfaces, in the same norm", "the body where it is largest, by its own forces"),
     (FIXED_POINT, "‖F(s) − s‖ / ‖F(s)‖, in the same norm", "what nonlinear parts truly do against what is extrapolated"),
     ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance")]
 
