@@ -1,4 +1,7 @@
-"""Where several interfaces that open meet at a node: when the rest is small, what is left may be self-stress, and is corrected."""
+"""Where several interfaces that open meet at a node: when the rest is small, what is left may be self-stress, and is corrected.
+
+The acceleration begins anew then, as an iteration answers otherwise from there on.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 
 class SelfStressMonitor(Monitor):
-    """Lets the coarse contact problem correct self-stress from the iteration on whose measure is small."""
+    """Lets the coarse contact problem correct self-stress from the iteration on whose law residual is small."""
 
     name, remembered = "self_stress", ("on",)
 
@@ -22,7 +25,8 @@ class SelfStressMonitor(Monitor):
 
     def judge(self, now: Evaluation) -> Verdict:
         self.on = now.problem.at_nodes
-        return Verdict(changes=(self.name,)) if not self.on and now.verdict.measure <= RESTING else Verdict()
+        resting = not self.on and now.verdict.laws.largest_other <= RESTING
+        return Verdict(changes=(self.name,), anew=True) if resting else Verdict()
 
     def change(self, now: Evaluation) -> Decomposition:
         return self.restore({"on": True}, now.problem)
