@@ -122,3 +122,20 @@ def test_one_factor_serves_several_threads(macro):
         together = list(pool.map(solve, rights))
     assert all(np.array_equal(a, b) for a, b in zip(alone, together))
     assert np.abs(solve(rights.T) - np.stack(alone, axis=1)).max() <= 1e-12 * np.abs(alone).max()
+
+
+@needs_cholmod
+def test_factors_of_several_threads_do_not_disturb_each_other():
+    """The library's linear algebra may have one workspace for all threads."""
+    rng = np.random.default_rng(5)
+    spread = [sp.random_array((300, 300), density=0.02, rng=rng) for _ in range(4)]
+    matrices = [sp.csc_array(a @ a.T + 3 * sp.eye_array(300)) for a in spread]
+    right = rng.standard_normal((300, 40))
+
+    def worst(matrix):
+        """Of a factor that is made and used while others do the same."""
+        solve = cholmod.factorised(lower(matrix), "amd")
+        return max(np.abs(matrix @ solve(right) - right).max() for _ in range(200))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert max(pool.map(worst, matrices)) < 1e-9

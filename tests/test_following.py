@@ -177,4 +177,4 @@ def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, mo
     assert solve(few, scene, [keeper]).stop_reason == "max_iterations"
     resumed = solve(made, scene, start=load_checkpoint(tmp_path, "key"))
     assert whole.iterations <= resumed.iterations <= whole.iterations + 1 and whole.iterations > most
-    assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-12
+    assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-10  # rounding of 5e-3

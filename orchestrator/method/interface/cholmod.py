@@ -2,7 +2,10 @@
 
 What is asked of it are functions that it has had since 2009, and settings at the head of a structure that has kept its shape from
 its third to its fifth version (SuiteSparse 4 to 7). Any other version is not taken; nor is a library whose defaults are not found
-where they should be. A factor may be used by several threads, one after another.
+where they should be.
+
+One thread at a time is in the library: Debian's serial OpenBLAS, which it calls, has one workspace for all threads. Two threads that
+solved with factors of their own got answers off by some per cent.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ VERSIONS = (5, 4, 3)
 ROOM = 1 << 16  # bytes for the settings: more than any version takes
 ORDERS = {"amd": 2, "metis": 3}  # minimum degree, nested dissection
 SUPERNODAL, LOWER, LONG, REAL, DOUBLE, SYSTEM = 2, -1, 2, 1, 0, 0  # constants of cholmod.h
+_ALONE = Lock()  # held by the thread that is in the library
 
 
 class _Method(ctypes.Structure):
@@ -113,19 +117,19 @@ class Cholesky:
     """
 
     def __init__(self, found: ctypes.CDLL, lower: sp.csc_array, order: str):
-        self._library, self._room, self._lock = found, ctypes.create_string_buffer(ROOM), Lock()
+        self._library, self._room = found, ctypes.create_string_buffer(ROOM)
         self.size = lower.shape[0]
         found.cholmod_l_start(self._room)
         settings = _Settings.from_buffer(self._room)
         settings.supernodal, settings.print, settings.quick_return, settings.methods = SUPERNODAL, 0, 1, 1
         settings.method[0].ordering = ORDERS[order]
-        matrix, self._kept = _sparse(lower)
-        self._factor = found.cholmod_l_analyze(byref(matrix), self._room)
+        matrix, _kept = _sparse(lower)
+        with _ALONE:
+            self._factor = found.cholmod_l_analyze(byref(matrix), self._room)
+            done = self._factor and found.cholmod_l_factorize(byref(matrix), self._factor, self._room)
         self._results = POINTER(_Dense)(), POINTER(_Dense)(), POINTER(_Dense)()  # of a solution, and two to work in
         weakref.finalize(self, _freed, found, self._room, self._factor, self._results)
-        done = self._factor and found.cholmod_l_factorize(byref(matrix), self._factor, self._room)
         self.definite = bool(done) and self._factor.contents.minor == self.size
-        self._kept = None
 
     def __call__(self, right: np.ndarray) -> np.ndarray:
         """Solutions (n, T) or (n,) for right-hand sides (n, T) or (n,)."""
@@ -134,7 +138,7 @@ class Cholesky:
         if not columns.size:
             return np.array(right, dtype=float)
         x, y, e = self._results
-        with self._lock:
+        with _ALONE:
             if not self._library.cholmod_l_solve2(SYSTEM, self._factor, byref(given), None, byref(x), None, byref(y), byref(e),
                                                   self._room):
                 raise MemoryError("CHOLMOD has no room for a solution")

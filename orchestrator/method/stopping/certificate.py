@@ -80,8 +80,8 @@ class Pair:
     @classmethod
     def joined(cls, batches: Sequence[Pair]) -> Pair:
         """Of all load steps from batches of them, in order."""
-        predicted, delta, moved, jump, gap, unbalanced, broken = (np.concatenate([getattr(b, name) for b in batches]) for name in (
-            "predicted", "delta", "moved", "jump", "gap", "unbalanced", "broken"))
+        predicted, delta, moved, jump, gap, unbalanced, broken = map(np.concatenate, zip(*(
+            (b.predicted, b.delta, b.moved, b.jump, b.gap, b.unbalanced, b.broken) for b in batches)))
         before = [*(state for b in batches for state in b.before[:-1]), batches[-1].before[-1]]
         return cls([answer for b in batches for answer in b.answers], predicted, delta, moved, jump, gap, before, unbalanced, broken)
 
