@@ -15,8 +15,8 @@ Where forces may pass through one pair as well as through another, φ does not c
 stick to each other is carried by either, but its slip is along both faces only if these are exactly in line. If they are not, by ever so
 little, the way out is that one of them lets go, and until then φ is constant. ‖φ‖ alone would refuse to go there, and without these steps
 forces move by φ in an iteration; with them by φ/δ. Much friction makes J far from symmetric, with a symmetric part that is far from
-positive where J's own eigenvalues are not negative. So J + δ is tried first, and a shift that makes its symmetric part positive where
-that does not help: without any, ten grains with μ = 1 did not converge.
+positive where J's own eigenvalues are not negative. So J + δ is tried first, then a shorter step, and a shift that makes its symmetric part
+positive where neither helps: without any, ten grains with μ = 1 did not converge.
 
 Among ranks, groups that several of them have bodies at are summed and solved by all of them.
 """
@@ -41,6 +41,7 @@ SHIFT = 3e-3
 # (δ = .01), two of them not within 250 from 1e-2 on, and with .6 after 99 from 1e-4 on.
 RESTING = 1e-3
 GAIN = 0.1  # share of ‖φ + δ λ‖ that a step has to gain
+SHORTER = 0.3  # of a step that has not gained that
 
 
 @dataclass
@@ -148,8 +149,8 @@ class SelfStress:
         everyones = self._of_all([x for f in self.families for x in (f.sums(left), f.slopes(slope))])
         sums, slopes = everyones[::2], everyones[1::2]
         steps = [np.zeros_like(phi) for phi in sums]
-        for shift in (_least, _positive):
-            tried = [np.where(_moved(known), known, -np.linalg.solve(J + shift(J) * np.eye(J.shape[1]), phi))
+        for shift, length in ((_least, 1.0), (_least, SHORTER), (_positive, 1.0)):
+            tried = [np.where(_moved(known), known, -length * np.linalg.solve(J + shift(J) * np.eye(J.shape[1]), phi))
                      for known, J, phi in zip(steps, slopes, sums)]
             change = self._change(tried, F.shape[1])
             left = self._left(F + change, q + change, before, number, anchor)
