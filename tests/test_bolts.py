@@ -166,6 +166,8 @@ WRONG = {
     "no force": ({"bolts": [{"on": "*", "force": 0.0}]}, ("bolts", 0, "force"), "> 0"),
     "a plane beside it": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 30.0}, "force": 1.0}]}, ("bolts", 0, "cut"),
                           "reaches from 0 to 3"),
+    "nowhere along a direction": ({"bolts": [{"on": "*", "cut": {"plane": [0, 1, 1], "at": 5}, "force": 1.0}]},
+                                  ("bolts", 0, "cut", "at"), "5"),
     "no direction": ({"bolts": [{"on": "*", "cut": {"plane": [0, 0, 0], "at": [0, 0, 0]}, "force": 1.0}]}, ("bolts", 0, "cut", "plane"),
                      "direction"),
     "no cylinder": ({"bolts": [{"on": "*", "force": 1.0}], "mesh": {"polycrystal": {"grains": 1, "size": 1.0, "h": 0.6}}},

@@ -229,17 +229,22 @@ def probes_fit(data: Any) -> Iterator[Problem]:
     for path, probe in find(data, ("output", "probes", "*")):
         if not isinstance(probe, dict):
             continue
-        ends, section = probe.get("along"), probe.get("section")
+        ends = probe.get("along")
         if is_vectors(ends) and len(ends) == 2 and ends[0] == ends[1]:
             yield Problem((*path, "along"), shown(ends), "two ends apart", "give another end, or at: for a point")
-        if isinstance(section, dict) and isinstance(section.get("plane"), list) and is_number(section.get("at")):
-            yield Problem((*path, "section", "at"), shown(section["at"]), "a point on the plane, beside a direction",
-                          "write at: [x, y, z]")
         resultant = probe.get("quantity") == "resultant"
         for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
             if "on" in probe and probe.get(key) is not None and not fits:
                 yield Problem((*path, key), f"{key} beside quantity: {shown(probe.get('quantity', 'mean'))}",
                               f"{key} beside {where} only", f"remove {key}")
+
+
+def planes_have_points(data: Any) -> Iterator[Problem]:
+    """One coordinate says where a plane is along x, y or z alone."""
+    for keys in (("output", "probes", "*", "section"), ("bolts", "*", "cut")):
+        for path, cut in find(data, keys):
+            if isinstance(cut, dict) and isinstance(cut.get("plane"), list) and is_number(cut.get("at")):
+                yield Problem((*path, "at"), shown(cut["at"]), "a point on the plane, beside a direction", "write at: [x, y, z]")
 
 
 def certified_fits(data: Any) -> Iterator[Problem]:
@@ -276,7 +281,7 @@ def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterato
 
 RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
          what_histories_multiply, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts,
-         directions, probes_fit, certified_fits]
+         directions, probes_fit, planes_have_points, certified_fits]
 
 
 def broken_rules(data: Any) -> list[Problem]:
