@@ -91,7 +91,7 @@ def test_grains_of_ten_node_tets_converge(grains, soft, seed):
         "interfaces": [{"law": "contact", "friction": 0.1}], "blackbox": SIX,
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "displacement": [0.004, -0.004, -0.005]}],
-        "method": {"tolerance": {"law": 1e-3}, "max_iterations": 40, "coarse": "none"}})
+        "method": {"tolerance": {"law": 1e-3}, "max_iterations": 60, "coarse": "none"}})
     assert solve(made, build_scene(made)).converged
 
 

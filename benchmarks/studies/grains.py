@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Annotated, Any
 
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, whole_command
 from benchmarks.kit.drawing import BLUE, GREY, ORANGE, PALETTE, level, panels
@@ -39,7 +39,8 @@ class Settings(Keys):
         [27, 64, 125, 343], description="numbers of grains")
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = Field(
         [1, 2, 3], description="of the grains' centres")
-    tolerances: Annotated[list[PositiveFloat], Field(min_length=1)] = Field([USUAL], description="of the law residual")
+    tolerances: Annotated[list[PositiveFloat], Field(min_length=1)] = Field([USUAL], description="of the energy error")
+    friction: NonNegativeFloat = Field(0.1, description="coefficient of friction")
     elements: PositiveFloat = Field(5.0, description=(
         "elements across a grain, as many for all numbers of grains; with five, a thousand grains have over 500,000 dofs"))
     lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains")
@@ -48,9 +49,9 @@ class Settings(Keys):
     figures: bool = Field(True, description="whether every run draws its figures")
 
 
-def problem(count: int, seed: int, elements: float, lloyd: int = 0) -> dict[str, Any]:
+def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: float = 0.1) -> dict[str, Any]:
     """Grains pressed, sheared, sheared further and half let go, ``elements`` of them across a cube of a grain's volume."""
-    return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), path=TOP, seed=seed, lloyd=lloyd)
+    return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), friction, TOP, seed=seed, lloyd=lloyd)
 
 
 def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
@@ -64,7 +65,7 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
                      "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
                      "spring_force", "live_by_springs", "detached", "far")
     for count, seed, tolerance in product(sorted(settings.counts), settings.seeds, settings.tolerances):
-        config = with_method(problem(count, seed, settings.elements, settings.lloyd),
+        config = with_method(problem(count, seed, settings.elements, settings.lloyd, settings.friction),
                              {"max_iterations": CUT, **settings.method, "tolerance": {"error": tolerance}})
         config["output"] = {"figures": settings.figures}
         name = f"grains-{count}-seed-{seed}-{tolerance:g}"
@@ -125,7 +126,7 @@ def judge(study: Study) -> None:
     for tolerance in sorted({row["tolerance"] for row in study.rows}, reverse=True):
         rows = [row for row in study.rows if row["tolerance"] == tolerance]
         good = [row for row in rows if row["stop_reason"] == "converged"]
-        study.target(f"law residual {tolerance:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
+        study.target(f"energy error {tolerance:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
         before = {(row["grains"], row["seed"]): row["iterations"] for row in usual if row["stop_reason"] == "converged"}
         ratios = [row["iterations"] / before[key] for row in good if (key := (row["grains"], row["seed"])) in before]
         if tolerance < USUAL and ratios:
@@ -181,7 +182,7 @@ def _picture(rows: Rows):
     done = [row for row in rows if "iterations" in row]
     tolerances = sorted({row["tolerance"] for row in done}, reverse=True)
     for tolerance, colour in zip(tolerances, PALETTE):
-        _draw(left, [row for row in done if row["tolerance"] == tolerance], "iterations", colour, f"law residual {tolerance:.0e}")
+        _draw(left, [row for row in done if row["tolerance"] == tolerance], "iterations", colour, f"energy error {tolerance:.0e}")
     for quantity, colour, label, scale in (
             ("per_grain", GREY, "whole command", 1), ("coarse_per_grain", ORANGE, "coarse contact problem", 1),
             ("code_per_grain", BLUE, f"the codes' own, shared by {CORES} cores", 1 / CORES)):
