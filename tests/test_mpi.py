@@ -83,9 +83,15 @@ def rounding(case: str, name: str) -> float:
     return 1e-13 / 1e-10 * float(np.abs(np.subtract(alone(case, nudge)[name], alone(case)[name])).max())
 
 
+def subdomains(case: str) -> int:
+    """How many a case has, at least."""
+    made = CASES[case]
+    return len(made["parts"]) if "parts" in made else np.prod(made["subdomains"]["grid"]) if "grid" in made["subdomains"] else 4
+
+
 @pytest.mark.parametrize("ranks", quick([2, 3, 4], 2))
 def test_ranks_find_what_one_process_finds(ranks, tmp_path):
-    several = [case for case in CASES if len(CASES[case].get("parts", range(4))) >= 4]  # subdomains: one for each rank
+    several = [case for case in CASES if subdomains(case) >= 4]  # one for each rank
     four = several[::2]
     names = {2: [case for case in CASES if case not in four], 3: several[1:2], 4: four}[ranks]  # each by some number of ranks
     run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3))

@@ -524,10 +524,10 @@ def test_certified_scenes_are_drawn_again_alike():
 
 
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
-    asked = ["scenes=3", "held=1", "code=in-process", "follow=false"]
+    asked = ["scenes=2", "first=2", "held=1", "code=in-process", "follow=false"]
     run_study("certified", tmp_path, asked)
     rows = rows_of(tmp_path / "table.csv")
-    assert [row["scene"] for row in rows] == ["1", "2", "3", "held-1"] and all(row["stop_reason"] == "converged" for row in rows)
+    assert [row["scene"] for row in rows] == ["2", "3", "held-2"] and all(row["stop_reason"] == "converged" for row in rows)
     assert all(float(row["true_error"]) <= float(row["asked"]) for row in rows if row["error_kind"] == "guaranteed")
     assert is_drawn(tmp_path / "certified.png", saved_figures[-1])
     run_study("certified", tmp_path, asked, resume=True)
