@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -82,8 +83,13 @@ class GuardedCode(BlackBox):
 
 def _at_once(judge: Callable[[int], Any], models: list[int]) -> list:
     """What is found of each model: the codes' cores have nothing else to do meanwhile."""
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
-        return list(threads.map(judge, models))
+    return list(_judges().map(judge, models))
+
+
+@cache
+def _judges() -> ThreadPoolExecutor:
+    """Threads that stay: to start them costs more than to judge a small model."""
+    return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "guard")
 
 
 OWN = "a solver whose material is its own says so: own_matter = True in its class"
