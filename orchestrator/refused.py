@@ -38,8 +38,8 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
         ("output", "probes"), "certified: true at {name}, in a part that is a model of another program's",
         "a place in a part whose mesh is ours: of the others displacements are known at their joints alone", "remove certified there"),
     "certified stress in own matter": (
-        ("output", "probes"), "certified: true at {name}, a stress in a part whose code has matter of its own",
-        "a stress in matter of the YAML's young and poisson: of the other displacements are known", "remove certified there"),
+        ("output", "probes"), "certified: true at {name}, a stress or a force in a part whose code has matter of its own",
+        "a stress or a force in matter of the YAML's young and poisson: of the other displacements are known", "remove certified there"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

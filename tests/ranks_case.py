@@ -22,7 +22,9 @@ def _box(name: str, size: list, cells: list, corner: list) -> dict:
     return {"name": name, "mesh": {"box": {"size": size, "cells": cells}}, "move": {"translate": corner}}
 
 
-CERTIFIED = {"probes": [{"at": [1.1, 0.3, 0.4], "certified": True}, {"on": {"plane": "z", "at": 1}, "certified": True}],
+CERTIFIED = {"probes": [{"at": [1.1, 0.3, 0.4], "certified": True}, {"on": {"plane": "z", "at": 1}, "certified": True},
+                        {"section": {"plane": "z", "at": 0.25}, "certified": True},
+                        {"on": {"plane": "z", "at": 0}, "quantity": "resultant", "certified": True}],
              "certified": ["reactions", "sections", "resultants"]}
 CASES = {
     "perfect": {

@@ -538,10 +538,10 @@ def test_intervals_are_kept_and_judged(tmp_path, capsys, saved_figures):
     wanted = ["scenes=2", "first=2", "code=in-process"]
     run_study("intervals", tmp_path, wanted)
     shown = capsys.readouterr().out
-    assert "all of 8" in shown and "0 of 70, 2 scenes" in shown
+    assert "all of 8" in shown and "0 of 94, 2 scenes" in shown
     assert is_drawn(tmp_path / "intervals.png", saved_figures[-1])
     run_study("intervals", tmp_path, wanted, resume=True)
-    assert "0 of 70, 2 scenes" in capsys.readouterr().out
+    assert "0 of 94, 2 scenes" in capsys.readouterr().out
 
 
 def test_targets_of_certified_scenes(tmp_path):

@@ -1,10 +1,11 @@
 """Intervals of displacements and forces beside true values: the random scenes of ``certified``, bonded ones beside them.
 
 Of every scene displacements at two random points and the mean stresses of the tets there, all reactions and all forces of interfaces,
-with their moments, are certified. All components at all load steps are compared with a solution in one piece that shares no code with the
-method. One hundred of them, drawn by chance, are the sample that the target speaks of; all are told beside it. *Width* is half of an
-interval's, over the largest value of its kind in the scene; of those that have one: without friction the forces across normals are known
-to be none.
+what matter carries across a random plane and what acts on a random face of the cube, with their moments, are certified. All components at
+all load steps are compared with a solution in one piece that shares no code with the method. One hundred of them, drawn by chance, are the
+sample that the target speaks of; all are told beside it. *Width* is half of an interval's, over the largest value of its kind in the scene,
+of sections and resultants over the largest reaction; of those that have one: without friction the forces across normals are known to be
+none.
 """
 
 from __future__ import annotations
@@ -22,13 +23,17 @@ from benchmarks.kit.truth import EXACT, solved_in
 from benchmarks.monolithic import Monolithic
 from benchmarks.problems.random_contact import drawn
 from orchestrator import Scene
+from orchestrator.method.delivery.flux import FORCES, flux
+from orchestrator.results.extremes import RESULTANT
+from orchestrator.scene.copies import Copies
 
 SAMPLE, PER_SCENE = 100, 4  # quantities in the sample, at most so many of a scene
 POINTS = 2  # at which displacements are asked for
 ROUNDED = 1e-9  # of the largest value of a kind: what the solution in one piece leaves open, at residuals of 1e-11
 DISPLACEMENT, STRESS = ("ux", "uy", "uz"), ("sxx", "syy", "szz", "sxy", "syz", "sxz", "von_mises")
 BONDED = 4  # every so many scenes one with bonds in the place of some contacts
-KINDS = ("displacement", "stress", "reaction", "force", "moment")
+KINDS = ("displacement", "stress", "reaction", "force", "section", "resultant", "moment")
+LIKE = {"section": "reaction", "resultant": "reaction"}  # kinds of which all may be none, and whose largest value is theirs
 
 
 class Settings(Keys):
@@ -71,6 +76,11 @@ def asked(number: int, code: str = "freefem") -> tuple[dict[str, Any], dict[str,
     places = [{"at": rng.uniform(0.05, 0.95, 3).round(4).tolist(), "certified": True} for _ in range(POINTS)]
     probes = [{"name": f"{quantity} {k + 1}", "quantity": quantity, **place} for quantity in ("displacement", "stress")
               for k, place in enumerate(places)]
+    layers = data["mesh"].get("box", {}).get("cells") if "mesh" in data else [2 * len(data["parts"])] * 3  # where no sides may part
+    height = 1 / layers[2] if layers else float(rng.uniform(0.3, 0.7))
+    face = {"plane": str(rng.choice(["x", "z"])), "at": float(rng.integers(2))}
+    probes += [{"name": "section", "section": {"plane": "z", "at": height}, "certified": True},
+               {"name": "resultant", "on": face, "quantity": "resultant", "certified": True}]
     data["output"] = {"fields": False, "figures": False, "probes": probes, "certified": ["reactions", "sections", "resultants"]}
     return data, labels
 
@@ -93,7 +103,7 @@ def compared(data: Mapping[str, Any]) -> dict[str, Any]:
         known = np.isfinite(low) & np.isfinite(high)
         row["without"] += int((~known).sum())
         row["values"] += [(kind, *map(float, each)) for each in zip(low[known], high[known], true[known])]
-    sizes = {kind: max((abs(true) for one, _, _, true in row["values"] if one == kind), default=0.0) for kind in KINDS}
+    sizes = {kind: max((abs(true) for one, _, _, true in row["values"] if one == LIKE.get(kind, kind)), default=0.0) for kind in KINDS}
     row["values"] = [(kind, low, high, true, sizes[kind]) for kind, low, high, true in row["values"]]
     row["outside"] = sum(not inside(*value) for value in row["values"])
     for kind in KINDS:
@@ -123,6 +133,12 @@ class Exact:
     def beside(self, found: Mapping[str, Any]):
         """Kind, least, greatest and true values of all that has been certified, (T, 3) each."""
         for probe, one in zip(self.scene.probes, found["probes"]):
+            if probe.quantity in FORCES:
+                low, high = (np.array([one["values"][name][end] for name in RESULTANT], dtype=float).T for end in ("low", "high"))
+                true = self.carried(probe)
+                yield probe.quantity, low[:, :3], high[:, :3], true[:, :3]
+                yield "moment", low[:, 3:], high[:, 3:], true[:, 3:]
+                continue
             names, true = (STRESS, self.stress) if probe.quantity == "stress" else (DISPLACEMENT, self.displacement)
             ends = [[one["values"][name][end] for name in names] for end in ("low", "high")]
             yield probe.quantity, *(np.array(x, dtype=float).T for x in ends), true(probe)
@@ -139,6 +155,11 @@ class Exact:
             yield "force", one["low"], one["high"], forces.sum(axis=1)
             yield "moment", one["moment"]["low"], one["moment"]["high"], self.moment(
                 self.scene.side_points(interface, 0), forces, one["moment"]["about"])
+
+    def carried(self, probe: Any) -> np.ndarray:
+        """(T, 6) force and moment across a section, or through faces."""
+        parts = [np.array([step.parts[e] for step in self.steps]) for e in range(len(self.scene.subdomains))]
+        return flux(probe, Copies.of(self.scene)).of(parts)[:, :6]
 
     def displacement(self, probe: Any) -> np.ndarray:
         """(T, 3) at a point."""

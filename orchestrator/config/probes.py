@@ -12,8 +12,9 @@ from orchestrator.config.boundary import Cut, Where
 ProbeName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
 Quantity = Literal["displacement", "stress"]
 Certified = Annotated[bool, Field(description=(
-    "add the interval that the energy error leaves for each component of displacement, or of stress: the mean over the tet at the point, "
-    "or over those behind the faces, as no energy bounds the stress at a point; off, as it costs a few answers of the code"))]
+    "add the interval that the energy error leaves for each component of displacement, of force and moment, or of stress: the mean over "
+    "the tet at the point, or over those behind the faces, as no energy bounds the stress at a point; off, as it costs a few answers of "
+    "the code"))]
 Force = Literal["reactions", "bolts", "sections", "resultants"]
 
 
@@ -58,12 +59,12 @@ class SurfaceProbe(Part):
 class SectionProbe(Part):
     """Force and moment that matter carries across a plane: what is in front of it, where the normal points, exerts on what is behind."""
 
-    certified: ClassVar[bool] = False
     name: ProbeName | None = PointProbe.model_fields["name"]
     section: Cut = Field(description="the plane: {plane: z, at: 12}, or {plane: [0, 1, 1], at: [0, 5, 5]}")
     part: Name | None = Field(None, description=(
         "name of the volume or body that is cut, shell wildcards allowed; none: all that the plane cuts"))
     about: Vector | None = Field(None, description="the moment is about this point; none: the plane's point, as at says")
+    certified: Certified = False
 
 
 Probe = one_of({"at": PointProbe, "along": PathProbe, "section": SectionProbe, "on": SurfaceProbe},

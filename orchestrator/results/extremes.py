@@ -16,6 +16,7 @@ from orchestrator.scene.elasticity import principal, von_mises
 NAME = "extremes.csv"
 DISPLACEMENT = ("ux", "uy", "uz", "|u|")
 STRESS = ("sxx", "syy", "szz", "sxy", "syz", "sxz", "von_mises", "s1", "s2", "s3")
+RESULTANT = ("fx", "fy", "fz", "mx", "my", "mz")
 COLUMNS = ("part", "quantity", "extreme", "value", "x", "y", "z", "load_step")
 
 

@@ -11,9 +11,11 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.lawful import Lawful
-from orchestrator.method.delivery.wanted import Measured, Wanted
+from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.interface.rows import dots
+from orchestrator.method.stopping.dual_energy import CANCELLED
 from orchestrator.method.stopping.influence import Asked, InfluenceFields
 from orchestrator.method.stopping.intervals import PointLoads, of_displacements, of_forces
 
@@ -25,7 +27,7 @@ class Intervals:
     """Least and greatest values, T load steps; infinite where the error says nothing.
 
     guaranteed : whether they are
-    probes : name → (T, c, 2) components of displacement or stress
+    probes : name → (T, c, 2) components of displacement, stress, or force and moment, see ``flux``
     reactions : (entries, T, 6, 2) forces and moments, None where nobody asks
     interfaces : number of the interface → (T, 6, 2) force of side 2 on side 1, and its moment
     centre : (I, 3) what interfaces' moments are about
@@ -78,8 +80,9 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     supports = [Way.rigid(entry, wanted.about, wanted.length) for entry in wanted.entries]
     cuts = [Way.rigid(i, resultants.centre[i], wanted.length) for i in wanted.interfaces]
     bolts = [Way(i, axis[None], np.zeros((1, 3)), np.zeros(3)) for i, axis in wanted.bolts.values()]
-    ends = np.cumsum([0] + [len(way) for way in (*supports, *cuts, *bolts)])
-    far = _forces(d, lawful, supports, [*cuts, *bolts]) if ends[-1] else np.zeros((0, d.steps, 2))
+    asked = (*supports, *wanted.forces.values(), *cuts, *bolts)
+    ends = np.cumsum([0] + [len(way) for way in asked])
+    far = _forces(d, lawful, supports, list(wanted.forces.values()), [*cuts, *bolts]) if ends[-1] else np.zeros((0, d.steps, 2))
     far = [far[a:b].transpose(1, 0, 2) for a, b in zip(ends[:-1], ends[1:])]  # (T, m, 2)
     unit = np.repeat([1.0, wanted.length], 3)[:, None]  # of forces and moments over those of the motions
     supported, moment = None, reactions[:, :, 3:] - np.cross(wanted.about, reactions[:, :, :3])
@@ -88,6 +91,8 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     for way, own in zip(supports, far):
         supported[way.number] += unit * own
     far = far[len(supports):]
+    probes |= {name: at[..., None] + own for (name, at), own in zip(_carried(d, lawful, wanted.forces).items(), far)}
+    far = far[len(wanted.forces):]
     whole = np.concatenate([resultants.force, resultants.moment], axis=2)
     carried = {way.number: whole[:, way.number, :, None] + unit * own for way, own in zip(cuts, far)}
     pulls = {name: (resultants.force[:, way.number] @ way.axes[0])[:, None] + own[:, 0]
@@ -125,10 +130,19 @@ def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes:
     return {name: probe.given[:, :, None] + found[:, a:b] for (name, probe), a, b in zip(probes.items(), ends[:-1], ends[1:])}
 
 
-def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], cuts: Sequence[Way]) -> np.ndarray:
-    """(n, T, 2) how far forces of supports, then of interfaces, are from those of û and λ̂; n motions in all."""
+def _carried(d: Decomposition, lawful: Lawful, forces: Mapping[str, Measured]) -> dict[str, np.ndarray]:
+    """Name → (T, c) what probes of forces tell of û, of all ranks."""
+    own = {name: Measured({s.index: probe.weights[s.index] for s in d.own if s.index in probe.weights}, np.zeros_like(probe.given))
+           for name, probe in forces.items()}
+    found = d.space.team.sum(*(probe.of(lawful.parts) for probe in own.values()))
+    return {name: probe.given + here for (name, probe), here in zip(forces.items(), found)}
+
+
+def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], through: Sequence[Measured], cuts: Sequence[Way]) -> np.ndarray:
+    """(n, T, 2) how far forces of supports, through matter, and of interfaces are from those of û and λ̂; n motions in all."""
     space, team, certificate = d.space, d.space.team, lawful.certificate
-    moving = sum(map(len, supports))
+    held = sum(map(len, supports))
+    moving = held + sum(map(len, through))
     count = moving + sum(map(len, cuts))
     lifts = _lifts(d, supports, count)
     rest = np.zeros((count, 0, 3))  # of those that nothing holds, and of other ranks'
@@ -137,7 +151,7 @@ def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], cuts: Seq
     if anywhere and known is None:
         known = np.zeros((count, space.size))
     jump, start = _parted(d, lawful, cuts, count)
-    answered, energy, carried = _answered(d, lawful, lifts, known, count)
+    answered, energy, carried = _answered(d, lawful, *_strained(d, lifts, through, held, count), known)
     influence = InfluenceFields(certificate, Asked(jump, start, known, answered, energy, np.arange(count) < moving))()
     return of_forces(certificate, lawful.judged, influence, carried, lawful.rest)
 
@@ -172,30 +186,56 @@ def _parted(d: Decomposition, lawful: Lawful, cuts: Sequence[Way], count: int) -
     return pairs.masked(-pairs.transfer.first(whole)), start
 
 
-def _answered(d: Decomposition, lawful: Lawful, lifts: Mapping[int, np.ndarray], known: np.ndarray | None,
-              count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n, B) what the bodies do where supports move by lifts and soles hold the rest, (n,) its ‖·‖²_K, and (n, T) the work of the
-    reactions to û − u."""
-    space, requests = d.space, {}
-    answered, energy, carried = np.zeros((count, len(space.global_dof))), np.zeros(count), np.zeros((count, d.steps))
+def _strained(d: Decomposition, lifts: Mapping[int, np.ndarray], through: Sequence[Measured], held: int,
+              count: int) -> tuple[dict[int, np.ndarray], np.ndarray]:
+    """Own subdomain → (n, 3 n_E) K χ of supports' lifts, and of the tets that carry forces, and (n,) this rank's share of ‖χ‖²_K.
+
+    held : how many of the n motions are supports'
+    """
+    strained, energy = {}, np.zeros(count)
+    for s, rim in zip(d.own, d.made.rims):
+        pushed = np.zeros((count, len(s.nodes), 3))
+        if s.index in lifts:
+            lift = lifts[s.index].reshape(count, -1)[:, rim.dofs]
+            pushed.reshape(count, -1)[:, rim.dofs] = (rim.stiffness @ lift.T).T
+            energy += dots(lift, pushed.reshape(count, -1)[:, rim.dofs])
+        row = held
+        for probe in through:
+            if s.index in probe.weights:
+                nodes, weight = probe.weights[s.index]
+                np.add.at(pushed[row: row + len(probe)], (slice(None), nodes), weight)
+            row += len(probe)
+        if pushed.any():
+            strained[s.index] = pushed.reshape(count, -1)
+    if d.space.team.rank == 0 and through:
+        energy[held: held + sum(map(len, through))] = np.concatenate([probe.energy for probe in through])
+    return strained, energy
+
+
+def _answered(d: Decomposition, lawful: Lawful, strained: Mapping[int, np.ndarray], energy: np.ndarray,
+              known: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n, B) what the bodies do under −K χ where soles hold the rest, (n,) ‖·‖²_K of both, and (n, T) the work of K χ in û − u.
+
+    strained, energy : K χ and this rank's share of ‖χ‖²_K; known : (n, D) traces of χ, None where there are none
+    """
+    space, requests, count, begun = d.space, {}, len(energy), energy
+    answered, carried = np.zeros((count, len(space.global_dof))), np.zeros((count, d.steps))
     soles = None if known is None else space.loads(d.stage.direction.times(known))
-    for e, (s, rim, trace) in enumerate(zip(d.own, d.made.rims, d.made.traces)):
-        if s.index not in lifts:
-            continue
-        flat, full = lifts[s.index].reshape(count, -1), np.zeros((count, 3 * d.made.node_counts[e]))
-        full[:, rim.dofs] = -(rim.stiffness @ flat[:, rim.dofs].T).T
-        full[:, np.flatnonzero(s.fixed.ravel())] = 0.0
+    for e, (s, trace) in enumerate(zip(d.own, d.made.traces)):
+        full, size = np.zeros((count, 3 * d.made.node_counts[e])), 3 * len(s.nodes)
+        if s.index in strained:
+            full[:, :size] = np.where(s.fixed.ravel(), 0.0, -strained[s.index])
+            carried += strained[s.index] @ lawful.beyond[e].T
         if soles is not None:
             full[:, trace] -= soles[:, space.boundary[e]]
         if full.any():
             requests[e] = full
-        carried += flat[:, rim.dofs] @ np.where(s.fixed.ravel()[rim.dofs, None], rim.stiffness @ lawful.beyond[e][:, rim.dofs].T, 0.0)
     for e, answer in d.blackbox.fields(requests).items():
-        s, rim = d.own[e], d.made.rims[e]
+        s = d.own[e]
         answered[:, space.boundary[e]] = answer[:, d.made.traces[e]]
-        lift = lifts[s.index].reshape(count, -1)
-        u = lift + answer[:, : lift.shape[1]]
-        energy += dots(lift[:, rim.dofs], (rim.stiffness @ u[:, rim.dofs].T).T)
+        if s.index in strained:
+            energy = energy + dots(strained[s.index], answer[:, : 3 * len(s.nodes)])
     pushed = space.trace(answered) if known is None else space.trace(answered) + known
-    energy -= dots(answered, space.loads(d.stage.direction.times(pushed)))
-    return answered, *space.team.sum(energy, carried)
+    energy = energy - dots(answered, space.loads(d.stage.direction.times(pushed)))
+    begun, energy, carried = space.team.sum(begun, energy, carried)
+    return answered, np.maximum(energy, 0.0) + CANCELLED * begun, carried

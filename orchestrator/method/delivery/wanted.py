@@ -1,16 +1,19 @@
-"""What is asked to be certified: displacements and mean stresses, as what they are of nodes' displacements; forces, by their numbers."""
+"""What is asked to be certified: what probes tell, as what it is of nodes' displacements; other forces, by their numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
+from orchestrator.method.delivery.flux import FORCES, cells_of, flux
+from orchestrator.method.delivery.measured import Measured
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.conditions.rigid import size_of
+from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import strain, stress
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
@@ -18,28 +21,13 @@ from orchestrator.scene.model import Scene, Subdomain
 
 STRESS = "stress"  # quantity of a probe
 REACTIONS, BOLTS, SECTIONS, RESULTANTS = KINDS = ("reactions", "bolts", "sections", "resultants")
-Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
-
-
-@dataclass(frozen=True)
-class Measured:
-    """What a probe tells of displacements: c components.
-
-    weights : of the displacements of nodes
-    given : (T, c) what it tells where nothing moves, of matter that is heated
-    stressed : subdomains of which the stress is asked for
-    """
-
-    weights: Weights
-    given: np.ndarray
-    stressed: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class Wanted:
     """What is asked for.
 
-    probes : name → what is asked of displacements
+    probes : name → what is asked of displacements; forces : name → what carries the forces of a probe
     reactions : whether those are; entries : numbers of the entries of ``boundary`` that hold something then
     interfaces : numbers of the interfaces whose forces are
     about : (3,) what moments of reactions are about; length : of the scene
@@ -47,6 +35,7 @@ class Wanted:
     """
 
     probes: dict[str, Measured] = field(default_factory=dict)
+    forces: dict[str, Measured] = field(default_factory=dict)
     reactions: bool = False
     entries: list[int] = field(default_factory=list)
     interfaces: list[int] = field(default_factory=list)
@@ -55,31 +44,38 @@ class Wanted:
     bolts: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return bool(self.probes or self.reactions or self.interfaces or self.bolts)
+        return bool(self.probes or self.forces or self.reactions or self.interfaces or self.bolts)
 
     @classmethod
     def of(cls, scene: Scene, names: Sequence[str], kinds: Sequence[str], about: Sequence[float]) -> Wanted:
         """Of a whole scene.
 
-        names : of its probes of displacement or stress, at points or means over surfaces; kinds : of ``KINDS``
+        names : of its probes, but for extremes and those along lines; kinds : of ``KINDS``
         about : a point, which moments of reactions are about
 
         Raises Refusal: a probe in a part whose mesh is not ours
         """
-        return cls({p.name: _measured(scene, p) for p in scene.probes if p.name in names}, REACTIONS in kinds,
+        asked, copies = [p for p in scene.probes if p.name in names], Copies.of(scene)
+        carried = {p.name: cells_of(p, copies) for p in asked if p.quantity in FORCES}
+        for p in asked:
+            cells = np.concatenate(carried[p.name]) if p.name in carried else p.cells if isinstance(p, Surface) else p.cell
+            if scene.mesh.foreign and scene.mesh.is_foreign(np.atleast_1d(cells)).any():
+                raise Refusal("certified in a foreign part", name=p.name)
+        return cls({p.name: _measured(scene, p) for p in asked if p.name not in carried},
+                   {p.name: flux(p, copies) for p in asked if p.name in carried}, REACTIONS in kinds,
                    [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
                    [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
                    np.array(about, dtype=float), size_of(scene.mesh.nodes),
                    {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds})
 
     def check(self, own: Sequence[Subdomain], blackbox: BlackBox) -> None:
-        """Raises Refusal: a stress in matter of a code's own, of which nobody knows the moduli.
+        """Raises Refusal: a stress or a force in matter of a code's own, of which nobody knows the moduli.
 
         own : subdomains of this rank
         """
-        for name, probe in self.probes.items():
+        for name, probe in (self.probes | self.forces).items():
             for s in own:
-                if s.index in probe.stressed and blackbox.traits(s.code).own_matter:
+                if probe.matter and s.index in probe.weights and blackbox.traits(s.code).own_matter:
                     raise Refusal("certified stress in own matter", name=name)
 
 
@@ -107,12 +103,9 @@ def _measured(scene: Scene, probe: Point | Surface) -> Measured:
     result = {}
     for e in np.unique(scene.cell_subdomain[cells]):
         own = np.flatnonzero(scene.cell_subdomain[cells] == e)
-        s = scene.subdomains[e]
-        if s.foreign:
-            raise Refusal("certified in a foreign part", name=probe.name)
-        nodes = s.connectivity[place[cells[own]][:, None], local[own]]
+        nodes = scene.subdomains[e].connectivity[place[cells[own]][:, None], local[own]]
         result[int(e)] = nodes.ravel(), each[:, own].reshape(len(each), -1, 3)
-    return Measured(result, given, tuple(result) if stress else ())
+    return Measured(result, given, stress)
 
 
 def _stress_of_nodes(scene: Scene, cells: np.ndarray) -> np.ndarray:

@@ -1,14 +1,17 @@
-"""Influence fields: what a unit motion of a support, or a unit jump at an interface, does to bodies that join everywhere else.
+"""Influence fields: what a unit motion of a support, of some tets, or a unit jump at an interface, does to bodies that join elsewhere.
+
+What tets C of a body carry, χ·(K_C u), is the work of a field that jumps by χ within the body, r̃ = χ + r with χ for the tets C alone
+and r without jumps: a_C(u, χ) = a(u, r̃) − a(u, r), of which the latter is the loads' and nobody else's work.
 
 Any such field r̃ serves to bound a force (``stopping.intervals``); the less its energy, the sharper. A few answers of the black box make
 one of nearly the least,
 
     r̃ = X₀ + Σ αᵢ Xᵢ + e,     Xᵢ = M⁻¹gᵢ,     e = 0 inside,     e = Π(x₀ + Σ αᵢ xᵢ) − x₀ − Σ αᵢ xᵢ on the boundary
 
-with X₀ the answer to the support's motion, x boundary values, Π the nearest ones that jump as asked, in the norm of the stiffness's
-diagonal. K Xᵢ = gᵢ − k xᵢ on the boundary and nothing inside, so that ‖r̃‖² follows from boundary values alone; α makes it least. gᵢ is
-what the method would ask of the bodies next if all interfaces were bonded; beside it Xᵢ are the rigid motions of the bodies that bring
-jumps nearest to what they are to be. Where interfaces meet in an edge there may be no r̃: what each of them carries there is not
+with X₀ the answer to the motion χ of a support or of tets, x boundary values, Π the nearest ones that jump as asked, in the norm of the
+stiffness's diagonal. K Xᵢ = gᵢ − k xᵢ on the boundary and nothing inside, so that ‖r̃‖² follows from boundary values alone; α makes it
+least. gᵢ is what the method would ask of the bodies next if all interfaces were bonded; beside it Xᵢ are the rigid motions of the bodies
+that bring jumps nearest to what they are to be. Where interfaces meet in an edge there may be no r̃: what each of them carries there is not
 determined.
 """
 
@@ -38,8 +41,8 @@ class Asked:
 
     jump : (n, 3, P) at the points of all interfaces; start : (n, B) boundary values that have it at its own interface
     known : (n, D) traces of supports' motions, None where no support is on an interface
-    answered : (n, B) boundary values of X₀; energy : (n,) ‖X₀‖²_K of all ranks
-    moved : (n,) bool, by a support
+    answered : (n, B) boundary values of X₀, without χ of tets; energy : (n,) ‖X₀‖²_K of all ranks, with it
+    moved : (n,) bool, by χ
     """
 
     jump: np.ndarray
@@ -58,9 +61,9 @@ class Asked:
 class Influence:
     """n fields.
 
-    boundary : (n, B) values on the boundary dofs; forces : (n, B) K r̃ there
+    boundary : (n, B) values on the boundary dofs, without χ of tets; forces : (n, B) K r̃ there
     energy : (n,) ‖r̃‖²_K; infinite where there is no such field
-    moved : (n,) bool, by a support
+    moved : (n,) bool, by a motion χ of a support or of tets
     """
 
     boundary: np.ndarray

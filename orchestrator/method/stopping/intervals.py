@@ -11,7 +11,8 @@ has the jump c, and none at all other pairs,
 
     t (R* − R̂) ≤ ¼ ‖v + t r̃ − û‖² + Σ γ(v, λ̂),      so that      R* − R̂ = ½ a(v − û, r̃) ± ρ ‖r̃‖,      ρ² = ¼ ‖v − û‖² + Σ γ(v, λ̂)
 
-half of what Cauchy's and Schwarz's inequality says beside û alone. Bodies that nothing but contact holds are no exception: pressed sides
+half of what Cauchy's and Schwarz's inequality says beside û alone. What matter carries is such a force, with a jump inside a body
+(``influence``). Bodies that nothing but contact holds are no exception: pressed sides
 carry t q as long as they are pressed. Where no λ̂_t is found there is no interval. Where laws are convex intervals are guaranteed. With
 Coulomb's friction they are where the error is, by its factor, and contact then carries nothing of t q; elsewhere they are estimates.
 """
@@ -51,8 +52,8 @@ class PointLoads:
 def of_forces(certificate: Certificate, at: Judged, influence: Influence, carried: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """(n, T, 2) R* − R̂ of n forces, at least and at most.
 
-    carried : (n, T) work of the supports' reactions to û − u, of all ranks, zero where no support moves
-    rest : (T, B) loads ε of these reactions beyond those of û − u; they are made up for where supports move
+    carried : (n, T) work of K χ in û − u, of all ranks, zero where nothing is moved by χ
+    rest : (T, B) loads ε on û beyond those of λ̂; they are made up for where something is
     """
     strained, astray = certificate.space.team.sum(influence.forces @ at.delta.T - influence.boundary @ at.change.T,
                                                   influence.boundary @ rest.T)

@@ -16,7 +16,7 @@ import numpy as np
 from orchestrator.parallel.team import Meeting
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene import elasticity as recovery
-from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import SplitNumbering, split_numbering
@@ -64,7 +64,7 @@ class Fields:
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
            believed: np.ndarray | None = None) -> Fields:
         """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
-        joined, lame = None if sides is None else _joined(scene), scene.lame
+        joined, lame = None if sides is None else Copies.of(scene).label, scene.lame
         if scene.mesh.foreign:
             lame = np.where(scene.mesh.is_foreign(np.arange(len(scene.mesh.cells)))[:, None], 0.0, lame)
         return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, displacement, sides, *others,
@@ -176,11 +176,3 @@ class Fields:
             return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
         corners = self.corner_stress(step)
         return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))
-
-
-def _joined(scene: Scene) -> np.ndarray:
-    """(N,) int, as ``Fields.joined``."""
-    ends = np.cumsum([0] + [len(s.nodes) for s in scene.subdomains])
-    bonds = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
-    one, two = (np.concatenate([np.empty(0, int), *(i.nodes[side] + ends[i.subdomains[side]] for i in bonds)]) for side in (0, 1))
-    return components(one, two, int(ends[-1]))[1]

@@ -9,7 +9,7 @@ from dataclasses import asdict
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.config.probes import PointProbe, SurfaceProbe
+from orchestrator.config.probes import PointProbe, SectionProbe, SurfaceProbe
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.balance import bolt_forces
@@ -23,12 +23,13 @@ from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.results.answers import reaction_names
-from orchestrator.results.extremes import DISPLACEMENT, STRESS
+from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.contact_faces import contact_faces
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.results.summary.workload import Spent, total
+from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -93,7 +94,9 @@ def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequen
     if (found := delivered.intervals) is None:
         return {"kind": None, "why": UNKNOWN}
     told: dict[str, object] = {"kind": "guaranteed" if found.guaranteed else "estimated"}
-    told["probes"] = [{"name": name, "of": _what(probe), **_components(found.probes[name], NOT_CARRIED)} for name, probe in probes.items()]
+    normals = {probe.name: probe.normal for probe in scene.probes if isinstance(probe, Section)}
+    told["probes"] = [{"name": name, "of": _what(probe), **_components(_what(probe), found.probes[name], normals.get(name))}
+                      for name, probe in probes.items()]
     if found.reactions is not None:
         about = config.output.moments_about
         told["reactions"] = [{"name": name, **_with_moment(own, about)} for name, own in zip(names, found.reactions)]
@@ -117,27 +120,39 @@ def _with_moment(interval: np.ndarray, about: Sequence[float], why: str = "") ->
     return {**_ends(interval[:, :3], why), "moment": {**_ends(interval[:, 3:], why), "about": list(about)}}
 
 
-def _what(probe: PointProbe | SurfaceProbe) -> str:
+def _what(probe: PointProbe | SurfaceProbe | SectionProbe) -> str:
     """What a probe's interval is of: no energy bounds the stress at a point."""
     if isinstance(probe, PointProbe):
         return "stress, mean over the tet at the point" if probe.quantity == "stress" else "displacement"
+    if isinstance(probe, SectionProbe) or probe.quantity == "resultant":
+        return "force"
     return "stress, mean over the tets behind the faces" if probe.of == "stress" else "displacement"
 
 
-def _components(interval: np.ndarray, why: str) -> dict[str, object]:
-    """Those of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it."""
-    if interval.shape[1] == 3:
+def _components(kind: str, interval: np.ndarray, normal: np.ndarray | None) -> dict[str, object]:
+    """Those of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it; of force and moment (T, 6, 2).
+
+    normal : of a section, (T, 7, 2) with the force along it, and what is across
+    """
+    if kind == "force":
+        names, ends = (*RESULTANT, "normal", "shear"), np.zeros((2, len(interval), 0))
+        if normal is not None:  # across is at most as far from the middle's as the whole vector
+            middle, half = interval[:, :3].mean(axis=-1), 0.5 * np.ptp(interval[:, :3], axis=-1)
+            across, far = np.linalg.norm(middle - np.outer(middle @ normal, normal), axis=1), np.linalg.norm(half, axis=1)
+            ends = np.maximum(across - far, 0.0)[:, None], (across + far)[:, None]
+    elif kind == "displacement":
         near = np.where((interval[..., 0] > 0) | (interval[..., 1] < 0), np.abs(interval).min(axis=-1), 0.0)
-        names, ends = DISPLACEMENT, (np.linalg.norm(near, axis=-1), np.linalg.norm(np.abs(interval).max(axis=-1), axis=-1))
+        most = np.abs(interval).max(axis=-1)
+        names, ends = DISPLACEMENT, (np.linalg.norm(near, axis=-1)[:, None], np.linalg.norm(most, axis=-1)[:, None])
     else:  # at most as far from the middle's as that of the half widths, of which differences are at most the sums
         known = np.isfinite(interval).all(axis=(1, 2))
         low, high = np.moveaxis(np.where(known[:, None, None], interval, 0.0), -1, 0)
         middle, half = von_mises(0.5 * (low + high)), 0.5 * (high - low)
         far = np.sqrt(von_mises(half) ** 2 + 2 * (half[:, :3] * np.roll(half[:, :3], -1, axis=1)).sum(axis=1))
-        names, ends = STRESS[:7], (np.maximum(middle - far, 0.0), np.where(known, middle + far, np.inf))
-    whole = np.concatenate([interval, np.stack(ends, axis=-1)[:, None]], axis=1)
-    told = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(names)}
-    return {"values": told} | ({} if np.isfinite(interval).all() else {"why": why})
+        names, ends = STRESS[:7], (np.maximum(middle - far, 0.0)[:, None], np.where(known, middle + far, np.inf)[:, None])
+    whole = np.concatenate([interval, np.stack(ends, axis=-1)], axis=1)
+    told = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(names[: whole.shape[1]])}
+    return {"values": told} | ({} if np.isfinite(interval).all() else {"why": NOT_CARRIED})
 
 
 def problem_size(scene: Scene) -> dict[str, int]:

@@ -23,10 +23,12 @@ def sentences(summary: Mapping[str, object]) -> str:
     for probe in found["probes"]:
         if why := probe.get("why"):
             lost.setdefault(why, []).append(probe["name"])
-        values = (_between(name, ends["low"][-1], ends["high"][-1]) for name, ends in probe["values"].items())
         kind, _, how = probe["of"].partition(", ")
-        unit = units["stress" if kind == "stress" else "length"]
-        texts.append(f"{probe['name']}{how and f' ({how})'}: {', '.join(values)}{unit}")
+        rows: dict[str, list[str]] = {}
+        for name, ends in probe["values"].items():
+            unit = {"displacement": "length", "force": "moment" if name[0] == "m" else "force"}.get(kind, kind)
+            rows.setdefault(units[unit], []).append(_between(name, ends["low"][-1], ends["high"][-1]))
+        texts.append(f"{probe['name']}{how and f' ({how})'}: {'; '.join(', '.join(row) + unit for unit, row in rows.items())}")
     for key in ("reactions", "sections", "resultants", "bolts"):
         for one in found.get(key) or ():
             if why := one.get("why"):

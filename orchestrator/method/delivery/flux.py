@@ -1,0 +1,128 @@
+"""Forces and moments that matter carries, across a plane or through faces, as what they are of displacements.
+
+With χ a rigid motion of some nodes, K those tets' stiffness that are asked, f₀ their thermal forces and p loads,
+
+    F = Σ χ · (K u − f₀)        across a plane,        R = Σ χ · (K u − p) + ∫ χ · t        through faces
+
+A *section* goes between tets, along the plane; with loads elsewhere its shape changes neither force nor moment. At its nodes the tets
+in front need forces f₁, those behind f₂, and f₁ + f₂ are the loads there, half of which each side is taken to carry: ½ (f₂ − f₁) acts on
+the matter behind, so that χ is half a rigid motion for the tets behind, and less half of it for those in front.
+
+A *resultant* is all that acts on the body through the nodes of a surface, with K u of the tets around, p all their loads, t the
+tractions on the faces themselves: supports, loads and what interfaces carry there. What holds a node of the rim, and what an interface carries there,
+counts where that entry of ``boundary``, or that interface, has faces of the surface too; where several such entries hold a node, for the
+last, as among the reactions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.blackbox.models.matter import Matter
+from orchestrator.method.delivery.measured import Measured
+from orchestrator.scene.conditions.probes import Section, Surface
+from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.copies import Copies
+from orchestrator.scene.loads.temperature import thermal_loads
+from orchestrator.scene.mesh.faces import pack
+from orchestrator.scene.model import Scene
+
+FORCES = ("section", "resultant")  # quantities of probes
+
+
+def cells_of(probe: Section | Surface, copies: Copies) -> list[np.ndarray]:
+    """The tets that are asked, int: of a section those behind and those in front, of a surface those around its nodes."""
+    label, cells = copies.label, copies.cells
+    if isinstance(probe, Section):
+        on = np.isin(label, np.intersect1d(label[cells[probe.front]], label[cells[probe.behind]]))
+        return [side[on[cells[side]].any(axis=1)] for side in (probe.behind, probe.front)]
+    mesh = copies.scene.mesh
+    around = _on(probe, copies)[cells].any(axis=1) & (np.isin(mesh.volume, probe.within) if len(probe.within) else True)
+    return [np.flatnonzero(around)]
+
+
+def flux(probe: Section | Surface, copies: Copies) -> Measured:
+    """Force and moment, six components; of a section the force along its normal besides."""
+    scene, label, cells, asked = copies.scene, copies.label, copies.cells, cells_of(probe, copies)
+    if isinstance(probe, Section):
+        behind, front = (np.isin(label, label[cells[side]]) for side in asked)
+        half = np.where((behind & front)[:, None], 0.5, np.zeros(3))
+        factors, more, given = [half, -half], probe.normal[None], np.zeros((scene.steps, 7))
+    else:
+        factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
+        given = _loads(probe, copies, asked[0], factors[0])
+    found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+    energy = np.zeros(6 + len(more))
+    for own, factor in zip(asked, factors):
+        used, corners = np.unique(cells[own], return_inverse=True)
+        moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[own]]
+        points = scene.mesh.nodes[copies.node[used]]
+        motions = motions_about(points, probe.about, 1.0).transpose(2, 0, 1) * factor[used]
+        motions = np.concatenate([motions, np.einsum("ki,inx->knx", more, motions[:3])]).reshape(len(energy), -1)
+        weight = Matter(points, corners.reshape(len(own), -1), *moduli.T).forces(motions)
+        energy += np.einsum("kn,kn->k", motions, weight)
+        if isinstance(probe, Section) and scene.thermal is not None:
+            given -= _heated(scene, cells, own)[:, used].reshape(scene.steps, -1) @ motions.T
+        weight, whose = weight.reshape(len(energy), -1, 3), np.searchsorted(copies.ends, used, side="right") - 1
+        for e in np.unique(whose):
+            found.setdefault(int(e), []).append((used[whose == e] - copies.ends[e], weight[:, whose == e]))
+    weights = {e: (np.concatenate([n for n, _ in each]), np.concatenate([w for _, w in each], axis=1)) for e, each in found.items()}
+    return Measured(weights, given, True, energy)
+
+
+def _on(probe: Surface, copies: Copies) -> np.ndarray:
+    """(N,) bool, copies on the surface."""
+    local = (copies.scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
+    return np.isin(copies.label, copies.label[copies.cells[probe.cells[:, None], local]])
+
+
+def _faces(probe: Surface, scene: Scene) -> list[np.ndarray]:
+    """Per entry of ``boundary`` bool for each of its faces, whether it is of the surface."""
+    count = len(scene.mesh.nodes)
+    return [np.isin(pack(entry.triangles[:, :3], count), pack(probe.triangles[:, :3], count)) for entry in scene.boundary]
+
+
+def _counted(probe: Surface, copies: Copies, around: np.ndarray) -> np.ndarray:
+    """(N, 3) 1 where what acts at a copy is the surface's, among the nodes of the tets around (k,)."""
+    scene, here = copies.scene, _on(probe, copies)
+    held_by = np.concatenate([s.held_by for s in scene.subdomains])
+    others = (held_by >= 0) & ~np.array([*(faces.any() for faces in _faces(probe, scene)), False])[held_by]
+    others |= (held_by < 0) & _elsewhere(probe, copies)[:, None]
+    used = np.zeros(len(here), dtype=bool)
+    used[copies.cells[around]] = True
+    return np.where(others, 0.0, (here & used)[:, None].astype(float))
+
+
+def _loads(probe: Surface, copies: Copies, around: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """(T, 6) what the surface's own tractions are, less all loads at its nodes."""
+    scene, used = copies.scene, np.unique(copies.cells[around])
+    loads = np.concatenate([s.loads for s in scene.subdomains], axis=1)[:, used]
+    motions = motions_about(scene.mesh.nodes[copies.node[used]], probe.about, 1.0)
+    given = -np.einsum("tni,ni,nik->tk", loads, factor[used], motions)
+    for entry, faces in zip(scene.boundary, _faces(probe, scene)):
+        if entry.forces and faces.any():
+            given += entry.forces.of(faces).resultant(scene.mesh.nodes[entry.triangles[faces]], probe.about)
+    return given
+
+
+def _heated(scene: Scene, cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(T, N, 3) thermal forces f₀ of some of the tets at the copies of nodes."""
+    strain, heated = np.zeros_like(scene.thermal), np.zeros((scene.steps, int(cells.max()) + 1, 3))
+    strain[:, chosen] = scene.thermal[:, chosen]
+    thermal_loads(scene.mesh, strain, scene.materials, scene.cell_material, cells, heated)
+    return heated
+
+
+def _elsewhere(probe: Surface, copies: Copies) -> np.ndarray:
+    """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces."""
+    scene, ends, count = copies.scene, copies.ends, len(copies.scene.mesh.nodes)
+    on, beside = np.zeros((2, int(ends[-1])), dtype=bool)
+    mine, volumes = pack(probe.triangles[:, :3], count), [scene.mesh.volume[s.cells[0]] for s in scene.subdomains]
+    for i in scene.interfaces:
+        within = not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()
+        if i.law.perfect and i.mortar is None and within:
+            continue  # both sides are counted
+        for side, e in enumerate(i.subdomains):
+            faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]
+            (on if np.isin(pack(faces, count), mine).any() else beside)[ends[e] + i.nodes[side]] = True
+    return beside & ~on

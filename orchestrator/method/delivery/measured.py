@@ -1,0 +1,33 @@
+"""What is linear in displacements of nodes: values at points, means over faces, forces that matter carries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a probe tells of displacements: c components.
+
+    weights : of the displacements of nodes; a node may be there several times
+    given : (T, c) what it tells where nothing moves, of matter that is heated or loaded
+    matter : whether it hangs on the moduli of the matter there
+    energy : (c,) of forces, ‖χ‖² of the motions that tell them, see ``flux``; None of others
+    """
+
+    weights: Weights
+    given: np.ndarray
+    matter: bool = False
+    energy: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return self.given.shape[1]
+
+    def of(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """(T, c) of displacements, per subdomain (T, n_E, 3)."""
+        return self.given + sum(np.einsum("cni,tni->tc", weight, parts[e][:, nodes]) for e, (nodes, weight) in self.weights.items())
