@@ -151,11 +151,15 @@ def check(config: ConfigFile, overrides: Overrides = None,
 def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
             overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
             html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
+            graph: Annotated[Optional[Path], typer.Option(metavar="FILE.png|-", help=(
+                "list the graph of parts, codes and interfaces of CONFIG instead, and draw it; -: list it only"))] = None,
             run_programs: RunPrograms = False) -> int | None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
     from orchestrator.config.load import load_config, located
     from orchestrator.inspect import inspected, listed, model_html
 
+    if graph is not None:
+        return _graph(source, overrides or [], graph, html, run_programs)
     if source.suffix.lower() not in (".yaml", ".yml"):
         lines, mesh = inspected(source, h)
     else:
@@ -166,9 +170,37 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
             raise located(error, loaded) from error
     print(visible("\n".join(lines)))
     if html is not None:
-        from orchestrator.results.figures.interactive import write_sealed
+        from orchestrator.results.sealed import write_sealed
 
         write_sealed(html, model_html(mesh))
+
+
+def _graph(source: Path, overrides: list[str], target: Path, html: Path | None, run_programs: bool) -> None:
+    """Lists the graph of a configuration, and draws it unless ``target`` is -."""
+    from orchestrator.config.load import load_config, located
+    from orchestrator.inspect import graphed
+    from orchestrator.optional import check_there
+    from orchestrator.results.sealed import write_sealed
+
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
+    if html is not None:
+        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
+    drawn = str(target) != "-"
+    if drawn and target.suffix.lower() != ".png":
+        raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
+    if drawn:
+        check_there("matplotlib")
+    loaded = load_config(source, overrides)
+    try:
+        graph = graphed(loaded.config, run_programs)
+    except InputError as error:
+        raise located(error, loaded) from error
+    print(visible("\n".join(graph.lines())))
+    if drawn:
+        from orchestrator.results.figures.graph import draw_graph
+
+        write_sealed(target, draw_graph(graph))
 
 
 @command

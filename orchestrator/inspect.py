@@ -11,12 +11,13 @@ from orchestrator.blackbox.start import find_codes
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.foreign.joints import not_asked
+from orchestrator.scene.graph import Graph, graph_of
 from orchestrator.scene.inspection import (
     pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
 from orchestrator.scene.mesh.faces import Faces, faces_of
@@ -82,6 +83,19 @@ def model_html(mesh: Mesh) -> bytes:
         part = mesh.volume[faces.owner[outer]]
         named = [(name, faces.triangles[outer[part == v]]) for v, name in enumerate(mesh.volumes)]
     return model_page(mesh.nodes, named, mesh.source)
+
+
+def graphed(config: Config, run_programs: bool = False) -> Graph:
+    """The graph of a configuration's scene, as much of it as can be read.
+
+    Raises InputError: there is no scene; a part is a program, and programs are not run
+    """
+    if not run_programs and any(part.program for part in config.parts or []):
+        raise wrong(("parts",), "a part that is a program, whose joint is not known before it is run", "parts that can be read",
+                    "add --run-programs")
+    from orchestrator.results.answers import reaction_names
+
+    return graph_of(config, build_scene(config, run_programs=run_programs), reaction_names(config)).readable()
 
 
 def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:

@@ -198,14 +198,14 @@ def volume_table(rows: Iterable[VolumeRow], matter: Mapping[str, str] | None = N
     matter : what each is made of, where that is known
     """
     heads = ("volume", "tets", "volume", "element", "centre", "from", "to")
-    return _columns(heads + (("material",) if matter else ()), [
+    return columns(heads + (("material",) if matter else ()), [
         (r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.centre), _point(r.low), _point(r.high),
          *((matter.get(r.name, "-"),) if matter else ())) for r in rows])
 
 
 def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:
     """Lines on surfaces; of a plane the normal, of a cylinder the axis; neighbours of the same volume by what follows the colon."""
-    return _columns(("surface", "triangles", "area", "centre", "kind", "normal, axis", "beside"),
+    return columns(("surface", "triangles", "area", "centre", "kind", "normal, axis", "beside"),
                     [(r.name, str(r.triangles), _number(r.area), _point(r.centre), _kind(r.shape),
                       "-" if r.shape.direction is None else _point(r.shape.direction), _short(r.name, r.neighbours) or "-") for r in rows])
 
@@ -226,13 +226,14 @@ def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
     """
     rows = list(rows)
     shown = rows[:most]
-    lines = _columns(("pair", "area", "distance", "meshes", "slave", "elements", "law"),
+    lines = columns(("pair", "area", "distance", "meshes", "slave", "elements", "law"),
                      [(f"{r.one} | {r.two}", _number(r.area), _range(r.nearest, r.farthest), r.meshes, r.slave or "-",
                        _range(*r.size), r.law or "-") for r in shown])
     return lines + ([f"… and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else [])
 
 
-def _columns(heads: Sequence[str], rows: list[tuple[str, ...]]) -> list[str]:
+def columns(heads: Sequence[str], rows: list[tuple[str, ...]]) -> list[str]:
+    """A table as lines, below its heads."""
     widths = [max(map(len, column)) for column in zip(heads, *rows)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in (heads, *rows)]
 

@@ -5,10 +5,7 @@ Parts are shown and hidden in the legend; what is under the pointer is told. Plo
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -110,24 +107,3 @@ def _edges(graph: object, figure: Figure, points: np.ndarray, seen: Skin) -> Non
 
 def _page(figure: Figure) -> bytes:
     return figure.to_html(include_plotlyjs=True, full_html=True, config={"displaylogo": False}).encode()
-
-_SEAL = re.compile(rb"\n<!-- orchestrator ([0-9a-f]{64}) -->\n\Z")
-
-
-def write_sealed(path: Path, page: bytes) -> None:
-    """Writes the page.
-
-    Raises InputError: a file is there that is no such page, or was changed since; it cannot be written
-    """
-    try:
-        if path.is_symlink() or path.exists() and not _sealed(path.read_bytes()):
-            raise wrong((), f"{path}, which is there already and was not written by this program, or changed since",
-                        "a file that is not, or a page of an earlier call", "name another one, or remove it")
-        path.write_bytes(page + f"\n<!-- orchestrator {hashlib.sha256(page).hexdigest()} -->\n".encode())
-    except OSError as error:
-        raise wrong((), f"{path}: {error.strerror}", "a place that can be written to", "name another one") from error
-
-
-def _sealed(content: bytes) -> bool:
-    seal = _SEAL.search(content)
-    return seal is not None and hashlib.sha256(content[: seal.start()]).hexdigest().encode() == seal[1]
