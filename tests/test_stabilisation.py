@@ -13,9 +13,9 @@ from test_keeping import stopped_and_resumed
 
 from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.pairs import History
-from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautions, MANY, SHARE, stabilisation
+from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautions, SHARE, stabilisation
 from orchestrator.method.monitors import Verdict
-from orchestrator.method.monitors.weakening import AT_ONCE, FAINTEST, FOLLOWS, LOST, PATIENCE, STAGES, WEAKER, Weakening
+from orchestrator.method.monitors.weakening import FAINTEST, FOLLOWS, PATIENCE, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
@@ -47,12 +47,13 @@ def test_bodies_are_loose_that_supports_and_joints_leave_a_motion():
     assert loose_bodies(build_scene(contact(**three))).tolist() == [False, True, False]
 
 
-def test_auto_takes_a_share_of_the_tolerance_where_a_body_is_loose():
-    made = contact(0.2, error=1e-4, mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 8]}}, subdomains={"grid": [1, 1, 4]},
+@pytest.mark.parametrize("coarse, share", [("auto", ANEW), ("none", SHARE * 1e-4)])
+def test_auto_has_springs_where_a_body_is_loose(coarse, share):
+    made = contact(0.2, method={"tolerance": {"error": 1e-4}, "coarse": coarse}, mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 8]}}, subdomains={"grid": [1, 1, 4]},
                    law=[{"law": "contact"}, {"between": ["block 0-0-0", "block 0-0-1"], "law": "perfect"}])
     scene = build_scene(made)
     epsilon = {i.subdomains: e for i, e in zip(scene.interfaces, stabilisation(scene, made.method))}
-    assert epsilon == {(0, 1): 0.0, (1, 2): SHARE * 1e-4, (2, 3): SHARE * 1e-4}
+    assert epsilon == {(0, 1): 0.0, (1, 2): share, (2, 3): share}
     assert not stabilisation(build_scene(contact()), contact().method).any()
     asked = with_stabilisation(1e-5)
     assert stabilisation(build_scene(asked), asked.method).tolist() == [1e-5]  # loose or not
@@ -205,18 +206,15 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
     assert any("block 0-0-1 moves along" in sentence for sentence in found["advice"])
 
 
-def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
-    """A block that under light pressure slides farther than springs of the first stage allow, the last that rounding leaves at this
-    tolerance, on laws that have a balance."""
+def test_springs_that_begin_anew_leave_nothing(tmp_path):
+    """A block that under light pressure slides farther than springs would allow that stay, on laws that have a balance."""
     far = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 4]}},
            "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-1, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
     made = with_stabilisation("auto", **far)
     one = converged(made)
     told, weakened = one.summary["stabilised"], one.summary["stabilised"]["weakened"]
-    assert len(weakened) > 1 and told["epsilon"] <= 1.001 * SHARE * 1e-6 * WEAKER ** len(weakened) and told["force"] < 1e-6
+    assert len(weakened) > 1 and told["epsilon"] <= 1.001 * ANEW * WEAKER ** len(weakened) and told["force"] < 1e-12
     assert f"weaker from iteration {', '.join(str(after + 1) for after in weakened)} on" in dict(summary_rows(one.summary))["stabilised"]
-    carried = [event.laws["stabilisation"] for event in one.iterated.history]
-    assert carried[weakened[1] - 1] > 1e-6 and max(carried[weakened[-1]:]) < 1e-6
     lawful = converged(with_stabilisation(0, **far))
     largest = max(np.abs(u).max() for u in lawful.parts)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, lawful.parts)) <= 2e-6 * largest
@@ -226,7 +224,7 @@ def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
     assert [event.iteration
             for event in heard] == list(range(1, one.iterations + 1)) and resumed.summary["stabilised"]["weakened"] == weakened
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
-    # and so it does load step by load step, each of which begins with stiff ones
+    # and so it does load step by load step, each of which begins with those of the beginning
     steps = [[0.0, 0.0, None], [2e-2, 0.0, None], [2e-2, 1e-3, None]]
     far["boundary"][1] = {"on": TOP, "displacement": steps}
     each = contact(0.2, method=method(increment=1), **far)
@@ -257,39 +255,17 @@ def test_springs_become_weaker_when_nothing_else_is_left():
             watch.at, watch.carried = [*watch.at, *[0] * times], laws.springs
         return times
 
-    one = Weakening(1e-4, SHARE * 1e-4)
-    seen = [laws(2e-4, 1e-2), laws(2e-4, 9e-4), laws(1e-5, 1e-2), laws(1e-5, 9e-5), laws(1e-6, 9e-4), laws(1e-6, 1e-7)]
-    assert [due(one, found) for found in seen] == [0, AT_ONCE, 0, STAGES - AT_ONCE, 0, 0]
-    assert due(Weakening(1e-6, SHARE * 1e-6), laws(0.0, 2e-5), met=True)
-    loaded = Weakening(1e-6, SHARE * 1e-6)
-    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [1, 1, 1]
+    loaded = Weakening(1e-6)
+    seen = laws(1e-2, 1e-3), laws(1e-2, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9), laws(1e-7, 1e-10)
+    assert [due(loaded, found) for found in seen] == [0, 1, 1, 1, 0]
     # where the error stands still: as often as it is too large, once springs carry less than when they became weaker last
-    seen = (1e-6, 300.0), (9e-7, 20.0), (1e-8, 40.0)
+    one, seen = Weakening(1e-4), ((1e-6, 300.0), (9e-7, 20.0), (1e-8, 40.0))
     assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in seen] == [3, 0, 2]
-
-
-def test_weaker_springs_that_lead_nowhere_are_withdrawn():
-    watch = Weakening(1e-6, SHARE * 1e-6)
-    problem = SimpleNamespace(springs=1.0, coarse=SimpleNamespace(anew=False), weakened=lambda share: share)
-
-    def now(number, rest):
-        laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
-        return SimpleNamespace(number=number, last=False, problem=problem,
-                               verdict=SimpleNamespace(met=False, reason="", changes=(), laws=laws, excess=0.0))
-
-    changed = {}
-    for number in range(1, 80):  # near at first, then lost for good
-        it = now(number, 1e-5 if number <= 2 else 1e-3)
-        if watch.judge(it).changes:
-            changed[number] = watch.change(it)
-    assert list(changed)[-1] == watch.at[-1] + LOST == watch.withdrawn
-    assert changed[watch.withdrawn] == pytest.approx(WEAKER**-watch.taken_back)
-    assert changed[watch.at[-1]] == pytest.approx(WEAKER**watch.taken_back) and len(changed) == len(set(watch.at)) + 1
 
 
 def test_springs_that_begin_anew_follow_the_law_residual():
     def due(springs, rest, met=False):
-        return Weakening(1e-4, ANEW).due(Verdict(met, laws=LawResiduals(rest, rest, {"stabilisation": 1e-5})), springs, True)
+        return Weakening(1e-4).due(Verdict(met, laws=LawResiduals(rest, rest, {"stabilisation": 1e-5})), springs, True)
 
     at = ANEW / FOLLOWS  # the residual that springs suit
     assert [due(1.0, rest) for rest in (1.0, at, 0.11 * at, 0.09 * at, 0.9e-3 * at, np.nan)] == [0, 0, 0, 1, 3, 0]
@@ -302,7 +278,7 @@ def test_springs_that_go_on_carrying_stay_where_they_are():
     problem = SimpleNamespace(springs=1.0, coarse=SimpleNamespace(anew=True))
 
     def stays(carried):
-        watch = Weakening(1e-6, ANEW)
+        watch = Weakening(1e-6)
         for number, springs in enumerate(carried, 1):
             laws = LawResiduals(1e-1, 1e-1, {"stabilisation": springs})
             now = SimpleNamespace(number=number, last=False, problem=problem, verdict=Verdict(False, laws=laws))
@@ -323,7 +299,7 @@ def test_many_loose_bodies(tmp_path):
     made = contact(0.3, method={"tolerance": {"error": 1e-4}, "max_iterations": 400}, **PILE,
                    boundary=[BOTTOM, {"on": TOP, "displacement": [[0, 0, -1e-3], [5e-4, 0, -1e-3]]}])
     scene = build_scene(made)
-    assert loose_bodies(scene).sum() >= MANY and begin_anew(scene, made.method)
+    assert begin_anew(scene, made.method)
     one = converged(made)
     told = one.summary["stabilised"]
     assert told["force"] < 1e-8 and told["epsilon"] < ANEW and told["weakened"]

@@ -74,9 +74,8 @@ class Contact(Part):
 
     stabilisation: AutoStabilisation = Field("auto", description=(
         "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that bodies that "
-        "nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law residual that the "
-        "tolerance stands for to begin with, a four-thousandth in the end, between loose bodies and their neighbours alone, with 50 to 199 "
-        "of which springs begin anew in every iteration and leave nothing; 0: none"))
+        "nothing else holds have one position; it leaves a law residual of about 2 ε. auto: springs between loose bodies and their "
+        "neighbours alone, which begin anew where bodies are and leave nothing; 0: none"))
 
 
 class Tolerance(Part):

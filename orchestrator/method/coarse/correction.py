@@ -120,7 +120,7 @@ class CoarseCorrection:
         L = pairs.masked(np.concatenate(pairs.responses(self.response.W, self.response.F)))
         fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
-                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts])
+                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts], self.anew)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
@@ -137,11 +137,12 @@ class CoarseCorrection:
             if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
                 moved = self.stage.space.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
             self.radius = (REACH if self.pairs.stabilisation is None else FAR) * moved
-        y, r, space = self._solved(fields), self.response, self.stage.space
+        (y, from_y), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
-        return Admissible.of_extended(s, u, fields.alpha, w, f, space, fields.extended[0] if self.anew else None)
+        anchor = self._moved(fields.extended[0], from_y, r.W, space.owner) if self.anew else None
+        return Admissible.of_extended(s, u, fields.alpha, w, f, space, anchor)
 
     def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
         """The same with springs of stabilisation of that share of ε, as the local stage has them."""
@@ -151,18 +152,21 @@ class CoarseCorrection:
         result.start_from(local)
         return result
 
-    def _solved(self, fields: Admissible) -> np.ndarray:
-        """(T, bodies, n) y."""
-        y = np.zeros((len(fields.s), self.bodies, self.sweeps))
+    def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
+        """(T, bodies, n) y, and the y where springs that begin anew carry nothing."""
+        y, from_y = np.zeros((2, len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         before, at = self.predict.before, self.pairs.traces(*fields.extended)
-        F0 = at.predicted()
+        F0, radius = at.predicted(), np.where(self.loose, self.radius, np.inf)
         for t, number in enumerate(self.predict.pairs.numbers):
-            anchor, radius = at.jump[t] if self.anew else before.jump, np.where(self.loose, self.radius, np.inf)
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, radius, anchor)
+            given = t, number, F0[t], resultant[t], before, radius
+            if self.anew:
+                y[t], F, anchor, from_y[t] = self.problem.rest(*given, at.jump[t])
+            else:
+                (y[t], F), anchor = self.problem.solve(*given), before.jump
             answer = self.pairs.force(F, before, number)
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
-        return y
+        return y, from_y
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:

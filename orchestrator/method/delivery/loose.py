@@ -111,7 +111,6 @@ class Stabilised:
     bodies: list[list[str]]  # (T,) names of loose ones that live by them, per load step
     most: str  # name of the loose one whose forces they carry the largest share of
     weakened: list[int]  # iterations after which they became weaker
-    withdrawn: list[int]  # iterations after which that was taken back once
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -137,8 +136,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     epsilon *= max((case["springs"] for case in weakened), default=1.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
                       [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]],
-                      [case["withdrawn"] for case in weakened if case["withdrawn"]])
+                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]])
 
 
 def _ratio(part: float, whole: float) -> float:

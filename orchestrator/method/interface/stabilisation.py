@@ -6,13 +6,12 @@ neighbours. Laws that do not join their sides are blended with "stay where you w
     f̂ = (1 − ε) law(F) + ε (F − keq d_before),    ∂f̂/∂F = (1 − ε) A + ε 1
 
 which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every body then has one
-position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far. ``auto`` begins
-with a share of what the tolerance allows, and ends with a thousandth of that (``monitors.weakening``).
+position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far.
 
-Where many bodies are loose weaker springs send some of them far, again and again. There springs begin anew in every iteration, "stay
-where you are": in the place of d_before stands the jump of the linear stage, before the coarse contact problem moves bodies. What does
-not move any more loads no spring, whatever ε: these are proximal points of the true laws (Rockafellar, SIAM J. Control Optim. 14, 1976),
-and end on them. A body that next to nothing pushes goes the push over the springs' rate in an iteration.
+Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before stands the jump of the linear stage, and
+where the coarse contact problem has moved bodies since (``coarse.problem``). What does not move any more loads no spring, whatever ε:
+these are proximal points of the true laws, and end on them. Without a coarse problem they stay where they are, with a share of what the
+tolerance allows.
 """
 
 from __future__ import annotations
@@ -25,12 +24,7 @@ from orchestrator.config.method import STABLEST, Sole
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
-# How many loose bodies springs begin anew among. 64 and 125 grains take 0.5 to 0.7 of the iterations then; 343, whose bodies go on moving,
-# hang at a law residual of 6e-3 after fifty.
-MANY, TOO_MANY = 50, 200
-# Their ε to begin with. 125 grains of seed 3, pressed once to an error of 1e-4, take 29, 34 and 40 iterations with 1e-6, 1e-5 and 2.5e-5,
-# and 450, 356 and 432 of Newton's steps; with 1e-6 early ones are not enough of these.
-ANEW = 1e-5
+ANEW = 1e-6  # ε of springs that begin anew, the weakest in an iteration: see ``coarse.problem`` for those before
 SHARE = 0.25  # of the law residual that the tolerance allows, with which auto begins
 FLOOR = 2.0  # what is left of the law residual, over ε
 NOTICED = 0.1  # ε over the law residual allowed, from which its floor is worth a warning
@@ -59,17 +53,13 @@ def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
         return _on_usual_soles(float(asked), method, scale) * opens
     loose = loose_bodies(scene)
     touching = np.array([loose[list(i.subdomains)].any() for i in scene.interfaces], dtype=bool)
-    return _on_usual_soles(first(scene, method), method, scale) * (opens & touching)
+    share = ANEW if begin_anew(scene, method) else SHARE * allowed_residual(method.tolerance)
+    return _on_usual_soles(share, method, scale) * (opens & touching)
 
 
 def begin_anew(scene: Scene, method) -> bool:
-    """Whether springs begin anew in every iteration: those of auto, where many bodies are loose that the coarse problem moves."""
-    return method.contact.stabilisation == "auto" and method.coarse != "none" and MANY <= int(loose_bodies(scene).sum()) < TOO_MANY
-
-
-def first(scene: Scene, method) -> float:
-    """ε of auto in the first iteration, on the usual soles."""
-    return ANEW if begin_anew(scene, method) else SHARE * allowed_residual(method.tolerance)
+    """Whether springs begin anew in every iteration: those of auto, where bodies are loose that the coarse problem moves."""
+    return method.contact.stabilisation == "auto" and method.coarse != "none" and bool(loose_bodies(scene).any())
 
 
 def _on_usual_soles(share: float, method, scale: float) -> float:

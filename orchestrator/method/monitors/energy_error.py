@@ -3,9 +3,9 @@
     E ≤ tolerance.error
 
 E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
-fallen so far that E may be met; where there are springs of stabilisation, once a digit before. Where E stands still while the residual
-falls, springs are what is left of it: they are to become weaker (``weakening``), unless that has not helped the last time. Where no
-admissible fields are found, a law residual of a tenth of the tolerance has to do, and no error is told.
+fallen so far that E may be met. Where E stands still while the residual falls, springs that stay where they are are what is left of it:
+they are to become weaker (``weakening``), unless that has not helped the last time. Where no admissible fields are found, a law
+residual of a tenth of the tolerance has to do, and no error is told.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 NEAR = 2.0  # law residual over the tolerance, from which E is worth knowing: E is half of it to ten times as much
 LESS = 0.5  # of the residual at an earlier evaluation, below which E should have fallen
 PATIENCE = 10  # iterations after which E is evaluated whatever the residual, and should have fallen
-DIGIT, FIRST = 0.1, 1e-3  # of the residual at an earlier evaluation, and residual, below which E is evaluated where there are springs
 STALLED = 0.7  # of an earlier E, above which it stands still
 FALLS = 0.5  # of the E at which springs were last asked to become weaker, above which it was not theirs
 SETTLED, MOST = 1e-2, 3  # law residual over the tolerance, and how often E stands still beside it, that end a run
@@ -47,9 +46,7 @@ class EnergyErrorCriterion(Monitor):
     def judge(self, now: Evaluation) -> Verdict:
         value, residual = self.case.value, now.verdict.laws.largest_other
         told = {"target": ("error_bound", value)}
-        pairs, coarse = now.problem.local.pairs, now.problem.coarse
-        judged = pairs.stabilisation is not None and (coarse is None or not coarse.anew)  # springs that begin anew carry nothing in the end
-        if not self.due(now.number, residual, value, judged):
+        if not self.due(now.number, residual, value):
             return Verdict(False, told={**told, "error_bound": np.nan})
         bound = now.problem.certificate(now.best, value)
         error = bound.relative if np.isfinite(bound.relative) else max(bound.a, bound.least)
@@ -65,10 +62,10 @@ class EnergyErrorCriterion(Monitor):
         return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share,
                        excess=excess, told={**told, "error_bound": bound.relative})
 
-    def due(self, number: int, residual: float, value: float, springs: bool) -> bool:
-        """Whether E may be met in an iteration, taken to fall with the law residual, or springs are to be judged."""
+    def due(self, number: int, residual: float, value: float) -> bool:
+        """Whether E may be met in an iteration, taken to fall with the law residual."""
         if not residual <= NEAR * value:
-            return springs and residual <= min(FIRST, DIGIT * self.residual)
+            return False
         return number >= self.at + PATIENCE or residual * self.error <= value * self.residual or residual <= LESS * self.residual
 
     def stands_still(self) -> bool:

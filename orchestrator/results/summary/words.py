@@ -165,10 +165,8 @@ def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> 
     force, work = map(_times, (found["force"], found["work"]))
     text = (f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do "
             f"{work} of the largest strain energy in work")
-    weakened, withdrawn = (", ".join(str(after + 1) for after in found.get(key) or ()) for key in ("weakened", "withdrawn"))
+    weakened = ", ".join(str(after + 1) for after in found.get("weakened") or ())
     text += f"; weaker from iteration {weakened} on" if weakened else ""
-    text += (f"; from iteration {withdrawn} on as before the last of these, which led nowhere: what many loose bodies carry may be off by "
-             "more than the tolerance") if withdrawn else ""
     lived = [f"{some(names, NAMES)}: {'lives' if len(names) == 1 else 'live'} by them at load step {steps} (more than a tenth of the "
              "forces there)" for steps, names in _alike(found["bodies"], brief)]
     return [text, *lived] if lived else [f"{text}; no body lives by them"]
