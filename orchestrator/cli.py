@@ -220,12 +220,16 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
            cut: Annotated[Optional[str], typer.Option(metavar="AXIS=PLACE", help="show the inside, cut at a plane: x=80")] = None,
            parts: Annotated[Optional[list[str]], typer.Option(help="draw this part alone, shell wildcards allowed (repeatable)")] = None,
            view: Annotated[Optional[str], typer.Option(metavar="AZIMUTH,ELEVATION", help="degrees to see it from: 30,20")] = None,
+           steps: Annotated[Optional[str], typer.Option(metavar="STEP,…", help="draw these load steps: 1,5")] = None,
+           scale: Annotated[Optional[str], typer.Option(
+               metavar="LOW,HIGH|step", help="stresses at the ends of the colours: 0,165; or ends of each step's own")] = None,
            interactive: Annotated[bool, typer.Option("--interactive", help="also result.html, which turns, needs no network")] = False,
+           animate: Annotated[bool, typer.Option("--animate", help="also figures/steps.gif: the load steps, one after another")] = False,
            ) -> int | None:
     """Draw the figures and a readable report from a results folder."""
     from orchestrator.results.report.report import report as write
 
-    write(directory, _figures(cut, parts, view), interactive)
+    write(directory, _figures(cut, parts, view, steps, scale), interactive, animate)
 
 
 @command
@@ -341,17 +345,22 @@ def main() -> None:
     sys.exit(code)
 
 
-def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict[str, object] | None:
+def _figures(cut: str | None, parts: list[str] | None, view: str | None, steps: str | None, scale: str | None) -> dict[str, object] | None:
     """``output.figures`` as options say; None where they say nothing."""
+    def numbers(text: str, kind: type, *names: str) -> object:
+        found = [kind(number) for number in text.split(",")]
+        if names and len(found) != len(names):
+            raise ValueError
+        return dict(zip(names, found)) if names else found
+
+    readers = {"cut": (cut, lambda text: {"plane": text.partition("=")[0], "at": float(text.partition("=")[2])}, "--cut x=80"),
+               "view": (view, lambda text: numbers(text, float, "azimuth", "elevation"), "--view 30,20"),
+               "steps": (steps, lambda text: numbers(text, int), "--steps 1,5"),
+               "scale": (scale, lambda text: text if text == "step" else numbers(text, float), "--scale 0,165 or --scale step")}
     figures: dict[str, object] = {"parts": parts} if parts else {}
-    try:
-        if cut is not None:
-            plane, _, at = cut.partition("=")
-            figures["cut"] = {"plane": plane, "at": float(at)}
-        if view is not None:
-            azimuth, elevation = map(float, view.split(","))
-            figures["view"] = {"azimuth": azimuth, "elevation": elevation}
-    except ValueError:
-        raise wrong((), f"--cut {cut}" if "cut" not in figures and cut is not None else f"--view {view}",
-                    "an axis and a place, or two angles in degrees", "write --cut x=80, --view 30,20") from None
+    for name, (text, read, example) in readers.items():
+        try:
+            figures |= {} if text is None else {name: read(text)}
+        except ValueError:
+            raise wrong((), f"--{name} {text}", "numbers", f"write {example}") from None
     return figures or None

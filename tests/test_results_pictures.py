@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import results_case as case
 from matplotlib.colors import ListedColormap, to_rgb
+from PIL import Image
 from pictures import pixels, share
 from processes import gone
 
@@ -19,9 +20,12 @@ from orchestrator.errors import InputError
 from orchestrator.scene.elasticity import von_mises
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import surface
+from orchestrator.results.figures.animation import write_animation
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.figures.pictures import PALETTE, codes, deformed, exaggeration, interfaces
+from orchestrator.results.figures.exaggeration import exaggeration
+from orchestrator.results.figures.flat import laid_flat
+from orchestrator.results.figures.pictures import PALETTE, codes, deformed, interfaces
 from orchestrator.results.figures.interactive import model_page, result_page
 from orchestrator.results.figures.view import Camera, DPI, Look, View
 from orchestrator.results.figures.sheet import compose
@@ -106,25 +110,49 @@ def test_the_deformed_figure_explains_itself(draw):
 
 
 def test_status_and_pressure_of_interfaces(draw):
-    """Each triangle has the status of most of its nodes; its colour fills its share of the picture."""
+    """Each node's status fills its share of the picture, the pressure at the nodes is what the scale ends at."""
     fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
     i, grid = fields.interfaces, interfaces(fields)
-    assert grid.headings == 2 * ["load step 1 of 2", "load step 2 of 2"] and len(grid.views) == 4
+    assert grid.headings == [f"load step {step} of 2" for step in (1, 1, 2, 2)] and len(grid.views) == 4
     names = grid.scales[0].names
-    assert names == i.kind_names.tolist() and grid.scales[1].label == "pressure" and "largest pressure 5" in grid.caption
-    status, pressure = grid.views[1], grid.views[3]
-    expected = np.median(i.status[1][i.triangles], axis=1)
-    np.testing.assert_array_equal(status.values.reshape(-1, 3), np.tile(expected[:, None], 3))
-    np.testing.assert_allclose(pressure.values.reshape(-1, 3)[:, 0], i.pressure[1][i.triangles].mean(axis=1))
-    assert pressure.limits == pytest.approx((0, i.pressure[1][i.triangles].mean(axis=1).max()))
-    picture = draw(View(**{**vars(status), "lines": status.lines[:0], "outline": status.outline[:0]}))
-    for kind, colour in zip(i.kinds, i.kind_colours):
-        assert share(picture, colour) == pytest.approx(seen(status, expected == kind), abs=0.01)
-    assert share(picture, i.kind_colours[0]) > 0.05 and share(picture, i.kind_colours[2]) > 0.05
+    assert names == ["open", "stick", "slip"] and grid.scales[1].label == "pressure" and "largest pressure 5" in grid.caption
+    status, pressure = grid.views[2], grid.views[3]
+    np.testing.assert_allclose(pressure.values, i.pressure[1][i.triangles].ravel())
+    assert pressure.limits == pressure.extremes == pytest.approx((0, 5))
+    picture = draw(View(**{**vars(status), "lines": status.lines[:0]}))
+    area, drawn = (np.linalg.norm(area_vectors(*mesh), axis=1) for mesh in (
+        (fields.nodes[i.nodes], i.triangles), (status.points, status.triangles)))
+    for place, name in enumerate(names):
+        own, mine = i.kind_names == name, status.values[::3] == place
+        assert share(picture, i.kind_colours[own][0]) == pytest.approx(seen(status, mine), abs=0.01)
+        third = area @ (i.status[1][i.triangles] == i.kinds[own][0]).mean(axis=1)
+        assert drawn[mine].sum() / drawn.sum() == pytest.approx(third / area.sum()) and third > 0
 
     figure = compose(grid, "made_up")
     assert [t.get_text() for t in figure.axes[0].get_xticklabels()] == names
-    assert {*grid.headings, "made_up", grid.caption} == {t.get_text() for t in figure.texts}
+    assert {*grid.headings, "made_up", grid.caption, "a - b\n1 × 1"} == {t.get_text() for t in figure.texts}
+
+
+def test_round_faces_are_unrolled_and_none_covers_another():
+    """A quarter of a cylinder beside a square: true lengths in the names, both upright, neither over the other."""
+    i, turn = case.opened().interfaces, np.linspace(0, np.pi / 2, 9)
+    round_, z = np.stack(np.meshgrid(turn, [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 2).T
+    normal = np.column_stack([np.cos(round_), np.sin(round_), 0 * z])
+    left = 2 * np.arange(8)
+    triangles = np.concatenate([np.column_stack([left, left + 2, left + 3]), np.column_stack([left, left + 3, left + 1])])
+    square = np.array([[0.0, 9, 0], [0, 10, 0], [0, 10, 1], [0, 9, 1]])
+    nodes = np.concatenate([2 * normal * [1, 1, 0] + z[:, None] * [0, 0, 1], square])
+    both = replace(i, names=np.array(["a", "b"]), nodes=np.arange(22), offsets=np.array([0, 18, 22]), owner=np.r_[np.zeros(16, int), 1, 1],
+                   triangles=np.concatenate([triangles, [[18, 19, 20], [18, 20, 21]]]),
+                   normal=np.concatenate([normal, np.tile([1.0, 0, 0], (4, 1))]))
+    flat = laid_flat(nodes, both, " mm")
+    assert [name for _, name in flat.names] == ["a\n3.14 × 1 mm, unrolled", "b\n1 × 1 mm"]
+    one, other = (flat.corners[both.owner == k].reshape(-1, 3) for k in (0, 1))
+    (wide, high, _), (width, height, _) = np.ptp(one, axis=0), np.ptp(other, axis=0)
+    assert wide == pytest.approx(np.pi * high) and width == pytest.approx(height)
+    apart = (one.min(axis=0) > other.max(axis=0)) | (other.min(axis=0) > one.max(axis=0))
+    assert apart[:2].any() and flat.frame.min() == 0 and (flat.corners[..., :2] <= flat.frame.max(axis=0)[:2] + 1e-9).all()
+    assert len(flat.rims) == 16 + 2 + 4
 
 
 @pytest.mark.long
@@ -138,6 +166,9 @@ def test_a_cut_shows_the_inside_and_parts_are_chosen(draw):
         assert keeps(seen.points[:, 1] - middle - 1e-4, np.copysign(1e-9, 1 if keeps is np.less_equal else -1)).all()
         flat = np.abs(seen.points[seen.triangles, 1] - middle - 1e-4).max(axis=1) < 1e-9
         area = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
+        x, y, z = np.abs(seen.points[seen.lines].mean(axis=1)[:, :, None] - [0, 1, 2, size[0], middle + 1e-4]).transpose(1, 0, 2) < 1e-9
+        on = x[:, :4].any(axis=1) * 1 + y[:, [0, 1, 4]].any(axis=1) + z[:, :2].any(axis=1)
+        assert (on >= 2).all(), "lines on edges of the box, of its parts and of the cut alone"
         assert area[flat].sum() == pytest.approx(size[0] * size[2], rel=1e-6)
         values, x = seen.stress[1], seen.points
         inside = fields.nodal.stress(1)
@@ -166,9 +197,30 @@ def test_imposed_jumps_are_drawn_apart_from_contact():
     both = replace(fields, interfaces=twice)
     contact, jumps = interfaces(both), interfaces(both, imposed=True)
     assert contact.views[3].limits[0] == 0 and contact.views[3].limits[1] < 10 and "whose jump is imposed" in jumps.caption
-    assert jumps.views[3].limits[0] == 0 and jumps.views[3].limits[1] > 1e3
+    assert len(jumps.views) == 2 and jumps.views[1].limits[0] < -1e3 and jumps.scales[0].label == "tension"
     grey = np.isnan(contact.views[3].values.reshape(-1, 3)[:, 0])
     assert (grey == (i.status[1][i.triangles] == 0).all(axis=1)).all() and grey.any() and not grey.all()
+
+
+def test_each_step_has_its_own_scale_on_request_or_one_that_is_given():
+    """A step a hundred times as loaded leaves the other dark; what lies beyond a scale that is given is told at its tip."""
+    fields = replace(case.opened(), displacement=case.bending(case.box_mesh()) * np.array([0.02, 1])[:, None, None], sides=None)
+    for scale, count, same in ((None, 1, True), ("step", 2, False), ((0.0, 50.0), 1, True)):
+        sheet = deformed(fields, Look(scale=scale))
+        assert len(sheet.scales) == count and (sheet.views[0].limits == sheet.views[1].limits) == same
+        assert (sheet.views[0].limits == (0.0, 50.0)) == (scale == (0.0, 50.0)) and sheet.views[1].extremes[1] > 100
+    assert sheet.views[0].mark is not None and deformed(fields, Look(steps=(1, 7))).headings == ["load step 2 of 2"]
+    assert "load step 1 not drawn" in deformed(fields, Look(steps=(1,))).caption
+
+
+def test_load_steps_as_an_animation(tmp_path, draw):
+    """A frame for each, in the report too; none of a single step."""
+    write_animation(ResultsFolder(tmp_path), case.opened(), Look(), "made_up")
+    with Image.open(tmp_path / "figures" / "steps.gif") as found:
+        frames = [np.asarray(found.convert("RGB"), float) for found.n in range(2) if found.seek(found.n) is None]
+        assert found.n_frames == 2 and np.abs(frames[1] - frames[0]).max() > 50
+    with pytest.raises(InputError, match="one load step"):
+        write_animation(ResultsFolder(tmp_path), case.opened(), Look(steps=(1,)), "made_up")
 
 
 def test_pages_that_turn_need_no_network():

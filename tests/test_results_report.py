@@ -153,7 +153,7 @@ def test_the_page_says_what_the_text_says(tmp_path):
     assert ("h1", name) in page.texts and ("title", name) in page.texts and ("p", f"{name} is odd.") in page.texts
     assert ["run", name] in page.rows
     assert any(tag == "p" and text.endswith("Acceleration: by hand.") for tag, text in page.texts)
-    assert ["boundary[0]", "2", "-1e-07", "0", "1.2346e+07"] in page.rows
+    assert ["boundary[0]", "2", "0", "0", "1.2346e+07"] in page.rows
     assert "text-align:right" in page.aligned
     pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]
     assert pictures == [(tmp_path / "figures" / f"{name}.png").read_bytes() for name in ("convergence", "time")]

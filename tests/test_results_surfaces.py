@@ -1,13 +1,15 @@
 """What pictures of surfaces are made of: faces, lines, values, colour limits, a camera."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import results_case as case
 
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.pictures import deformed, exaggeration
+from orchestrator.results.figures.exaggeration import exaggeration
+from orchestrator.results.figures.pictures import deformed, spread
 from orchestrator.results.figures.view import colour_limits
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -80,14 +82,14 @@ def test_view_at_rest():
 
 def test_limits_leave_out_what_a_corner_stretches():
     values = np.append(np.linspace(1, 2, 1000), 1e6)
-    (low, high), beyond = colour_limits(values)
-    assert 1 <= low < 1.01 and 1.99 < high < 2.01 and beyond == (True, True)
-    assert colour_limits(np.linspace(1, 2, 1000)) == ((1, 2), (False, False))
-    assert colour_limits(np.full(9, 7.0)) == ((0, 14), (False, False))
-    assert colour_limits(np.array([np.nan, 1.0, 2.0])) == ((1, 2), (False, False)) and colour_limits(np.full(3, np.nan))[0] == (0, 1)
+    (low, high), extremes = colour_limits(values)
+    assert low == 1 and 1.99 < high < 2.01 and extremes == (1, 1e6)
+    assert colour_limits(np.linspace(1, 2, 1000)) == ((1, 2), (1, 2))
+    assert colour_limits(np.full(9, 7.0)) == ((0, 14), (7, 7))
+    assert colour_limits(np.array([np.nan, 1.0, 2.0])) == ((1, 2), (1, 2)) and colour_limits(np.full(3, np.nan))[0] == (0, 1)
     # a fiftieth of the surface carries a hundred times the rest: the scale is the rest's
     heavy = np.concatenate([np.linspace(0, 1, 980), np.linspace(50, 100, 20)])
-    assert colour_limits(heavy)[0][1] < 2 and colour_limits(heavy)[1] == (True, True)
+    assert colour_limits(heavy)[0][1] < 2 and colour_limits(heavy)[1] == (0, 100)
     assert colour_limits(np.r_[np.linspace(0, 1, 100), np.linspace(50, 99, 100)], np.r_[np.ones(100), np.full(100, 1e-3)])[0][1] < 2
 
 
@@ -105,3 +107,20 @@ def test_bodies_apart_at_every_step():
     assert np.linalg.norm(np.diff(last.lines, axis=1), axis=2).max() < 0.6, "and none leads to the other body"
     gap = fields.interfaces.gap[1].max() * exaggeration(fields, [0, 1])
     assert gap > 0.02 * np.linalg.norm(np.ptp(fields.nodes, axis=0))
+
+
+def test_no_body_is_distorted_or_sunk_by_being_drawn_larger():
+    """A small part that is stretched, and faces that touch though a prescribed gap moves them apart, limit the factor."""
+    fields = case.fields()
+    size, ends = np.linalg.norm(np.ptp(fields.nodes, axis=0)), np.array([1.0, 0, 0])
+    free = exaggeration(fields, [1])
+    stretched = replace(fields, displacement=np.where(fields.nodes[:, :1] > 2.9, 0.2, 0.0) * ends + 0 * fields.displacement)
+    assert exaggeration(stretched, [1]) * 0.2 <= 0.2 * np.linalg.norm([1, 1, 1]) < 0.1 * size * 1.05 and free > 0
+    opened = case.opened({1: [2] * 9})
+    parted = exaggeration(opened, [0, 1]) * opened.interfaces.gap[1].max()
+    assert 0.009 * size < parted <= 0.0101 * size, "they slip: what is drawn between them is not there"
+
+
+def test_the_most_loaded_step_and_the_last_are_drawn():
+    assert spread(4, 3, 1) == [0, 1, 3] and spread(4, 3, 2) == [0, 2, 3]
+    assert spread(9, 6, 4)[-1] == 8 and 4 in spread(9, 6, 4) and len(spread(9, 6, 4)) == 6 and spread(2, 6, 1) == [0, 1]

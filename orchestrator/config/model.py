@@ -44,21 +44,31 @@ class Eye(Part):
     elevation: Annotated[float, Field(ge=-90, le=90)] = Field(description="degrees above the plane of x and y")
 
 
+Ends = either(Literal["step"], Annotated[list[float], Field(min_length=2, max_length=2)], lambda value: isinstance(value, str),
+              "step, or two numbers: [low, high]")
+
+
 class Figures(Part):
     """How the structure is drawn."""
 
     cut: Cut | None = Field(None, description="{plane, at}: shows the inside; none: the surface")
     parts: Names | None = Field(None, description="names of the volumes that are drawn, shell wildcards allowed; none: all")
     view: Eye | None = Field(None, description="{azimuth, elevation}; none: from the front, right and above")
+    steps: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = Field(None, description=(
+        "load steps that are drawn, from 1; none: the most deformed one, where interfaces may open evenly many"))
+    scale: Ends | None = Field(None, description=(
+        "[low, high], stresses at the ends of the colours; step: each load step has ends of its own; none: one scale for all"))
 
 
-Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)), "true or false, or a mapping with cut, parts, view")
+Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)),
+               "true or false, or a mapping with cut, parts, view, steps, scale")
 
 
 class Output(Part):
     directory: Name | None = Field(None, description="results folder; none: results/<name>")
     fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: Drawn = Field(True, description=("draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
+    figures: Drawn = Field(True, description=(
+        "draw the figures, as they are what most people look at first; or how: {cut, parts, view, steps, scale}"))
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv, "
         "figures"))

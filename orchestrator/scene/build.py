@@ -231,7 +231,7 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
     """The probes; and whether what figures are to show is there."""
     if not isinstance(config.output.figures, bool):
-        check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
+        check_figures(plain.mesh.nodes, plain.mesh.volumes, config.steps, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:
         return []
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]

@@ -13,7 +13,8 @@ import numpy as np
 from orchestrator.errors import wrong
 from orchestrator.optional import need
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.pictures import exaggeration, most_deformed, stress_limits
+from orchestrator.results.figures.exaggeration import exaggeration
+from orchestrator.results.figures.pictures import limits_at, most_deformed
 from orchestrator.results.figures.plotting import COLOURS
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
 from orchestrator.results.figures.view import Look, toward_eye
@@ -36,7 +37,7 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
     seen = skin(fields, [step], look, toward_eye(fields.nodes) if look.direction is None else look.direction)
     _check(len(seen.triangles))
     u, stress = seen.displacement[step], seen.stress[step]
-    factor, (limits, _) = exaggeration(fields, [step]), stress_limits(seen)
+    factor, (limits, _) = exaggeration(fields, [step]), limits_at(seen, seen.stress, [step], look.scale)[step]
     moved = seen.points + factor * u
     part = np.zeros(len(seen.cell), dtype=int) if fields.part is None else fields.part[seen.cell]
     length, unit = look.units["length"], look.units["stress"]

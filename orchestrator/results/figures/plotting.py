@@ -49,6 +49,12 @@ def viridis() -> Colormap:
     return colormaps["viridis"]
 
 
+def short(value: float) -> str:
+    """Three digits, without powers of ten where engineers write none: 1,250, 0.0214, 3.1e-07."""
+    text = f"{value:.3g}"
+    return f"{float(text):,.0f}" if 1e3 <= abs(value) < 1e7 else text
+
+
 def powers_of_ten(axis: object) -> None:
     """Label a logarithmic axis with plain text, 10⁻⁶: matplotlib's own labels are formulas, which take .15 s to set."""
     from matplotlib.ticker import FuncFormatter

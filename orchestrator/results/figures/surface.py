@@ -148,7 +148,11 @@ def _cut(fields: Fields, cells: np.ndarray, kept: np.ndarray, steps: Sequence[in
     left = grid.clip(normal=normal, origin=origin)  # keeps what the normal looks away from
     seen = (left if left.n_cells else grid).extract_surface(algorithm="dataset_surface", pass_pointid=False, pass_cellid=False)
     seen = seen.triangulate()
-    return np.asarray(seen.points, float), seen.regular_faces, np.asarray(seen["tet"]), {
+    points, triangles, cell = np.asarray(seen.points, float), np.array(seen.regular_faces), np.asarray(seen["tet"])
+    outward = points[triangles].mean(axis=1) - drawn.nodes[drawn.cells[cell, :4]].mean(axis=1)
+    inward = np.einsum("ij,ij->i", area_vectors(points, triangles), outward) < 0
+    triangles[inward] = triangles[inward, ::-1]  # what a clip leaves of tets is turned either way
+    return points, triangles, cell, {
         step: (np.asarray(seen[f"u{step}"]), np.asarray(seen[f"s{step}"])) for step in steps}
 
 

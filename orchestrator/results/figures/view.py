@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -73,12 +73,13 @@ class View:
     points : (p, 3) as drawn; triangles : (k, 3) int
     values : (p,) what gives the colour; nan is grey
     camera : where it is seen from
-    limits : of the colour scale; beyond : whether values lie below and above it
+    limits : of the colour scale; extremes : the lowest and the highest value, beyond it or not
     lines, outline : (e, 2, 3) edges on the surface, undeformed edges
     palette : colours from the lower limit to the upper
     shaded : whether light falls on it; without, colours are exactly those of the scale
     closed : whether the triangles are those of whole bodies, turned outward: the far side of a body is then never seen
     mark : place (3,) of the largest value, the value, and whether it is on a face turned to the eye; None: not marked
+    names : places (3,) and the text below each
     """
 
     points: np.ndarray
@@ -86,13 +87,14 @@ class View:
     values: np.ndarray
     camera: Camera
     limits: tuple[float, float]
-    beyond: tuple[bool, bool] = (False, False)
+    extremes: tuple[float, float] | None = None
     lines: np.ndarray = field(default_factory=lambda: NO_LINES)
     outline: np.ndarray = field(default_factory=lambda: NO_LINES)
     palette: Colormap = field(default_factory=viridis)
     shaded: bool = True
     closed: bool = False
     mark: tuple[np.ndarray, float, bool] | None = None
+    names: Sequence[tuple[np.ndarray, str]] = ()
 
     def pixels(self, inches: float = WIDTH) -> tuple[int, int]:
         """Columns and rows of the picture in a width."""
@@ -103,17 +105,18 @@ class View:
 # Of the surface, percentiles that may be the ends of the scale: the widest whose upper quartile is visibly above the lowest
 # colour, so that a peak in a corner leaves no picture of one dark colour.
 ENDS, VISIBLE = (99.5, 98.0, 95.0, 90.0), 0.15
+NEAR = 0.05  # of the scale, by which the lowest value may be below its end to be its end
 
 
-def colour_limits(values: np.ndarray, weights: np.ndarray | None = None) -> tuple[tuple[float, float], tuple[bool, bool]]:
-    """Colour limits that a singular corner does not stretch, and whether values lie beyond them.
+def colour_limits(values: np.ndarray, weights: np.ndarray | None = None) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Colour limits that a singular corner does not stretch, and the lowest and highest value.
 
     values : (n,), nan where nothing is known
     weights : (n,) area that each stands for; None: the same
     """
     known = np.isfinite(values)
     if not known.any():
-        return (0.0, 1.0), (False, False)
+        return (0.0, 1.0), (0.0, 1.0)
     order = np.argsort(values[known], kind="stable")
     ranked, weight = values[known][order], np.ones(len(order)) if weights is None else weights[known][order]
     if weight.sum() <= 0:
@@ -126,9 +129,11 @@ def colour_limits(values: np.ndarray, weights: np.ndarray | None = None) -> tupl
     lowest, highest = float(ranked[0]), float(ranked[-1])
     if high - low > 0.6 * (highest - lowest):
         low, high = lowest, highest
+    if low - lowest < NEAR * (high - low):
+        low = lowest
     if high - low <= 1e-6 * abs(high):  # uniform: rounding is no pattern
         low, high = (0.0, 2.0 * high) if high > 0 else (0.0, 1.0)
-    return (low, high), (lowest < low, highest > high)
+    return (low, high), (lowest, highest)
 
 
 NO_UNITS = {"length": "", "force": "", "stress": ""}
@@ -141,12 +146,16 @@ class Look:
     parts : patterns of their names; none: all
     cut : axis (0, 1, 2) and place of a plane; what is in front of it is left out; None: nothing is cut
     angles : degrees of the eye, from x towards y, and above; None: as suits the structure
+    steps : load steps that are drawn, from 0; none: as suits the result
+    scale : ends of the stresses' colours; "step": each load step has its own; None: one for all, as suits the result
     units : of length, force and stress, each with a space before; empty where none are named
     """
 
     parts: tuple[str, ...] = ()
     cut: tuple[int, float] | None = None
     angles: tuple[float, float] | None = None
+    steps: tuple[int, ...] = ()
+    scale: tuple[float, float] | str | None = None
     units: Mapping[str, str] = field(default_factory=lambda: NO_UNITS)
 
     @classmethod
@@ -154,9 +163,10 @@ class Look:
         """From ``output.figures`` of a complete configuration."""
         if not isinstance(figures, Mapping):
             return cls(units=units)
-        cut, view = figures.get("cut"), figures.get("view")
+        cut, view, scale = figures.get("cut"), figures.get("view"), figures.get("scale")
         return cls(tuple(figures.get("parts") or ()), cut and ("xyz".index(cut["plane"]), cut["at"]),
-                   view and (view["azimuth"], view["elevation"]), units)
+                   view and (view["azimuth"], view["elevation"]), tuple(step - 1 for step in figures.get("steps") or ()),
+                   tuple(scale) if isinstance(scale, list) else scale, units)
 
     @property
     def direction(self) -> np.ndarray | None:
@@ -165,6 +175,10 @@ class Look:
             return None
         azimuth, elevation = np.radians(self.angles)
         return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+
+    def of_steps(self, count: int) -> list[int]:
+        """Those of ``steps`` that there are, in order: a run may have stopped before others."""
+        return sorted({step for step in self.steps if step < count})
 
     def chosen(self, names: tuple[str, ...], part: np.ndarray | None, count: int) -> np.ndarray:
         """(k,) int, the tets that are drawn of ``count``; all of them where no part has such a name."""

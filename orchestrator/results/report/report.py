@@ -12,6 +12,8 @@ from pydantic import ValidationError
 from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problem, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures.animation import NAME as ANIMATION, write_animation
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
@@ -32,21 +34,24 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
              ("codes.png", "Which code solves what."),
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("jumps.png", "The interfaces whose jump is imposed: pressure."),
+             (ANIMATION, "The load steps, one after another."),
              ("probes.png", "Probes over the load steps."),
              ("paths.png", "Values along paths, at the last load steps; all of them are in paths.csv."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
-def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False) -> Path:
+def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False,
+           animate: bool = False) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
 
     directory : a results folder
     figures : how the structure is drawn, as ``output.figures`` in the YAML; None: as the run's configuration says
     interactive : also write result.html, in which the structure turns
+    animate : also write figures/steps.gif, the load steps one after another, which the report then shows
     Returns path of report.md
     Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
-        drawn is there; a package that draws is not installed
+        drawn is there; a package that draws is not installed; an animation of a single load step, or where VTK cannot draw
     """
     for package in DRAWING:
         check_there(package)
@@ -55,12 +60,14 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     look = look_of(solution.summary) if figures is None else _look(solution, figures)
     if interactive:
         _turning(solution, folder, look)
+    if animate:
+        _moving(solution, folder, look)
     try:
         made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)
     except CannotDraw as error:
         print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
         made = write_figures(folder, solution.summary, solution.history)
-    names = {path.name for path in made}
+    names = {path.name for path in made} | ({ANIMATION} if animate else set())
     pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
     first = [name for name, _ in _PICTURES if name in names][:1] == [_PICTURES[0][0]]
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
@@ -79,17 +86,29 @@ def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
                                   "orchestrator report --help") for entry in error.errors()]) from error
     if solution.fields is not None:
         problems = Problems()
-        check_figures(solution.fields.nodes, list(solution.fields.parts), asked, (), problems)
+        check_figures(solution.fields.nodes, list(solution.fields.parts), solution.fields.steps, asked, (), problems)
         problems.raise_if_any()
     return Look.of(asked.model_dump(exclude_none=True), units_of(solution.summary))
+
+
+def _moving(solution: Solution, folder: ResultsFolder, look: Look) -> None:
+    try:
+        drawn(write_animation, folder, _fields(solution), look, str(solution.summary.get("name")))
+    except CannotDraw as error:
+        raise wrong((), f"no animation: {error}", "a machine on which VTK can draw", "leave out --animate") from error
+
+
+def _fields(solution: Solution) -> Fields:
+    """Raises InputError: there are none."""
+    if solution.fields is None:
+        raise wrong((), f"no fields in {solution.directory}", "a run with output.fields: true", "run it again, with fields")
+    return solution.fields
 
 
 def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
     from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
 
-    if solution.fields is None:
-        raise wrong((), f"no fields in {folder.path}", "a run with output.fields: true", "run it again, with fields")
-    folder.write("result.html", result_page(solution.fields, str(solution.summary.get("name")), look))
+    folder.write("result.html", result_page(_fields(solution), str(solution.summary.get("name")), look))
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:

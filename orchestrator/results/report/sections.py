@@ -168,7 +168,7 @@ def probes(summary: Mapping[str, object]) -> list[str]:
         kind = "" if probe["quantity"] == "point" else f"{probe['quantity']} of "
         parts.append(plain(f"{probe['name']}: {kind}{probe['of']}{place}"))
         parts.append(Marked.of(f"{probe['why']}.") if probe.get("why") else
-                     table(("load step", *probe["values"]), by_step(*probe["values"].values()), numeric=True))
+                     table(("load step", *probe["values"]), _by_step(list(probe["values"].values())), numeric=True))
     return section("Probes", *parts)
 
 
@@ -196,12 +196,25 @@ def carried(folder: Path) -> list[str]:
     columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
     columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows)
     columns += ("work", "dissipation") * any(float(row["work"]) or float(row["dissipation"]) for row in rows)
-    lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row.get(key) else "–" for key in columns))
+    kinds = [columns[0:3], columns[3:6], columns[6:9], *zip(columns[9:])]
+    lines = [(row["interface"], row["load_step"], *(text for kind in kinds for text in _alike(row, kind)))
              for row in rows if row["interface"] in kept]
     text = ("Force of the second body on the first, its moment about the interface's centre, the centre of pressure, the "
             "largest pressure at a node; prescribed nodes on the interface are not counted.")
     text += f" The {MOST} interfaces with the largest forces of {len(size)}; {INTERFACES} has all." * (len(kept) < len(size))
     return [heading("Interface resultants"), text, table(("interface", "load step", *columns), lines, numeric=True)] if rows else []
+
+
+def _alike(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
+    """Numbers of one kind, forces or moments or places; a dash where there is none."""
+    values = [float(row[key]) if row.get(key) else None for key in columns]
+    return rounded(values, largest(values))
+
+
+def _by_step(columns: Sequence[Sequence[float | None]]) -> list[tuple[str, ...]]:
+    """Rows for a table, as ``by_step``; columns are components of one thing."""
+    most = largest(list(map(list, columns)))
+    return [(str(step), *rounded(row, most)) for step, row in enumerate(zip(*columns), 1)]
 
 
 def _largest(size: Mapping[str, float]) -> list[str]:
@@ -222,8 +235,9 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
              *((LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")))
             for law in sorted({entry["law"] for entry in resultants})]  # some of another's may not be registered here
     names = shown_statuses(counts)
-    tightened = [(bolt["name"], str(step), *map(number, carried), state) for bolt in bolts for step, (*carried, state) in enumerate(
-        zip(*(bolt.get(key) or [0.0] * len(bolt["force"]) for key in _OF_BOLTS), bolt["state"]), 1)]
+    tightened = [(bolt["name"], str(step), *rounded(carried[:2], largest(bolt["force"])), *map(number, carried[2:]), state)
+                 for bolt in bolts for step, (*carried, state) in enumerate(
+                     zip(*(bolt.get(key) or [0.0] * len(bolt["force"]) for key in _OF_BOLTS), bolt["state"]), 1)]
     return [*section("Warnings", *sentences(summary.get("warnings") or ())),
         *section("Interface laws", table(("law", "interfaces", "formula", "meaning"), laws),
                  "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on side 1; A: a node's share "

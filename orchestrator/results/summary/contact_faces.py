@@ -86,7 +86,7 @@ def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
         bodies = tuple(sorted(scene.subdomains[e].body for e in interface.subdomains))
         points, normal = scene.mesh.nodes[fields.nodes[own]], fields.normal[own]
         room = bool((fields.initial_gap[own] > 0).any())
-        kind, axis, through = _shape(points, normal, room, [bolts[body] for body in bodies if body in bolts])
+        kind, axis, through = shape(points, normal, room, [bolts[body] for body in bodies if body in bolts])
         face = Face(bodies, kind, axis, through, float(interface.law.friction), np.arange(own.start, own.stop), [interface.name])
         same = next((other for other in found if other.goes_on(face, APART * scene.mesh.diagonal)), None)
         if same is None:
@@ -96,7 +96,7 @@ def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
     return found
 
 
-def _shape(points: np.ndarray, normal: np.ndarray, room: bool, bolts: Sequence[np.ndarray]) -> tuple[str, np.ndarray, np.ndarray]:
+def shape(points: np.ndarray, normal: np.ndarray, room: bool, bolts: Sequence[np.ndarray]) -> tuple[str, np.ndarray, np.ndarray]:
     """Kind, axis and a point of it.
 
     points, normal : (n, 3); room : whether sides are apart before anything is loaded; bolts : axes (3,) of bodies that are bolts

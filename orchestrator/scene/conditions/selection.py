@@ -203,12 +203,18 @@ def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
     return [subdomain.name] + ([mesh.volumes[inside[0]]] if len(inside) == 1 else [])
 
 
-def check_figures(nodes: np.ndarray, volumes: list[str], figures: Figures, path: KeyPath, problems: Problems) -> None:
-    """Parts that are drawn exist, and a cut leaves something on either side.
+def check_figures(nodes: np.ndarray, volumes: list[str], count: int, figures: Figures, path: KeyPath, problems: Problems) -> None:
+    """Parts and load steps that are drawn exist, a cut leaves something on either side, a scale grows.
 
-    nodes : (n, 3); volumes : names of the parts
+    nodes : (n, 3); volumes : names of the parts; count : load steps that there are
     path : of ``figures`` in the YAML
     """
+    for step in figures.steps or ():
+        if step > count:
+            problems.add((*path, "steps"), f"load step {step}", f"one of the {count} that there are, from 1", "leave it out")
+    if isinstance(figures.scale, list) and figures.scale[0] >= figures.scale[1]:
+        problems.add((*path, "scale"), f"a scale from {figures.scale[0]:g} to {figures.scale[1]:g}", "[low, high], the lower end first",
+                     "exchange them")
     for name in figures.parts or ():
         if not matching(name, volumes):
             problems.add((*path, "parts"), f"no volume is called {name!r}", "names of volumes, shell wildcards allowed",
