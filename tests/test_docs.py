@@ -136,10 +136,11 @@ def test_every_key_is_told():
     assert not re.search(r"\| *\|$", written, flags=re.MULTILINE), "a key without a meaning"
 
 
-def test_warnings_told_are_those_there_are():
+@pytest.mark.parametrize("page", ["warnings", "symptoms"])
+def test_messages_told_are_those_there_are(page):
     """What the page quotes stands in the program, but for what is filled in."""
     said = re.sub(r"['\"]\s*\n\s*f?['\"]", "", "\n".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")))
-    table = [row for row in rows((ROOT / "docs" / "warnings.md").read_text(encoding="utf-8")) if row[0].startswith('"')]
+    table = [row for row in rows((ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")) if '"' in row[0]]
     assert len(table) > 15
     for first, *_ in table:
         for quoted in re.findall('"([^"]+)"', first):
@@ -165,6 +166,20 @@ def test_commands_and_files_exist(path):
         assert (ROOT / file).is_file(), f"{path.name}: no {file}"
     for study in re.findall(r"`study (\w+)`", text):
         assert study in STUDIES, study
+
+
+@pytest.mark.long
+def test_symptoms_are_as_told(tmp_path):
+    """Commands of the page end with the exit code, and say in the summary what stands in italics behind them."""
+    text = re.sub(r"\n +", " ", (ROOT / "docs" / "symptoms.md").read_text(encoding="utf-8"))
+    tried = re.findall(r"^- `orchestrator (run [^`]+)`: exit code (\d)(.*)$", text, flags=re.MULTILINE)
+    assert len(tried) > 10
+    for number, (command, code, told) in enumerate(tried):
+        done = subprocess.run([sys.executable, "-m", "orchestrator", *shlex.split(command), "--verbose", "--output", tmp_path / str(number),
+                               "--set", "output.figures=false"], cwd=ROOT, capture_output=True, text=True, env={**os.environ, "COLUMNS": "4000"})
+        assert done.returncode == int(code), f"{command}: {done.stderr}"
+        for words in re.findall(r"\*([^*]+)\*", told.partition("; with")[0]):
+            assert " ".join(words.split()) in " ".join((done.stdout + done.stderr).split()), command
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)
