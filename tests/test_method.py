@@ -13,6 +13,7 @@ from orchestrator.method.acceleration import algorithm
 from orchestrator.method.acceleration.anderson import Anderson
 from orchestrator.method.acceleration.relaxation import Relaxation
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
+from orchestrator.method.delivery.lawful import certificate_of
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.increments import Start, iterate
 from orchestrator.method.latin import Latin
@@ -20,6 +21,7 @@ from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.monitors import Monitor, Verdict
 from orchestrator.method.stopping.bound import relative
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
+from orchestrator.method.stopping.softest import BesideRigid, softest
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -362,6 +364,28 @@ def test_dual_energy(mesh, kind, ratio):
         stiffness = naked[e][free][:, free].toarray() + 200e3 * modes @ modes.T
         exact += force[free] @ np.linalg.solve(stiffness, force[free])
     assert 1 <= estimate[0] / exact <= 1.1
+
+
+@pytest.mark.parametrize("guaranteed", [False, True])
+def test_bodies_that_count_no_longer_are_not_asked_again(guaranteed):
+    """Of forces on three slices of a bar one of which has nearly all: the others are asked once or twice, and their share is told."""
+    made = config(**method(max_iterations=4))
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        s = iterate(d, made.method, (), Stopwatch()).fields.f
+        h = d.space.loads(0.5 * (s + d.space.across(s)))
+        for e, part in enumerate(d.space.boundary):
+            h[:, part] *= 1.0 if e == 1 else 1e-4
+        softness = softest(d.stage, BesideRigid(d.stage, certificate_of(d).forces.u)) if guaranteed else None
+        asked, inner = [], d.stage.solve
+        d.stage.solve = lambda f: asked.append([f[:, part].any() for part in d.space.boundary]) or inner(f)
+        told = dual_energy(d.stage, h, np.zeros(1), Enough(share=1e-3), softness=softness)
+        closely = dual_energy(d.stage, h, np.zeros(1), Enough(share=1e-9))
+    exact = np.vdot(closely.x, h + closely.left)
+    assert asked[0] == [True] * 4 and asked[told.sweeps - 1] == [False, True, False, False]
+    assert exact <= told.energy[0] * (1 + 1e-9) <= 1.03 * exact
+
 
 
 def test_the_bound_is_the_hypotenuse_of_prager_and_synge():

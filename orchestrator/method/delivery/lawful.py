@@ -46,7 +46,7 @@ class Lawful:
 
         parts : per subdomain (T, n_E, 3), in equilibrium with the linear stage's forces
         """
-        certificate = _certificate(d) if wanted and d.all_perfect else d.certificate
+        certificate = certificate_of(d) if wanted and d.all_perfect else d.certificate
         if certificate is None or not np.isfinite(iterated.bound.relative):
             return None
         u = np.hstack([np.zeros((d.steps, 0)), *(parts[s.index].reshape(d.steps, -1)[:, t] for s, t in zip(d.own, d.made.traces))])
@@ -61,7 +61,7 @@ class Lawful:
         return cls(certificate, at, own, f, _taken(d, rest), beyond, rest)
 
 
-def _certificate(d: Decomposition) -> Certificate:
+def certificate_of(d: Decomposition) -> Certificate:
     """That of perfect interfaces."""
     from orchestrator.method.interface.pairing import make_pairs
 

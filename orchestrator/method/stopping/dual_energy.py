@@ -1,7 +1,8 @@
 """b² = hᵀS⁺h, the energy of forces h on the boundary of all subdomains, by conjugate gradients on the black box.
 
 S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, and
-serves as the preconditioner, so that S p = (S + k) p − k p, of which the first term follows by recurrence.
+serves as the preconditioner, so that S p = (S + k) p − k p, of which the first term follows by recurrence. Bodies do not feel each other:
+those of which what is left counts no longer are not asked again, and few slender ones are all that remain.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ MAX_STEPS = 100
 LONGER = 3
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
 MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
+IDLE = 0.1  # of what may be left in all, what bodies that are not asked again may keep together
 CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
+SLOW = 1 / (1 - SLOWEST)  # what a body still gains at that rate, over what its next step does
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Dual(NamedTuple):
     energy : (T,) of all subdomains; infinite where it is not reached
     sweeps : back-substitutions spent
     x, left, of : (T, B) S⁺h, nearly, without rigid motions, h − S x, and h
+    towards, meant, size : (T, B) the last direction p and (S + k) p, and (T, S) rᵀM⁻¹r before it, None at first: the next step goes on from
+        them
     """
 
     energy: np.ndarray
@@ -51,12 +56,17 @@ class Dual(NamedTuple):
     x: np.ndarray
     left: np.ndarray
     of: np.ndarray
+    towards: np.ndarray | None = None
+    meant: np.ndarray | None = None
+    size: np.ndarray | None = None
 
     @classmethod
     def joined(cls, batches: Sequence[Dual]) -> Dual:
         """Of all load steps from batches of them, in order."""
         energy, x, left, of = (np.concatenate([getattr(b, name) for b in batches]) for name in ("energy", "x", "left", "of"))
-        return cls(energy, sum(b.sweeps for b in batches), x, left, of)
+        last = zip(*((b.towards, b.meant, b.size) for b in batches))
+        return cls(energy, sum(b.sweeps for b in batches), x, left, of,
+                   *(None if any(one is None for one in each) else np.concatenate(each) for each in last))
 
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
@@ -64,15 +74,14 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
                 softness: np.ndarray | None = None, begun: Dual | None = None) -> Dual:
     """hᵀS⁺h over all subdomains.
 
-    The iterates approach from below; the geometric tail of the steps is added, and for the
-    tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
-    almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
+    The iterates approach from below; the geometric tail of the steps is added, and for the tail's own error the accuracy that the steps
+    are stopped at. With stiff soles a² and b² are large and almost cancelled by the cross term: what counts is the accuracy of the sum.
+    Infinite if it is not reached.
 
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     enough : when that sum is known well enough
-    beyond : of the sums that have been reached so far, (T,), whether they are more than can be of use: what is returned then is that,
-        and the true one is larger
+    beyond : of the sums reached so far, (T,), whether they are more than can be of use: that is returned then, and the true one is larger
     softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
         bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
     begun : what an earlier call has found, from which it goes on if that was of the same h
@@ -80,22 +89,24 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h)
-    x, r, total = np.zeros_like(h), h.copy(), np.zeros(len(h))
-    if begun is not None and not space.team.max(not np.array_equal(begun.of, h))[0]:
-        x, r = begun.x, begun.left
-        total, = space.team.sum(dots(x, h + r))
-    reach = alpha = p = q = rz_old = None
-    steps, ready = [], 0
+    if begun is None or space.team.max(not np.array_equal(begun.of, h))[0]:
+        begun = Dual(np.zeros(len(h)), 0, np.zeros_like(h), h.copy(), h)
+    _, _, x, r, _, p, q, rz_old = begun
+    total, = space.team.sum(dots(x, h + r))
+    reach = alpha = None
+    going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
+    steps, ready, closely = [], 0, min(RELATIVE_TAIL, enough.share)
     for sweeps in range(1, MAX_STEPS + 1):
-        z = stage.solve(r)
+        z = stage.solve(np.where(of.spread(going), r, 0.0))
         rz = np.maximum(of.sums(r * z), 0.0)
         if softness is not None:
             reach = _reach(softness, reach, alpha, rz, rz_old)
-            left, = space.team.sum((rz * reach).sum(axis=1))
+            kept = np.where(going, rz * reach, kept)
+            left, = space.team.sum(kept.sum(axis=1))
             most = total + left
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
-                return Dual(most, sweeps, x, r, h)
+                return Dual(most, sweeps, x, r, h, p, q, rz_old)
         if p is None:
             p, q = z, r.copy()
         else:
@@ -103,18 +114,21 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             p, q = z + beta * p, r + beta * q
         s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
-        gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
+        gained, = space.team.sum((alpha * rz).sum(axis=1))
         far = of.spread(alpha)
         total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
         steps.append(float(gained.sum()))
         if beyond(total + rest):
-            return Dual(total, sweeps, x, r, h)
+            return Dual(total, sweeps, x, r, h, p, q, rz_old)
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
-        ready = ready or (sweeps if max(steps[-1], tail) <= min(RELATIVE_TAIL, enough.share) * worth else 0)
+        kept = np.where(going, SLOW * alpha * rz if softness is None else kept - alpha * rz, kept)
+        going &= kept > IDLE * closely * worth / (len(h) * space.link.subdomain_count)
+        ready = ready or (sweeps if max(steps[-1], tail) <= closely * worth else 0)
         if ready and (softness is None or sweeps >= LONGER * ready):
-            each = gained / max(steps[-1], np.finfo(float).tiny)
-            return Dual(total + tail * each + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x, r, h)
-    return Dual(np.full(len(h), np.inf), MAX_STEPS, x, r, h)
+            idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
+            tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
+            return Dual(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x, r, h, p, q, rz_old)
+    return Dual(np.full(len(h), np.inf), MAX_STEPS, x, r, h, p, q, rz_old)
 
 
 def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:

@@ -93,13 +93,14 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
         w_hat, f_hat = (problem.local if exact else problem.local.lumped).hats(*fields.extended)
         kw_hat = direction.times(w_hat)
 
-    forces = (f - f_hat, f, f_hat)
+    apart = f - f_hat
     if exact:
-        solved = direction.solve(np.concatenate(forces)).reshape(3, *f.shape)  # at once
-        squares = [float(np.vdot(one, its)) for one, its in zip(forces, solved)]
+        solved, given = np.split(direction.solve(np.concatenate([apart, f])), 2)  # at once
     else:
-        squares = [_square(one, 1 / direction.diagonal) for one in forces]
-    return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0], float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
+        solved, given = apart / direction.diagonal, f / direction.diagonal
+    square = float(np.vdot(apart, solved))
+    both = float(2 * np.vdot(f - apart, given)) + square  # ‖f‖² + ‖f − apart‖²
+    return float(np.vdot(w - w_hat, kw - kw_hat)) + square, float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + both
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:
