@@ -68,7 +68,7 @@ def test_a_code_with_an_option_of_its_own(softened):
 def test_stresses_of_matter_that_nobody_else_knows_are_not_certified(softened):
     asked = {"probes": [{"at": [1.1, 0.4, 0.4], "quantity": quantity, "certified": True} for quantity in ("displacement", "stress")]}
     config = config_from({**problem({"code": "softened", "softening": 2.0, "workers": 1}), "output": asked})
-    with pytest.raises(InputError, match="probe_2, a stress in a part whose code has matter of its own"):
+    with pytest.raises(InputError, match="probe_2, a stress or a force in a part whose code has matter of its own"):
         solve(config, build_scene(config))
 
 

@@ -153,7 +153,8 @@ class CoarseProblem:
         move, most = move[self.own], radius[self.own]
         for e in np.flatnonzero(move > most):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
-        return dy * np.minimum(1.0, radius / np.maximum(self._of_all(move), np.finfo(float).tiny))[:, None]
+        move = self._of_all(move)
+        return dy * np.divide(radius, move, out=np.ones_like(move), where=move > radius)[:, None]
 
     def _farthest(self, y: np.ndarray) -> float:
         """How far any body moves in the fields (bodies, n) at most, by Cauchy and Schwarz."""
