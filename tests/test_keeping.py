@@ -193,7 +193,7 @@ def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted, monkeypatch):
     folder, made, scene, _ = interrupted
     with pytest.raises(InputError, match="another problem"):
         load_checkpoint(folder, "lock")
-    with monkeypatch.context() as patch, pytest.raises(InputError, match="another version .*version 4"):
+    with monkeypatch.context() as patch, pytest.raises(InputError, match="another version .*version 5"):
         patch.setattr("orchestrator.results.checkpoint.VERSION", 9)
         load_checkpoint(folder, "key")
     with pytest.raises(InputError, match="no checkpoint"):

@@ -7,6 +7,7 @@ Vectors are rows of components, (3, P): numpy is several times faster along long
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -100,12 +101,26 @@ class Points:
                       *({name: values[..., part] for name, values in own.items()} for own in (self.own, self.stepped)),
                       interface=self.interface[part] if len(self.interface) else self.interface)
 
-    def at(self, step: int, before: Mapping[str, np.ndarray] | None = None) -> Points:
-        """With the law's parameters at a load step of the scene, counted from 0, and its variables ``before`` it."""
+    def at(self, step: float, before: Mapping[str, np.ndarray] | None = None) -> Points:
+        """With the law's parameters at a load step of the scene, counted from 0, or at a part of one, and its variables ``before`` it."""
         if not self.stepped and not before:
             return self
-        own = self.own | {name: values[step] for name, values in self.stepped.items()} | dict(before or {})
+        own = self.own | (self._at(step) if self.stepped else {}) | dict(before or {})
         return replace(self, own=own, stepped={})
+
+    def _at(self, step: float) -> dict[str, np.ndarray]:
+        """Parameters between two load steps in proportion; before the first one, and where what is no number changes, as of a bolt
+        that is locked, the later ones."""
+        later = math.ceil(step)
+        share = later - step
+        if not share or not later:
+            return {name: values[later] for name, values in self.stepped.items()}
+        same = np.ones(len(self), dtype=bool)
+        for values in self.stepped.values():
+            if values.dtype != float:
+                same &= (values[later] == values[later - 1]).reshape(-1, len(self)).all(axis=0)
+        return {name: np.where(same, share * values[later - 1] + (1 - share) * values[later], values[later])
+                if values.dtype == float else values[later] for name, values in self.stepped.items()}
 
     @property
     def search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

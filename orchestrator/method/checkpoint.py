@@ -53,11 +53,11 @@ class Checkpoint:
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool, steps: int) -> Checkpoint:
+    def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool, path: Mapping[str, Any]) -> Checkpoint:
         """After an iteration.
 
         last : no other increment follows
-        steps : load steps of all increments
+        path : steps: load steps of all increments; part: of a load step, from where to where this one goes; path: see ``increments``
         """
         verdict, problem = now.verdict, now.problem
         ended, met = bool(verdict.reason), bool(verdict.met)
@@ -67,7 +67,7 @@ class Checkpoint:
         elif not (ended and met):  # nobody goes on from there
             arrays = dict(zip(_EVALUATED, now.point.rows[:3] if problem.all_perfect else now.point.rows[:1]))
             arrays["trace/image"] = now.local.s
-        notes = {"sweeps": latin.sweeps, "seconds": event.seconds, "steps": steps, "last": last, "met": met, "reason": verdict.reason,
+        notes = {"sweeps": latin.sweeps, "seconds": event.seconds, **path, "last": last, "met": met, "reason": verdict.reason,
                  "states": {}}
         for owner, state in _states(latin, problem).items():
             own = {name: x for name, x in state.items() if isinstance(x, np.ndarray)}

@@ -15,7 +15,7 @@ from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.linear.loading import Loading, RimStiffness
+from orchestrator.method.linear.loading import Carried, Loading, RimStiffness
 from orchestrator.method.linear.stage import Admissible, LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
 from orchestrator.method.stopping.bound import Bound, ErrorBound
@@ -32,6 +32,7 @@ class Made:
     node_counts : nodes of the extended mesh
     rims : stiffness of the tets around interface and prescribed nodes
     modes : (3n_E, r) rigid motions that its prescribed dofs leave
+    carried : the rigid motions of what is held together, of the whole scene
     sweeps : back-substitutions per subdomain and load step spent so far
     sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
     """
@@ -40,6 +41,7 @@ class Made:
     node_counts: list[int]
     rims: list[RimStiffness]
     modes: list[np.ndarray]
+    carried: Carried
     sweeps: float
     sole_scale: float = 1.0
 
@@ -100,10 +102,15 @@ class Decomposition:
         return len(self.loading.boundary)
 
     @property
-    def path_dependent(self) -> bool:
-        """Whether there are several load steps, and laws for which their order counts; all ranks ask."""
+    def has_history(self) -> bool:
+        """Whether there are laws for which the way to a load counts; all ranks ask."""
         here = any(i.law.has_history for i in self.scene.interfaces)
-        return self.steps > 1 and not self.all_perfect and bool(self.space.team.max(float(here))[0])
+        return not self.all_perfect and bool(self.space.team.max(float(here))[0])
+
+    @property
+    def path_dependent(self) -> bool:
+        """Whether there are several load steps, and their order counts; all ranks ask."""
+        return self.steps > 1 and self.has_history
 
     def corrected(self, fields: Admissible) -> Admissible:
         """Fields of the linear stage with what the coarse contact problem adds to them."""

@@ -1,8 +1,10 @@
 """The load steps of a run: all together where they do not depend on each other, else increment after increment.
 
-Each increment begins with the state that the one before has ended with, and with its history. Where friction is such that the way to a
-load matters, load steps that are solved together may settle where none of them would lead, as where a jammed wedge comes out that stays if
-it is let go first: an increment whose bodies are held by springs alone in the end, or fly off, is solved again load step by load step.
+Each increment begins with the state that the one before has ended with, and with its history. Where the way to a load counts, load
+steps that are solved together may settle where none of them would lead, as where a jammed wedge comes out that stays if it is let go
+first. Such an increment is solved again in smaller steps where its bodies are held by springs alone in the end, or fly off, or its law
+residual has stopped to fall: load step by load step, and a single one in two halves, each of which may be halved again (``halving``).
+What comes after is tried as a whole again.
 """
 
 from __future__ import annotations
@@ -17,15 +19,17 @@ from orchestrator.errors import Refusal
 from orchestrator.method.checkpoint import Checkpoint, Start, ended, go_on
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Subscriber, Subscribers
+from orchestrator.method.halving import Increment, increments_of, may_be_halved, part_of, path_sentence, proportional
 from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
-from orchestrator.method.monitors import Case, monitors_of
+from orchestrator.method.monitors import Case, Evaluation, monitors_of
 from orchestrator.method.monitors.ending import DIVERGED, HELD
 from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.timing import Stopwatch
 
-TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
-INCREMENT = 4
+# An increment does not settle whose law residual has not fallen to such a share of its least in so many iterations.
+FALLS, PATIENCE = 0.5, 100
+UNSETTLED = "law residual stands still"
 # What a load step of nonlinear matter begins with is elastic to this residual, or after so many iterations as good as it will be.
 FORESEEN, MOST_FORESEEN = 1e-2, 100
 
@@ -43,12 +47,12 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     Raises Unbalanced: see ``monitors.placing``
     """
     run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
-    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, method, bool(d.nonlinear or d.following))
-    batches = as_kept(batches, [x.load_steps for x in (*start.ended, *start.latest[-1:])])
-    while len(run.ended) < len(batches):
-        if not run.solve(len(run.ended), batches, told):
-            batches = one_by_one(batches, len(run.ended))
+    told = Subscribers(subscribers)
+    while len(run.ended) < len(run.increments):
+        run.solve(told)
     result = Iterated.joined(run.ended)
+    if run.path:
+        result = replace(result, found={**result.found, "path": run.path})
     told.finished(Finished(result.converged, result.stop_reason, result.iterations))
     return result
 
@@ -57,21 +61,37 @@ class _Run:
     """Increments that are solved so far; ``d`` has the pairs of the last one.
 
     as for ``iterate``
+
+    increments : all, those that are to be solved as well
+    path : of those that were solved again in smaller steps, or could not be: load steps, from 1, part, why and after which iteration
+    lost : events of the increment under way that belong to larger steps
+    done : iterations, and sweeps
+    least : law residual of the increment under way, and the iteration from which it has fallen no more
     """
 
     def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int], start: Start, given: Mapping[str, Any]):
         self.d, self.method, self.watch, self.numbers, self.start, self.given = d, method, watch, numbers, start, given
         self.state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
+        self.increments = increments_of(d.steps, d.all_perfect, method, bool(d.nonlinear or d.following))
+        known = [*start.ended, *start.latest[-1:]]
+        for number, kept in enumerate(known):
+            self._split_as(number, kept)
+        self.path: list[dict[str, Any]] = list(known[-1].notes["path"]) if known else []
+        self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(d, method), proportional(d)
         self.ended: list[Iterated] = []
         self.begun = start.before  # iterations of earlier runs
-        self.lost: list[Iterated] = []  # increments that are solved again, step by step
+        self.lost: list[Any] = []
+        self.done = start.iteration, start.sweeps
+        self.least = np.inf, 0
 
-    def solve(self, number: int, batches: Sequence[slice], told: Subscriber) -> bool:
-        """One increment of load steps; False: its load steps are to be solved one by one."""
-        start, steps, left = self.start, batches[number], len(batches) - 1 - number
-        view, first = self._view(number, steps, len(batches) > 1), self.state[steps].copy()
+    def solve(self, told: Subscriber) -> None:
+        """One increment, or that it is to be solved in smaller steps."""
+        number, start = len(self.ended), self.start
+        increment = self.increments[number]
+        steps, several = increment.steps, len(self.increments) > 1
+        view, first = self._view(number, increment, several), self.state[steps].copy()
         # a load step may unload: what its residuals are relative to is what the scene was told in all of them
-        told_all = LengthScale(self.d).told if len(batches) > 1 and not self.d.all_perfect else 0.0
+        told_all = LengthScale(self.d).told if several and not self.d.all_perfect else 0.0
         latin = Latin(view, self.method, monitors_of(Case(view, self.method, self.numbers[steps], told_all, self.given)), self.watch)
         if number < len(start.ended):
             result = ended(latin, start.ended[number])
@@ -85,52 +105,121 @@ class _Run:
             if self.begun is None:
                 self.begun = latin.number
             # one is left to each that follows, and one to this: it gives the fields
-            latin.last = max(self.begun + self.method.max_iterations - left, latin.number + 1)
-            result = self._iterated(latin, number, steps, left, told)
-        if path_matters(latin.problem, result.stop_reason):
-            self.state[steps], self.lost = first, [*self.lost, result]
-            return False
+            latin.last = max(self.begun + self.method.max_iterations - self._left(number), latin.number + 1)
+            result = self._iterated(latin, number, told)
+        self.done = max(self.done[0], latin.number), max(self.done[1], latin.sweeps)
+        if result is None:
+            self.state[steps] = first
+            return
         self.state[steps] = result.fields.s
-        self.ended.append(result)
+        self.ended.append(replace(result, part=increment.end < 1))
+        self.lost = []
+        self._pass(number, result.converged, result.stop_reason)
         if self.d.following is not None:
             self.d = self.d.paired_as(latin.problem)
-        return True
 
-    def _view(self, number: int, steps: slice, several: bool) -> Decomposition:
+    def _left(self, number: int) -> int:
+        """How many increments follow."""
+        return len(self.increments) - 1 - number
+
+    def _smaller(self, number: int, now: Evaluation) -> str:
+        """Why an increment is to be solved again in smaller steps; empty: it is not."""
+        parts = self._parts(number)
+        if not parts or now.number + len(parts) + self._left(number) > self.begun + self.method.max_iterations:
+            return ""
+        reason, residual = now.verdict.reason, now.verdict.laws.largest_other
+        if residual <= FALLS * self.least[0]:
+            self.least = residual, now.number
+        if not reason and now.number >= self.least[1] + PATIENCE:
+            return UNSETTLED
+        # in smaller parts springs would carry less, but a number for them is what it is
+        asked = reason == HELD and len(self.increments[number]) == 1 and self.method.contact.stabilisation != "auto"
+        return reason if reason in (HELD, DIVERGED) and not asked else ""
+
+    def _parts(self, number: int) -> list[Increment]:
+        """What an increment would be solved in if it is to be solved again; nothing where the way to a load does not count."""
+        increment = self.increments[number]
+        if not self.has_history:
+            return []
+        if len(increment) > 1:
+            return increment.one_by_one
+        stuck = increment.begin > 0 and not self.ended[-1].converged
+        vain = self.proportional and increment.steps.start == 0 and increment.begin == 0
+        return increment.halves if self.halves and not (stuck or vain) else []
+
+    def _part(self, number: int, why: str, after: int, told: Subscriber) -> None:
+        """Solve an increment again in smaller steps."""
+        self.path.append(self._entry(number, why, after))
+        if len(self.increments[number]) == 1:
+            told.warned(path_sentence(self.path[-1]))
+        self.increments[number:number + 1] = self._parts(number)
+
+    def _pass(self, number: int, converged: bool, reason: str) -> None:
+        """Once an increment has ended: of a load step a part of which does not converge, all that is left is tried as a whole."""
+        increment = self.increments[number]
+        if converged or increment.end == 1:
+            return
+        rest = [x for x in self.increments[number + 1:] if x.steps != increment.steps]
+        self.increments[number + 1:] = [Increment(increment.steps, increment.end), *rest]
+        if number >= len(self.start.ended):
+            self.path.append(self._entry(number, reason, self.done[0], stuck=True))
+
+    def _entry(self, number: int, why: str, after: int, stuck: bool = False) -> dict[str, Any]:
+        """What is told of an increment that is solved again in smaller steps, or is ``stuck``."""
+        increment, numbers = self.increments[number], self.numbers[self.increments[number].steps]
+        return {"load_steps": [int(numbers[0]), int(numbers[-1])], "part": [increment.begin, increment.end], "why": why, "after": after,
+                "stuck": stuck}
+
+    def _split_as(self, number: int, kept: Checkpoint) -> None:
+        """The increments of a run that is gone on with."""
+        if kept.load_steps < len(self.increments[number]):
+            self.increments[number:number + 1] = self.increments[number].one_by_one
+        while self.increments[number].end > kept.notes["part"][1]:
+            self.increments[number:number + 1] = self.increments[number].halves
+        if kept.ended:
+            self._pass(number, kept.notes["met"], kept.notes["reason"])
+
+    def _view(self, number: int, increment: Increment, several: bool) -> Decomposition:
         """The decomposition for the load steps of an increment, and what the one before has left."""
         d, before = self.d, self.ended[-1] if self.ended else None
-        history = None if before is None else before.local.left()
+        history = None if before is None else before.left()
         if d.following is not None and before is not None:
             history = d.following.begin(d.local.pairs, before.fields, before.local)
         if d.nonlinear is not None:
             d = d.foreseen(number)
-        return d.batch(steps, history, before and before.bound) if several or d.nonlinear is not None else d
+        if increment.begin > 0 or increment.end < 1:
+            return part_of(d, increment, history, before and before.bound)
+        return d.batch(increment.steps, history, before and before.bound) if several or d.nonlinear is not None else d
 
     def _begin(self, latin: Latin, number: int, steps: slice) -> None:
         """From the state, after so many iterations and sweeps as have been done."""
-        start, before = self.start, [*self.ended[-1:], *self.lost[-1:]]
-        latin.number = max([start.iteration, *(x.iterations for x in before)])
-        latin.sweeps = max([start.sweeps, *(x.sweeps for x in before)])
+        start = self.start
+        latin.number, latin.sweeps = self.done
         if self.ended and number == len(start.ended) and latin.problem.coarse is not None:
             latin.problem.coarse.problem.restore(start.ended[-1].state_of("coarse"))
         if latin.problem.nonlinear is not None:
             self.state[steps] = foreseen(latin.problem, self.method, self.state[steps], self.numbers[steps], self.watch)
         latin.s = self.state[steps].copy()  # those who listen write into what they were given
 
-    def _iterated(self, latin: Latin, number: int, steps: slice, left: int, told: Subscriber) -> Iterated:
-        """Iterate to the end: eq. 6 is solved."""
-        history = [event for x in self.lost for event in x.history if event.iteration > (self.ended[-1].iterations if self.ended else 0)]
+    def _iterated(self, latin: Latin, number: int, told: Subscriber) -> Iterated | None:
+        """Iterate to the end: eq. 6 is solved. None: it is to be solved in smaller steps."""
+        increment, left, history = self.increments[number], self._left(number), self.lost
+        told_of = {"steps": self.d.steps, "part": [increment.begin, increment.end], "path": list(self.path)}
+        self.least = np.inf, latin.number
         while True:
             now = latin.iterate()
             for sentence in now.verdict.warnings:
                 told.warned(sentence)
             event = event_of(now, latin.sweeps, self.start.seconds + self.watch.total)
             history.append(event.without_state())
-            state, kept = event.state, Checkpoint.of(latin, now, event, number, not left, self.d.steps)
+            state, smaller = event.state, self._smaller(number, now)
+            kept = None if smaller else Checkpoint.of(latin, now, event, number, not left, told_of)  # nobody goes on from there
             if latin.problem is not self.d:
-                self.state[steps], state = state, self.state
-            again = path_matters(now.problem, now.verdict.reason)  # nobody goes on from there
-            told.iteration(replace(event, state=state, checkpoint=None if again else kept))
+                self.state[increment.steps], state = state, self.state
+            told.iteration(replace(event, state=state, checkpoint=kept))
+            if smaller:
+                self._part(number, smaller, now.number, told)
+                return None
             if now.verdict.reason:
                 break
         with self.watch("linear_stage"):
@@ -156,41 +245,12 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
             return now.best.s
 
 
-def batches_of(steps: int, perfect: bool, method, one_by_one: bool = False) -> list[slice]:
-    """The load steps that are solved together; parameters as for ``check_iterations``."""
-    if perfect and not one_by_one:
-        return [slice(0, steps)]
-    size = 1 if one_by_one else method.increment
-    if size == "auto":
-        size = steps if steps <= TOGETHER else INCREMENT
-    return [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
-
-
-def one_by_one(batches: Sequence[slice], number: int) -> list[slice]:
-    """The same with the load steps of one batch each by itself."""
-    part = batches[number]
-    return [*batches[:number], *(slice(t, t + 1) for t in range(part.start, part.stop)), *batches[number + 1:]]
-
-
-def as_kept(batches: Sequence[slice], counts: Sequence[int]) -> list[slice]:
-    """Those of a run that is gone on with, whose first ones had so many load steps."""
-    for number, count in enumerate(counts):
-        if batches[number].stop - batches[number].start > count:
-            batches = one_by_one(batches, number)
-    return list(batches)
-
-
-def path_matters(problem: Decomposition, reason: str) -> bool:
-    """Whether load steps are to be solved again one by one, as they have ended for this reason; all ranks ask."""
-    return reason in (HELD, DIVERGED) and problem.path_dependent
-
-
 def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
     """Every increment of load steps needs an iteration for its fields.
 
     one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
     Raises Refusal: that is more than ``method.max_iterations``
     """
-    count = len(batches_of(steps, perfect, method, one_by_one))
+    count = len(increments_of(steps, perfect, method, one_by_one))
     if count > method.max_iterations:
         raise Refusal("too few iterations", allowed=method.max_iterations, count=count)

@@ -21,6 +21,7 @@ from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Evaluation
 from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.certificate import Certified
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
@@ -37,7 +38,11 @@ class Iterated:
     sweeps : back-substitutions per subdomain and load step, iterations alone
     last : the last event
     history : all events, without their states
-    found : monitor's name → what it has found, case after case
+    found : monitor's name → what it has found, case after case; path: see ``increments``
+    problem : the decomposition for these load steps, or for a part of one, as it was in the end; None: several of them
+    part : whether this is a part of a load step, of which nothing is delivered
+    begins : first load steps of increments, from 0 → what the one before has left; none where there is one increment
+    between : load steps that were halved, from 0 → their parts but for the last one
     """
 
     fields: Admissible
@@ -50,23 +55,48 @@ class Iterated:
     last: Iteration
     history: list[Iteration] = field(default_factory=list)
     found: Mapping[str, list[Any]] = field(default_factory=dict)
+    problem: Decomposition | None = None
+    part: bool = False
+    begins: Mapping[int, History] = field(default_factory=dict)
+    between: Mapping[int, Sequence[Iterated]] = field(default_factory=dict)
 
     @classmethod
     def joined(cls, increments: Sequence[Iterated]) -> Iterated:
-        """Of all load steps from increments of them, in order; the reason is that of the first failure."""
+        """Of all load steps from increments of them, in order; the reason is that of the first failure, and the error the largest."""
         if len(increments) == 1:
             return increments[0]
         decisive, final = next((x for x in increments if not x.converged), increments[-1]), increments[-1]
-        return cls(Admissible.joined([x.fields for x in increments]), LocalState.joined([x.local for x in increments]),
-            type(increments[0].bound).joined([x.bound for x in increments]), decisive.converged, decisive.stop_reason, final.iterations,
-            final.sweeps, decisive.last, [event for x in increments for event in x.history],
-            {name: [found for x in increments for found in x.found[name]] for name in increments[0].found})
+        whole, begins, between, step = [], {}, {}, 0
+        for x in increments:
+            if x.part:
+                between.setdefault(step, []).append(x)
+                continue
+            whole.append(x)
+            begins[step] = x.problem.local.before
+            step += len(x.fields.s)
+        bound = type(whole[0].bound).joined([x.bound for x in whole])
+        if between:
+            bound = replace(bound, relative=float(np.max([bound.relative, *(x.bound.relative for x in increments if x.part)])))
+        return cls(Admissible.joined([x.fields for x in whole]), LocalState.joined([x.local for x in whole]), bound,
+            decisive.converged, decisive.stop_reason, final.iterations, final.sweeps, decisive.last,
+            [event for x in increments for event in x.history],
+            {name: [found for x in whole for found in x.found[name]] for name in whole[0].found}, begins=begins, between=between)
+
+    def left(self) -> History:
+        """What the next load step begins with: where an energy error is known the displacements that it is measured with, lest the
+        next step's be measured from another beginning than it is solved with."""
+        if isinstance(self.bound, Certified) and not self.bound.pair.missing:
+            return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))  # points of perfect interfaces come last
+        return self.local.left()
 
     def by_pairing(self, d: Decomposition) -> Iterator[tuple[slice, Pairs, History]]:
-        """Load steps of a decomposition in which the same pairs meet, these, and what the step before has left; the scene has
-        their operators meanwhile."""
-        if d.following is None:
+        """Load steps of a decomposition in which the same pairs meet, from one beginning; these, and what the step before has left; the
+        scene has their operators meanwhile."""
+        if d.following is None and not self.begins:
             yield slice(0, d.steps), d.local.pairs, d.local.before
+        elif d.following is None:
+            for first, last in zip(self.begins, [*self.begins, d.steps][1:]):
+                yield slice(first, last), d.local.pairs.batch(slice(first, last)), self.begins[first]
         for step, paired in enumerate(self.found.get("following", [])):
             for i in d.following.interfaces:
                 i.mortar = paired.mortars[i.index]
@@ -100,7 +130,7 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
         latin.sweeps += bound.sweeps * problem.steps / problem.scene.steps
     event = replace(event, checkpoint=None)
     return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event, history or [event.without_state()],
-                    {monitor.name: monitor.found(problem) for monitor in latin.monitors})
+                    {monitor.name: monitor.found(problem) for monitor in latin.monitors}, problem)
 
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it

@@ -137,9 +137,9 @@ class _SetUp:
             direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
             guarded = GuardedTraces(blackbox, direction, guarded.names)
             macro = self._macro(direction, guarded, bases)
-        floor = self._floor()
+        floor, counts = self._floor(), [len(m.nodes) for m in self.models]
         with watch("linear_stage"):
-            load = partial(apply_loads, scene, direction, self.models, self.traces, rims, blackbox, self.carried)
+            load = partial(apply_loads, scene, direction, counts, self.traces, rims, blackbox, self.carried)
             loading = load()
             nonlinear = Nonlinear(blackbox, space, own, self.traces, [m.fixed.size for m in self.models], load) if remembers else None
         with watch("macro"):
@@ -147,7 +147,7 @@ class _SetUp:
             stage = LinearStage(space, direction, macro, loading, guarded)
             coarse, sweeps = self._coarse(stage, pairs)
         spent += sweeps
-        made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
+        made = Made(self.traces, counts, rims, modes, self.carried, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
         if certified:
             check_convex(pairs, space.team)

@@ -28,7 +28,7 @@ from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 from orchestrator.results.manifest import UNFINISHED
 
-VERSION = 4
+VERSION = 5
 NAME, PROBLEM, RESERVE = "checkpoint", "problem.json", "reserve"
 ITERATIONS, INCREMENTS = "iteration-*.npz", "increment-*.npz"
 _OWN = rf"{NAME}/((iteration-\d{{6,}}|increment-\d{{3,}})\.npz|{RESERVE}|problem\.json)"  # whatever a disk makes of them
@@ -254,5 +254,5 @@ def _after_a_failure(done: Sequence[Checkpoint], latest: Sequence[Checkpoint]) -
     if len(done) == 1 and (window := _window(latest)) and window[-1].iteration >= done[0].iteration - 1:
         return _between([], window)
     last, sound = done[-1], next(i for i, x in enumerate(done) if not x.notes["met"])
-    state = np.vstack([x.arrays["trace/delivered.s"] for x in done])
+    state = np.vstack([x.arrays["trace/delivered.s"] for x in done if x.notes["part"][1] == 1])
     return Start(state, last.iteration, last.notes["sweeps"], last.notes["seconds"], done[:sound])

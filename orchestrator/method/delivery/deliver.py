@@ -13,10 +13,12 @@ from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
-from orchestrator.method.delivery.recovery import Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions, recover
+from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions,
+                                                       recover, repositioned)
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
-from orchestrator.method.stopping.backward import Backward, backward_error
+from orchestrator.method.stopping.backward import Backward, Solved, backward_error
+from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
@@ -114,7 +116,14 @@ def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful
         return None
     boundary = [parts[s.index].reshape(d.steps, -1)[:, trace] for s, trace in zip(d.own, d.made.traces)]
     u = np.hstack([np.zeros((d.steps, 0)), *boundary])
-    return backward_error(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x)
+    between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + _moved(d, x.bound)) for x in parts]
+               for step, parts in iterated.between.items()}
+    return backward_error(Solved(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x), between)
+
+
+def _moved(d: Decomposition, bound: Bound) -> np.ndarray:
+    """(T, B) the rigid motions that the bound has found."""
+    return np.hstack([bound.repositioned[:, :0], *(u[:, trace] for u, trace in zip(repositioned(d, bound), d.made.traces))])
 
 
 def on_whole(delivered: Delivered, whole: Scene) -> Delivered:

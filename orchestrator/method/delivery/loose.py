@@ -122,7 +122,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     own, whole = norm(springs), norm(law)
     epsilon, largest, carried = team.max(*(x.max(initial=0.0) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
-    moved = np.diff(local.jump, axis=0, prepend=d.local.before.jump[None])
+    moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None]) for t, _, before in iterated.by_pairing(d)])
     ends = np.repeat(np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.models.extended import Rim, rim_model
-from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.method.interface.rows import dots, placed
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -39,6 +39,11 @@ class RimStiffness:
     def dofs(self) -> np.ndarray:
         """(3r,) dofs of the subdomain."""
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
+
+
+def partway(values: np.ndarray, step: int, share: float) -> np.ndarray:
+    """(…) of values (T, …) at load steps: a share of the way from the one before, or from nothing, to ``step``."""
+    return share * values[step] + ((1 - share) * values[step - 1] if step else 0.0)
 
 
 def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, share: bool, savings: Savings) -> list[RimStiffness]:
@@ -110,10 +115,11 @@ class Loading:
         return self.energy + dots(self.working, robin) + dots(u - self.carried, forces)
 
 
-def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], traces: list[np.ndarray],
+def apply_loads(scene: Scene, direction: SearchDirection, node_counts: list[int], traces: list[np.ndarray],
                 rims: list[RimStiffness], blackbox: BlackBox, bodies: Carried) -> Loading:
     """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30.
 
+    node_counts : of the extended subdomains
     bodies : the rigid motions of what is held together, of the whole scene
     """
     space, steps = direction.space, scene.steps
@@ -123,7 +129,7 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
     working_forces, carried, apart = [], np.zeros((steps, len(space.global_dof))), np.zeros(steps)
-    for e, (s, rim, model) in enumerate(zip(own, rims, models)):
+    for e, (s, rim, count) in enumerate(zip(own, rims, node_counts)):
         external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
         reaction, strained = np.zeros((2, *lift.shape))
@@ -144,7 +150,7 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
         lifts.append(lift)
         columns = np.vstack([forces[-1], working_forces[-1]]) if lifted_any else forces[-1]
         if columns.any():
-            padded = np.zeros((len(columns), 3 * len(model.nodes)))
+            padded = np.zeros((len(columns), 3 * count))
             padded[:, : columns.shape[1]] = columns
             requests[e] = padded
     answers = blackbox.fields(requests)
@@ -175,6 +181,11 @@ class Carried:
         body = components(*joined.T, len(scene.subdomains))[1]
         return cls(body, {b: _fit(scene, [s for s, other in zip(scene.subdomains, body) if other == b]) for b in
                           np.unique([body[s.index] for s in scene.subdomains if s.prescribed.any()])})
+
+    def between(self, step: int, share: float) -> Carried:
+        """At one load step alone, a share of the way from the one before to ``step``."""
+        return Carried(self.body, {b: (centre, size, partway(values.T, step, share)[:, None])
+                                   for b, (centre, size, values) in self.frames.items()})
 
     def split(self, s: Subdomain, points: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """The motion (T, 3n) of a subdomain, zero on prescribed dofs, and what it leaves there of the lift (T, 3n); None

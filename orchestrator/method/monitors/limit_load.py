@@ -14,6 +14,7 @@ load steps that are solved together it shows no more than that they are to be so
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -69,7 +70,7 @@ class LimitLoadMonitor(Monitor):
                 self.limits = []
                 return Verdict(False, HELD)
         # load steps before the first one that has no balance have one, which is worth to be found
-        worthless = any(limit.load_step == pairs.numbers[0] + 1 for limit in self.limits)
+        worthless = any(limit.load_step == math.ceil(pairs.numbers[0]) + 1 for limit in self.limits)
         return Verdict(False, LIMIT) if self.limits and (ends or worthless) else Verdict()
 
     def missing(self, now: Evaluation, t: int) -> float:
@@ -80,7 +81,7 @@ class LimitLoadMonitor(Monitor):
     def at_any_pressure(self, now: Evaluation, t: int) -> LimitLoad | None:
         """The limit load of a load step, whatever the pressures."""
         local = now.problem.local
-        number = int(local.pairs.numbers[t])
+        number = float(local.pairs.numbers[t])
         if number not in self.known:
             self.known[number] = self.loads(local.pairs, local.before, number)
         return self.known[number]
@@ -90,7 +91,7 @@ class LimitLoadMonitor(Monitor):
         local, springs = now.problem.local, now.problem.springs
         found = []
         for t in steps:
-            limit = self.loads(local.pairs, local.before, int(local.pairs.numbers[t]), (now.local.lawful[t], now.local.jump[t]))
+            limit = self.loads(local.pairs, local.before, local.pairs.numbers[t], (now.local.lawful[t], now.local.jump[t]))
             found += [] if limit is None else [limit]
         again, self.shown = bool(found) and springs < self.shown, max(springs, self.shown) if found else 0.0
         return found if again else []

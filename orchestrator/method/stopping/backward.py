@@ -16,7 +16,9 @@ balance. Where the laws do not hold to rounding beside the jumps that are found,
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -52,35 +54,56 @@ class Backward:
     tangential: np.ndarray
 
 
-def backward_error(certificate: Certificate, bound: Certified, fields: Admissible, u: np.ndarray,
-                   x: np.ndarray | None = None) -> Backward | None:
-    """The shifts for a solution; None where no lawful forces balance the bodies, or no jump is found that goes with them.
+@dataclass(frozen=True)
+class Solved:
+    """Load steps that were solved.
 
-    fields : of the linear stage; u : (T, B) boundary displacements u + R y
+    certificate, bound : their error; fields : of the linear stage; u : (T, B) boundary displacements u + R y
     x : (T, B) S⁺h where it is known; None: it is found here
     """
-    space, pairs, points, forces = certificate.space, certificate.pairs, certificate.pairs.points, bound.pair.forces
-    if bound.pair.unbalanced.any():
+
+    certificate: Certificate
+    bound: Certified
+    fields: Admissible
+    u: np.ndarray
+    x: np.ndarray | None = None
+
+    def jumps(self) -> np.ndarray:
+        """(T, 3, P) B û; not finite where it is not known."""
+        c, x = self.certificate, self.x
+        if x is None:
+            nothing = (ROUNDING * self.bound.size) ** 2 / CLOSELY
+            h = c.beside.balanced(c.change(self.fields, self.bound.pair.forces))
+            left, _, x, *_ = dual_energy(c.stage, h, np.zeros(len(self.u)), Enough(nothing, CLOSELY), softness=c.softness())
+            x = np.where(np.isfinite(left)[:, None], x, np.nan)
+        return c.pairs.transfer.jump(c.space.extended(c.stage.trace(self.u + x))[0])
+
+
+def backward_error(solved: Solved, between: Mapping[int, Sequence[Solved]] = MappingProxyType({})) -> Backward | None:
+    """The shifts for a solution; None where no lawful forces balance the bodies, or no jump is found that goes with them.
+
+    between : load steps, from 0, before which others were solved of which nothing is delivered → these, one each
+    """
+    everything = [solved, *(part for parts in between.values() for part in parts)]
+    if any(part.bound.pair.unbalanced.any() for part in everything):
         return None
-    at_odds = False
-    if x is None:
-        nothing = (ROUNDING * bound.size) ** 2 / CLOSELY
-        h = certificate.beside.balanced(certificate.change(fields, forces))
-        left, _, x, *_ = dual_energy(certificate.stage, h, np.zeros(len(u)), Enough(nothing, CLOSELY), softness=certificate.softness())
-        at_odds = not np.isfinite(left).all()
-    w, = space.extended(certificate.stage.trace(u + x))
-    jumps, before, found = pairs.transfer.jump(w), History.none(len(pairs)), []
-    largest, = space.team.max(max(np.abs(forces).max(initial=0.0), np.finfo(float).tiny))
-    for t, number in enumerate(pairs.numbers):
-        jump = _lawful(pairs, forces[t], jumps[t], pairs.compliance(bound.pair.predicted[t] - forces[t]), before, number, largest)
-        answer, off = _judged(pairs, forces[t], jump, before, number, largest)
-        at_odds, before = at_odds or bool((off > LAWFUL).any()), History(jump, answer.own)
+    team, points = solved.certificate.space.team, solved.certificate.pairs.points
+    largest, = team.max(max(np.finfo(float).tiny, *(np.abs(part.bound.pair.forces).max(initial=0.0) for part in everything)))
+    jumps, before, found, at_odds = solved.jumps(), History.none(len(solved.certificate.pairs)), [], False
+    for t, own in enumerate(jumps):
+        path = [*((part, 0, part.jumps()[0]) for part in between.get(t, ())), (solved, t, own)]
+        for part, row, near in path:
+            pair, pairs = part.bound.pair, part.certificate.pairs
+            force, number = pair.forces[row], pairs.numbers[row]
+            jump = _lawful(pairs, force, near, pairs.compliance(pair.predicted[row] - force), before, number, largest)
+            answer, off = _judged(pairs, force, jump, before, number, largest)
+            at_odds, before = at_odds or not (off <= LAWFUL).all(), History(jump, answer.own)
         found.append(jump)
-    if space.team.max(float(at_odds))[0]:
+    if team.max(float(at_odds))[0]:
         return None
     shift = np.array(found) - jumps
     along, across = np.abs(points.along(shift)), points.across(shift)
-    normal, tangential = (np.array(space.team.max(*x.max(axis=1, initial=0.0))) for x in (along, norm(across)))
+    normal, tangential = (np.array(team.max(*x.max(axis=1, initial=0.0))) for x in (along, norm(across)))
     return Backward(np.array(found), shift, normal, tangential)
 
 

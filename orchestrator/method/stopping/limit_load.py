@@ -7,6 +7,7 @@ iterations, but for two things: where sides that slide are paired anew, and what
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from orchestrator.errors import SHOWN, some
 from orchestrator.laws.points import Carries, norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.method.stopping.cone_problem import failing, Motion, Reach
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
@@ -102,7 +104,7 @@ class LimitLoads:
         """Whether any body can move."""
         return bool(self.bodies.loose.any())
 
-    def reach(self, pairs: Pairs, before: History, number: int, state: tuple[np.ndarray, np.ndarray] | None = None) -> Reach:
+    def reach(self, pairs: Pairs, before: History, number: float, state: tuple[np.ndarray, np.ndarray] | None = None) -> Reach:
         """What this rank's points may carry at a load step of the scene; parameters as of ``__call__``."""
         first, second = (side(self.everywhere).transpose(2, 1, 0) for side in (pairs.transfer.first, pairs.transfer.second))
         J = np.concatenate([-first, second], axis=2)
@@ -122,22 +124,27 @@ class LimitLoads:
             reach = reach.at_pressures(np.maximum(push, 0.0), np.where(push > 0, 0.0, np.maximum(opened, 0.0) / way))
         return reach.some(pairs.mine)
 
-    def __call__(self, pairs: Pairs, before: History, number: int,
+    def __call__(self, pairs: Pairs, before: History, number: float,
                  state: tuple[np.ndarray, np.ndarray] | None = None) -> LimitLoad | None:
-        """The limit load of a load step ``number`` of the scene, from 0; None where there are forces that balance all.
+        """The limit load of a load step ``number`` of the scene, from 0, or a part of one; None where there are forces that balance all.
 
         pairs : those that are not perfect, as they meet now; before : what the load steps before have left
         state : forces and jumps (3, P) whose friction and whose gaps count; None: any pressure, and no gap
         """
         parts, found = self.team.gather(self.reach(pairs, before, number, state)), None
         if parts is not None:
-            loads = self.loads[number]
-            earlier = self.loads[number - 1] if number else np.zeros_like(loads)
+            loads, whole = self._at(number), math.ceil(number)
+            earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
             found = failing(Reach.joined(parts), loads, earlier, self.noise)
         found = self.team.share(found)
         return None if found is None else self._told(found, number, state is not None)
 
-    def missing(self, pairs: Pairs, before: History, number: int, force: np.ndarray) -> np.ndarray:
+    def _at(self, number: float) -> np.ndarray:
+        """(bodies, 6) loads at a load step, or a part of one."""
+        step = math.ceil(number)
+        return partway(self.loads, step, 1 - (step - number))
+
+    def missing(self, pairs: Pairs, before: History, number: float, force: np.ndarray) -> np.ndarray:
         """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all forces on the body, in magnitude."""
         reach, size = self.reach(pairs, before, number), norm(force)[pairs.mine]
         left, carried = np.zeros((self.bodies.count, RIGID)), np.zeros(self.bodies.count)
@@ -145,14 +152,15 @@ class LimitLoads:
             np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force[:, pairs.mine]))
             np.add.at(carried, reach.ends[:, k], size)
         left, carried = self.team.sum(left, carried)
-        lost, most = (np.linalg.norm(x, axis=1) for x in (self.loads[number] - left, self.loads[number]))
+        lost, most = (np.linalg.norm(x, axis=1) for x in (self._at(number) - left, self._at(number)))
         most = np.maximum(most, carried)
         return np.where(lost > self.noise, lost / np.where(most > 0, most, 1.0), 0.0)
 
-    def _told(self, found: Motion, number: int, pressures: bool) -> LimitLoad:
+    def _told(self, found: Motion, number: float, pressures: bool) -> LimitLoad:
         """In words and numbers."""
         way = np.linalg.norm(found.y, axis=1)
         chosen = [b for b in np.argsort(-way, kind="stable") if way[b] > TAKES_PART]
         motions = [BodyMotion(self.bodies.names[b], (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist()) for b in chosen]
-        factor = None if pressures or np.isnan(found.factor) else max(found.factor, 0.0)
-        return LimitLoad(number + 1, motions, found.lacking, factor, pressures)
+        whole = math.ceil(number)
+        factor = None if pressures or np.isnan(found.factor) else max(found.factor, 0.0) * (1 - (whole - number))
+        return LimitLoad(whole + 1, motions, found.lacking, factor, pressures)

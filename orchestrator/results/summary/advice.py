@@ -14,6 +14,7 @@ import numpy as np
 from orchestrator.config.method import Method
 from orchestrator.errors import some
 from orchestrator.method.delivery.loose import Stabilised
+from orchestrator.method.halving import path_sentence
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
@@ -150,6 +151,13 @@ def contact(run: Stopped) -> Iterator[str]:
         yield "large load steps, whose order counts: smaller ones, or method.increment=1"
 
 
+def halving(run: Stopped) -> Iterator[str]:
+    """A load step that could not be followed in parts."""
+    for found in run.iterated.found.get("path", []):
+        if found["stuck"]:
+            yield f"{path_sentence(found)}; load steps before it have what they were asked for"
+
+
 def springs(run: Stopped) -> Iterator[str]:
     """Stabilisation carries what should be carried by the laws."""
     found, asked = run.stabilised, run.method.contact.stabilisation
@@ -180,10 +188,10 @@ def code(run: Stopped) -> Iterator[str]:
 
 # first word or words of ``stop_reason`` → where the causes are, the likeliest first
 CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
-    "max_iterations": [how_far, settings, matter, shape, contact],
-    "diverged": [settings, runaway, contact, code],
-    "limit load": [limit],
-    "held by stabilisation alone": [springs],
+    "max_iterations": [how_far, halving, settings, matter, shape, contact],
+    "diverged": [halving, settings, runaway, contact, code],
+    "limit load": [limit, halving],
+    "held by stabilisation alone": [springs, halving],
     "stagnated at rounding": [rounding, settings, matter, code],
     "error bound stands still": [standing],
     "guard": [code, settings, contact],

@@ -17,6 +17,7 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
+from orchestrator.method.halving import path_sentence
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
@@ -74,6 +75,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
         "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
         **contact,
+        "load_path": [found | {"sentence": path_sentence(found)} for found in iterated.found.get("path", [])],
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))

@@ -280,6 +280,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _forces(loads=False)),
     ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
+    ("load path", lambda summary: "\n".join(found["sentence"] for found in summary.get("load_path") or ())),
     ("error bound", _error), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
