@@ -79,6 +79,7 @@ def contact_faces(scene: Scene, fields: InterfaceFields, names: Sequence[str], r
 def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
     """Those of the interfaces whose law slips for a price, pieces put together."""
     found: list[Face] = []
+    apart = APART * scene.mesh.diagonal
     opening, bolts = [i for i in scene.interfaces if not i.law.perfect], {bolt.name: bolt.axis for bolt in scene.bolts}
     for interface, (_, own) in zip(opening, fields.each()):
         if not interface.law.slips or not len(interface.triangles):
@@ -88,7 +89,7 @@ def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
         room = bool((fields.initial_gap[own] > 0).any())
         kind, axis, through = shape(points, normal, room, [bolts[body] for body in bodies if body in bolts])
         face = Face(bodies, kind, axis, through, float(interface.law.friction), np.arange(own.start, own.stop), [interface.name])
-        same = next((other for other in found if other.goes_on(face, APART * scene.mesh.diagonal)), None)
+        same = next((other for other in found if other.goes_on(face, apart)), None)
         if same is None:
             found.append(face)
         else:
