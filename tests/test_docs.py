@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from benchmarks.registry import STUDIES
+from benchmarks.studies import gallery
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.config.method import Method
@@ -124,6 +125,16 @@ def test_pages_are_made_of_every_document(tmp_path):
     assert (tmp_path / "site" / "searchindex.js").exists()
     linked = set(re.findall(r"\]\(docs/([\w/]+\.md)", (ROOT / "README.md").read_text(encoding="utf-8")))
     assert {"index.md", "start.md", "keys.md", "measured.md", "limits.md"} <= linked
+
+
+def test_the_gallery_has_every_configuration_and_tutorial():
+    """With what each says of itself, and a picture that is small; none of what is there no more."""
+    rows = re.findall(r"^\| !\[(\w+)\]\((pictures/gallery/\w+\.png)\) \| (.*?) \|", gallery.PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    wanted = {path.stem: gallery.told(path) for path in gallery.configurations()} | {
+        path.stem: gallery.title(path) for path in gallery.tutorials()}
+    assert {name: text for name, _, text in rows} == wanted and all(wanted.values()), "orchestrator study gallery --resume"
+    sizes = {path.name: path.stat().st_size for path in gallery.PICTURES.iterdir()}
+    assert sizes.keys() == {f"{name}.png" for name in wanted} and max(sizes.values()) <= 30e3 and sum(sizes.values()) <= 1.5e6
 
 
 def test_every_key_is_told():

@@ -213,6 +213,7 @@ def test_each_step_has_its_own_scale_on_request_or_one_that_is_given():
     assert "load step 1 not drawn" in deformed(fields, Look(steps=(1,))).caption
 
 
+@pytest.mark.long
 def test_load_steps_as_an_animation(tmp_path, draw):
     """A frame for each, in the report too; none of a single step."""
     write_animation(ResultsFolder(tmp_path), case.opened(), Look(), "made_up")

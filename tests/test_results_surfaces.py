@@ -119,6 +119,7 @@ def test_no_body_is_distorted_or_sunk_by_being_drawn_larger():
     opened = case.opened({1: [2] * 9})
     parted = exaggeration(opened, [0, 1]) * opened.interfaces.gap[1].max()
     assert 0.009 * size < parted <= 0.0101 * size, "they slip: what is drawn between them is not there"
+    assert f"touch drawn up to {parted:.3g} apart" in deformed(opened).caption and "apart" not in deformed(case.opened()).caption
 
 
 def test_the_most_loaded_step_and_the_last_are_drawn():

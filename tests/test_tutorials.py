@@ -1,7 +1,6 @@
 """Tutorials are followed to the letter: their files are written, their commands run, and what they show comes out.
 
-A fence below a line that ends with "`name`:" is a file. A ``console`` fence holds commands, behind ``$``, each with lines of
-what it prints: every one is found in that order, numbers within two per cent; "…" stands for lines and words left out.
+Every line that they show is found in that order, numbers within two per cent; "…" stands for lines and words left out.
 """
 
 import io
@@ -19,13 +18,13 @@ from test_mpi import ALLOWED, MPIEXEC
 from typer.testing import CliRunner
 from quick import quick
 
+from benchmarks.kit.tutorials import followed
 from orchestrator.cli import app
 from orchestrator.results.compare.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 NOTEBOOK = ROOT / "docs" / "tutorials" / "6_python.ipynb"
-FENCE = re.compile(r"(?:^`([\w./]+)`[^\n]*:\n+)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 MAY_FAIL = " || true"
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 
@@ -44,14 +43,9 @@ def test_every_step_of_a_tutorial(path, tmp_path, monkeypatch):
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(place)
     done = 0
-    for name, language, text in FENCE.findall(path.read_text(encoding="utf-8")):
-        if name:
-            Path(name).write_text(text, encoding="utf-8")
-            Path(name).chmod(0o755 if text.startswith("#!") else 0o644)
-        elif language == "console":
-            for command, *shown in [block.splitlines() for block in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]]:
-                compare(command, shown, output_of(command))
-                done += 1
+    for command, shown in followed(path):
+        compare(command, shown, output_of(command))
+        done += 1
     assert done >= 2
 
 

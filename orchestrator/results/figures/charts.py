@@ -58,7 +58,8 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
         name, value = target
         axes.axhline(value, color=GREY, linestyle="--", linewidth=1)
         axes.annotate(f"tolerance on the {name}: {value:g}", (0, value), xycoords=("axes fraction", "data"),
-                      xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY)
+                      xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY, zorder=5,
+                      bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
     axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
     axes.xaxis.get_major_locator().set_params(integer=True)
     powers_of_ten(axes.yaxis)

@@ -26,11 +26,11 @@ MOST = 600_000  # triangles: more than browsers turn smoothly
 
 
 def result_page(fields: Fields, title: str, look: Look) -> bytes:
-    """The deformed structure at the load step of its largest displacement, a surface for each part, coloured by von Mises stress.
+    """The deformed structure at the load step of its largest displacement, or the last of those asked for, a surface for each part, by von Mises stress.
 
     Raises InputError: Plotly is not installed, the surface is too large for a browser, or there is none
     """
-    step = most_deformed(fields)
+    step = (look.of_steps(fields.steps) or [most_deformed(fields)])[-1]
     if not len(drawn_cells(fields, look)):
         raise wrong((), "no part to draw that has a mesh of ours", "a part other than decks, matrices and programs",
                     "open fields/fields.pvd in ParaView: decks are there with their own mesh")

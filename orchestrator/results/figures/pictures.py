@@ -13,7 +13,7 @@ from orchestrator.method.events import COUNTED
 from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.exaggeration import exaggeration, largest_displacements
+from orchestrator.results.figures.exaggeration import exaggeration, largest_displacements, misfit
 from orchestrator.results.figures.flat import laid_flat, shares
 from orchestrator.results.figures.plotting import short, viridis
 from orchestrator.results.figures.sheet import Scale, Sheet
@@ -81,9 +81,11 @@ def deformed(fields: Fields, look: Look = Look()) -> Sheet | None:
     views = [View(moved[step], seen.triangles, values[step], camera, *limits[step], moved[step][seen.lines], seen.outline,
                   closed=look.cut is None, mark=_mark(seen, step, factor, moved[step], camera)) for step in steps]
     flat, count, largest = camera.height < 0.45 * camera.width, len(steps), short(max(largest_displacements(fields, steps)))
+    apart = misfit(fields, steps, factor)
     told = [f"displacements drawn × {factor:g}", f"largest displacement {largest}{units['length']}",
             f"largest von Mises stress {short(max(peaks))}{units['stress']}" if peaks else "stress not known",
             *["grey: stress not known"] * bool(peaks and any(np.isnan(found).any() for found in values.values())),
+            *[f"faces that touch drawn up to {short(apart)}{units['length']} apart"] * (apart > 0),
             *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else []), *omitted(fields, steps)]
     name, unit = ("von Mises stress", units["stress"]) if peaks else ("displacement", units["length"])
     return Sheet(views, headings(fields, steps), 1 if count == 1 else 2 if flat or count in (2, 4) else 3,

@@ -11,7 +11,7 @@ from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, S
 from orchestrator.registry import LAWS
 from orchestrator.results.answers import INTERFACES
 from orchestrator.results.extremes import NAME as EXTREMES
-from orchestrator.results.report.document import Marked, by_step, heading, number, plain, section, sentences, table
+from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
 from orchestrator.results.summary.words import ROUNDED, hold_sentences, place_sentences, shown_statuses, stabilised_sentences, summary_rows
 from orchestrator.scene.mesh.geometry import format_point
