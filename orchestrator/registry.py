@@ -96,6 +96,7 @@ MONITORS = Registry({
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
     "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
+    "lagging": "orchestrator.method.monitors.lagging:LaggingPoints",
     "placing": "orchestrator.method.monitors.placing:Placing",
 })
 

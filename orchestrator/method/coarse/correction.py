@@ -13,20 +13,22 @@ and y makes the forces agree with the laws on these fields, load step after load
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
 which ``problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
+
+Near the end what is left may be at a few points (``monitors.lagging``): their traces become fields of their own, each side's apart.
+Then ρ = 0 says f = ±f̂ there, the local stage itself, solved together with all that bodies do, whatever the friction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
+from orchestrator.method.coarse.responses import Responses, per_body
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import orthonormal, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
@@ -45,20 +47,10 @@ FIELDS = {"affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURN
 MANY = 50
 # Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
 REACH = 0.3
+# Fields of a body, and unknowns of all, up to which points have fields of their own. An iteration of 27 grains then takes two to six times
+# as long.
+MOST, UNKNOWNS = 72, 2000
 FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are
-
-
-@dataclass
-class _Response:
-    """Fields of each trace dof's own body and their response: U, V (n, D); W, F (n, D + G), ghosts included; u (n, B) on boundary
-    dofs, whose bodies are ``body`` (B,) int."""
-
-    U: np.ndarray
-    V: np.ndarray
-    W: np.ndarray
-    F: np.ndarray
-    u: np.ndarray
-    body: np.ndarray
 
 
 class CoarseCorrection:
@@ -80,24 +72,8 @@ class CoarseCorrection:
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
-        k = stage.direction.k
-        fields, allowed = self._fields(scene, FIELDS[kind], modes or {})
-        R = self._independent(fields, times(k, fields), allowed)
-        each = np.arange(R.shape[2])
-        U = np.zeros((len(each), space.size))
-        for part, r in zip(self.parts, R):
-            np.matmul(r.T, fields[:, part], out=U[:, part])
-        V = times(k, U)
-        u = stage.solve(space.loads(V))  # subdomains do not see each other's rows
-        W = space.trace(u)
-        W, F = space.extended(W, V - times(k, W))  # ghosts last: own parts keep their places
-        self.response = _Response(U, V, W, F, u, np.repeat(space.subdomains, [part.stop - part.start for part in space.boundary]))
-        K0 = self._per_body(U, F)
-        dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
-        K0[:, each, each] += dropped  # fields a body lacks stay at rest
-
-        self.K0 = self._of_all(K0)
-        self.problem = self._problem(pairs)
+        self._respond(Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {})))
+        self.usual = self.response  # as at set-up
         self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose = loose_bodies(scene)
@@ -111,13 +87,47 @@ class CoarseCorrection:
         """The same for sides that have been paired anew: what the bodies answer stays."""
         result = copy(self)
         result.pairs, result.problem = pairs, self._problem(pairs)
-        result.problem.newton_steps, result.problem.ends = self.problem.newton_steps, dict(self.problem.ends)
+        result.problem.restore(self.problem.state())
         return result
+
+    def most(self, dofs: np.ndarray) -> int:
+        """Of these trace dofs (q,) of this rank, and of other ranks', how many the body has that has the most."""
+        return int(self.stage.space.team.max(np.bincount(self.stage.space.owner[dofs], minlength=1).max())[0])
+
+    def has_room(self, fields: Responses, more: int) -> bool:
+        """Whether each body may have so many fields beside these."""
+        return len(fields.U) + more <= min(MOST, UNKNOWNS / self.bodies)
+
+    def with_own(self, dofs: np.ndarray) -> CoarseCorrection:
+        """The same with trace dofs (q,) of this rank, ascending, as fields of their own, each for its body; ``most`` back-substitutions."""
+        result, space = copy(self), self.stage.space
+        owner, own = space.owner[dofs], np.zeros((self.most(dofs), space.size))
+        own[np.arange(len(dofs)) - np.searchsorted(owner, owner), dofs] = 1.0
+        result._respond(self.response.beside(Responses.answered(self.stage, own)))
+        result.problem.restore(self.problem.state())
+        return result
+
+    def without_own(self) -> CoarseCorrection:
+        """The same with the fields of set-up alone."""
+        result = copy(self)
+        result._respond(self.usual)
+        result.problem.restore(self.problem.state())
+        return result
+
+    def _respond(self, response: Responses) -> None:
+        """Move bodies in these fields."""
+        space, U = self.stage.space, response.U
+        self.response, self.everywhere = response, space.extended(response.W, response.F)  # ghosts last: own parts keep their places
+        K0, each = per_body(space, U, response.F), np.arange(len(U))
+        dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
+        K0[:, each, each] += dropped  # fields a body lacks stay at rest
+        self.K0 = self._of_all(K0)
+        self.problem = self._problem(self.pairs)
 
     def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)
         T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-        L = pairs.masked(np.concatenate(pairs.responses(self.response.W, self.response.F)))
+        L = pairs.masked(np.concatenate(pairs.responses(*self.everywhere)))
         fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
                              [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts], self.anew)
@@ -140,8 +150,8 @@ class CoarseCorrection:
         (y, from_y), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
-        w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
-        anchor = self._moved(fields.extended[0], from_y, r.W, space.owner) if self.anew else None
+        w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, self.everywhere))
+        anchor = self._moved(fields.extended[0], from_y, self.everywhere[0], space.owner) if self.anew else None
         return Admissible.of_extended(s, u, fields.alpha, w, f, space, anchor)
 
     def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
@@ -202,23 +212,6 @@ class CoarseCorrection:
         each = np.repeat(combined[None], len(self.parts), axis=0)
         each[list(modes)] = np.eye(count, width)
         return fields, each
-
-    def _independent(self, fields: np.ndarray, k_fields: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-        """(own bodies, m, n) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.
-
-        On a body that has a single plane interface, the gradients along its normal are.
-
-        fields, k_fields : (m, D); allowed : (own bodies, m, n) combinations of them
-        """
-        grams = self._per_body(fields, k_fields)
-        return np.array([may @ orthonormal(may.T @ gram @ may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
-
-    def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie together."""
-        result = np.zeros((len(self.stage.space.subdomains), len(a), len(b)))
-        for e, part in enumerate(self.parts):
-            result[e] = a[:, part] @ b[:, part].T
-        return result
 
     def _resultants(self, f: np.ndarray) -> np.ndarray:
         """(own bodies, T, n) Uᵀf."""

@@ -1,0 +1,51 @@
+"""Points that lag behind: their laws are solved as they are, together with how bodies move."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from contact_case import CASES, contact
+from method_case import box_of, prepared
+
+from orchestrator.method.monitors import lagging
+from orchestrator.scene.build import build_scene
+
+
+@pytest.fixture(scope="module")
+def eight():
+    """Eight cubes pressed together, and fields that are far from the laws."""
+    made = contact(1.0, **CASES["eight cubes"], method={"sole": {"fit": False}, "tolerance": {"error": 1e-6}})
+    with box_of(made) as blackbox:
+        yield prepared(made, build_scene(made), blackbox)
+
+
+def evaluated(d, s):
+    fields = d.coarse(d.stage(s))
+    return SimpleNamespace(problem=d, fields=fields, local=d.local(fields), number=9, last=False, measures=SimpleNamespace(residual=0.5),
+                           verdict=SimpleNamespace(reason="", laws=SimpleNamespace(largest_other=1e-4)))
+
+
+def test_what_lags_behind_is_solved(eight):
+    """The points chosen carry most of what is left; with fields of their own they carry nothing, and fields stay admissible."""
+    s = eight.local(eight.stage(np.zeros((eight.steps, eight.space.size)))).s
+    before = evaluated(eight, s)
+    monitor = lagging.LaggingPoints(eight.space)
+    verdict = monitor.judge(before)
+    assert verdict.changes == ("lagging",) and verdict.sweeps * eight.steps == eight.coarse.most(monitor.chosen)
+    changed = monitor.change(before)
+    changed.coarse.problem.reduction = 1e-8
+    after = evaluated(changed, s)
+    chosen, pairs = np.isin(eight.local.pairs.transfer.one, monitor.chosen).any(axis=0), eight.local.pairs
+    apart = [np.abs(now.local.force - pairs.traces(*now.fields.extended).force)[..., chosen].max() for now in (before, after)]
+    assert chosen.any() and not chosen.all() and apart[1] <= 1e-5 * apart[0]
+    answered, largest = eight.stage(after.fields.s), np.abs(after.fields.f).max()
+    assert np.abs(answered.f - after.fields.f).max() <= 1e-9 * largest
+
+
+def test_a_resumed_run_has_the_same_fields(eight):
+    s = eight.local(eight.stage(np.zeros((eight.steps, eight.space.size)))).s
+    before, monitor = evaluated(eight, s), lagging.LaggingPoints(eight.space)
+    monitor.judge(before)
+    changed, other = monitor.change(before), lagging.LaggingPoints(eight.space)
+    assert np.array_equal(other.restore(monitor.state(), eight).coarse.response.U, changed.coarse.response.U)
+    assert changed.coarse.without_own().response is eight.coarse.response
