@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,6 +40,7 @@ class Means:
     meshed : what makes the mesh
     watch : where seconds are counted; None: since this process was started
     verbose : whether all of the summary is printed
+    judge : given the solution before anything is written of it, gives what is to be written; None: as it is
     """
 
     ranks: Ranks = Ranks()
@@ -47,6 +48,7 @@ class Means:
     meshed: Meshed | None = None
     watch: Stopwatch | None = None
     verbose: bool = False
+    judge: Callable[[Solution], Solution] | None = None
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
@@ -75,6 +77,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
                     solution.summary["warnings"] += told
+                if means.judge is not None:
+                    solution = means.judge(solution)
                 record.finish(solution)
     if not quiet:
         print_summary(solution.summary, folder.path, verbose=means.verbose)

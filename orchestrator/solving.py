@@ -14,6 +14,7 @@ from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.start import make_blackbox, with_own_loads
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.model import Config
+from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.wanted import Wanted
@@ -92,6 +93,9 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     """
     told, watch, team = Subscribers(subscribers), watch or Stopwatch(), ranks.team
     try:
+        if config.method.accuracy is not None:
+            raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
+                        "on several", "remove accuracy here")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if scene is None and team.rank == 0:

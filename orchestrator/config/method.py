@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
 
 from orchestrator.config.base import AutoCount, Count, Part, Positive, auto_or
 from orchestrator.registry import ACCELERATIONS
@@ -102,6 +103,25 @@ class Tolerance(Part):
         return value
 
 
+class Accuracy(Part):
+    """What all errors together may be, and what that may cost. A number stands for ``{error: number}``."""
+
+    error: Fraction = Field(description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
+    elements: Count | None = Field(None, description="no mesh has more tets than about this; none: as many as memory holds")
+    seconds: Positive | None = Field(None, description="no finer mesh is begun whose run would likely end later; none: no limit")
+    smallest: Positive | None = Field(None, description=(
+        "elements are not made smaller than this, in the model's unit of length, where stresses grow without limit; none: no limit"))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _number(cls, value: Any) -> Any:
+        return {"error": value} if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [handler(core), {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1}]}
+
+
 class Skip(Part):
     """What a scene does not need is not done; true leaves it to the program where it pays."""
 
@@ -136,5 +156,8 @@ class Method(Part):
     skip: Skip = Field(Skip(), description=("work that is left out because the result does not need it; all of it by default"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
+    accuracy: Accuracy | None = Field(None, description=(
+        "the error that is asked for, 0.02 say: the run is repeated on meshes that are finer where it pays until its estimated error is "
+        "below; in place of tolerance; or {error, elements, seconds, smallest}; none: the mesh stays as it is"))
     max_iterations: Count = Field(500, description=(
         "of the whole run, all batches of load steps together; far above what a healthy run needs, so it only stops sick ones"))

@@ -96,6 +96,21 @@ def above_rounding(data: Any) -> Iterator[Problem]:
                       "write error: 1e-8, or law: with interfaces that open, which compares residuals")
 
 
+def accuracy_possible(data: Any) -> Iterator[Problem]:
+    """The iterations' error is a part of what is asked for; what has no mesh of ours has no error that is known."""
+    if (asked := get(data, "method", "accuracy")) is None:
+        return
+    asked, tolerance = (get(asked, "error") if isinstance(asked, dict) else asked), get(data, "method", "tolerance")
+    error = get(tolerance, "error")
+    if isinstance(tolerance, dict) and not (is_number(error) and is_number(asked) and error < asked):
+        yield Problem(("method", "tolerance"), f"{shown(tolerance)} beside accuracy", "error: a number below the accuracy, or nothing: "
+                      "a tenth of the accuracy", "remove tolerance")
+    for path, part in find(data, ("parts", "*")):
+        if kind := next((kind for kind in KINDS if isinstance(part, dict) and part.get(kind) is not None), None):
+            yield Problem((*path, kind), f"{kind} beside method.accuracy", "parts with meshes of this program's: the error of others "
+                          "is not known, nor can they be meshed anew", "remove method.accuracy")
+
+
 def following(data: Any) -> Iterator[Problem]:
     """Sides that are paired anew as they slide change what crosses them from one load step to the next."""
     if not any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*"))):
@@ -279,7 +294,7 @@ def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterato
 
 
 RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
-         what_histories_multiply, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts,
+         what_histories_multiply, acceleration_fits, heeded, accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts,
          directions, probes_fit, planes_have_points, certified_fits]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import choose_element, quadratic
+from orchestrator.scene.mesh.size_map import Sizes
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Material
 
@@ -41,9 +43,12 @@ class Meshed:
     """Makes meshes, and keeps the last one: the next configuration may have the same.
 
     One that models or programs of others have a part in is never kept.
+
+    sizes : part, 0 where there is only ``mesh`` → how small its elements are asked to be, beside what the configuration says
     """
 
-    def __init__(self) -> None:
+    def __init__(self, sizes: Mapping[int, Sizes] | None = None) -> None:
+        self._sizes = sizes or {}
         self._asked: object = None
         self._made: tuple[Mesh, Faces] | None = None
         self._quadratic: tuple[Mesh, Faces] | None = None  # the same of ten-node tets
@@ -69,6 +74,7 @@ class Meshed:
         parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
         if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
             self._made = self._quadratic = None  # not both at once
-            self._made = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
+            self._made = (make_mesh(config.mesh, sizes=self._sizes.get(0)) if config.mesh else
+                          make_parts(config.parts, run_programs, self._sizes))
             self._asked = config.mesh, parts
         return self._made

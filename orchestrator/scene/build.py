@@ -92,7 +92,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     plain = replace(body)
     if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
         _grounded(body, cut, joints, boundary, problems)
-    loads, thermal = _loaded(config, plain, body, cut, boundary, problems)
+    loads, thermal, body_force = _loaded(config, plain, body, cut, boundary, problems)
     held = _supported(config, body, cut, joints, boundary, problems)
     _freed(config, body, cut, joints, held, problems)
     if resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
@@ -105,7 +105,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
                  fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, joints.bolts, thermal,
-                 probes=probes, element=body.choice)
+                 probes=probes, element=body.choice, body_force=body_force)
 
 
 def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
@@ -170,13 +170,14 @@ def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry
 
 
 def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
-            problems: Problems) -> tuple[np.ndarray, np.ndarray | None]:
-    """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated.
+            problems: Problems) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+    """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated;
+    (steps, m, 3) the mean body force of every cell, of ten-node tets, None where there is none.
 
     plain : without grounds, on which nothing acts
     """
     mesh, count = plain.mesh, config.steps
-    loads, thermal = np.zeros((count, len(cut.numbering.nodes), 3)), None
+    loads, thermal, body_force = np.zeros((count, len(cut.numbering.nodes), 3)), None, None
     for entry in boundary:  # a face loads the subdomain its tet belongs to
         if entry.forces and len(entry.triangles):
             entry.forces.add_to(loads, cut.numbering.find(cut.partition.subdomain[entry.cells[:, 0]][:, None], entry.triangles))
@@ -191,9 +192,12 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
             thermal[:, cells] += made.values
         elif made is not None:
             made.add_to(loads, cut.numbering.corners[cells])
+            if mesh.cells.shape[1] == 10:
+                body_force = np.zeros((count, len(body.mesh.cells), 3)) if body_force is None else body_force
+                body_force[:, cells] += made.per_element / where.volume[:, None]
     if thermal is not None:
         thermal_loads(body.mesh, thermal, body.materials, body.material, cut.numbering.corners, loads)
-    return loads, thermal
+    return loads, thermal, body_force
 
 
 def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> Held:

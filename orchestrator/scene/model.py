@@ -276,6 +276,7 @@ class Scene:
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
     thermal : (steps, m, 4) α ΔT at the corners of every cell, of a whole scene; None where nothing is heated
+    body_force : (steps, m, 3) force/volume, mean of every cell of ten nodes, of a whole scene; None where there is none
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     """
@@ -300,6 +301,7 @@ class Scene:
     number: np.ndarray | None = None
     probes: list = field(default_factory=list)
     element: object = None
+    body_force: np.ndarray | None = None
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

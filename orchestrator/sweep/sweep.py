@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from orchestrator.accuracy.loop import run
 from orchestrator.blackbox.kept import KeptCodes
 from orchestrator.config.load import Loaded, load_config, located
 from orchestrator.config.model import Config
@@ -23,7 +24,7 @@ from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.summary.summary import read_summary, units_of
 from orchestrator.results.record import GO_ON
-from orchestrator.run import Means, Ranks, run
+from orchestrator.run import Means, Ranks
 from orchestrator.scene.body import Meshed
 from orchestrator.results.summary.numbers import numbers_of
 from orchestrator.sweep.table import Screen, write_table

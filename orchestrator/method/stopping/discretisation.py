@@ -71,6 +71,7 @@ class Estimator:
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, joined: np.ndarray, lame: np.ndarray, thermal: np.ndarray | None = None,
                  order: np.ndarray | None = None, meeting: Meeting | None = None):
         self.cells, self.lame, self.thermal, self.order = cells, lame, thermal, slice(None) if order is None else order
+        self.joined = joined
         self.gradients, self.volumes = shape_gradients(nodes, cells)
         # what counts is whether the moduli differ, not whether the configuration lists them apart
         matter = np.unique(lame[:, 0] + 1j * lame[:, 1], return_inverse=True)[1].ravel()
@@ -112,7 +113,7 @@ class Estimator:
         squares, energies = np.empty((2, len(displacement), len(self.cells)))
         alone = np.zeros(len(displacement))
         for t, (u, number) in enumerate(zip(displacement, numbers)):
-            squares[t, self.order], energies[t] = self._squares(self._stress(u, number))
+            squares[t, self.order], energies[t] = self._squares(self._stress(u, number), number)
             alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self._squares(self._stress(u))[1]
@@ -139,8 +140,10 @@ class Estimator:
         corners = np.stack([stress(elastic(at), self.lame).T for at in (np.eye(4) if ten else [CENTRE])], axis=1)
         return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
 
-    def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _squares(self, sigma: np.ndarray, number: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).
+
+        number : load step of the scene, whose body forces count where an estimate knows them
 
         C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ,  λ/(3λ + 2μ) = 1/3 − 2μ/9K
         """

@@ -20,7 +20,7 @@ from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import Marked, by_step, heading, page, picture, plain, section, table
-from orchestrator.results.report.sections import (answer, carried, extremes, interface_section, last_values, probes, question, reactions,
+from orchestrator.results.report.sections import (answer, carried, extremes, interface_section, last_values, meshes, probes, question, reactions,
     settings)
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
@@ -120,7 +120,7 @@ def _parts(solution: Solution, pictures: list[str]) -> list[str]:
     return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, verdict(summary)), *question(summary), *answer(summary),
         *pictures, *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),
         *section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True)),
-        heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), last_values(summary, solution.history),
+        heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), *meshes(summary), last_values(summary, solution.history),
         heading("Time"), _time(summary),
         *section("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", _codes(summary), level=3),
         *_workload(summary)]

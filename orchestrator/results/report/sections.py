@@ -128,6 +128,18 @@ def answer(summary: Mapping[str, object]) -> list[str]:
     return [heading("The answer"), table(("", ""), [(label, known[label]) for label in _ANSWER if label in known]), *map(Marked.of, told)]
 
 
+def meshes(summary: Mapping[str, object]) -> list[str]:
+    """What was found on each mesh, where an accuracy was asked for."""
+    if not (found := summary.get("accuracy")):
+        return []
+    rows = [(str(k), f"{one['elements']:,}", f"{one['mesh_error']:.2%}",
+             "not known" if one["iterations_error"] is None else f"{one['iterations_error']:.1e}", f"{one['error']:.2%}",
+             f"{one['seconds']:.1f}", ", ".join(one["refined"]) or "–") for k, one in enumerate(found["meshes"], 1)]
+    head = ("mesh", "elements", "its error", "iterations'", "together", "seconds", "meshed anew")
+    told = f"Asked for: {found['asked']:.2%}, reached: {found['reached']:.2%}, estimated."
+    return [heading("Meshes"), told, table(head, rows, numeric=True)]
+
+
 def reactions(summary: Mapping[str, object]) -> list[str]:
     """Force and moment on every entry of ``boundary``."""
     if not (forces := summary.get("reactions")):

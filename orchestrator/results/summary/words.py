@@ -121,6 +121,14 @@ def _mesh(summary: Mapping[str, object]) -> str:
     return text + (f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it" if text and asked.get("error") == "auto" else "")
 
 
+def _accuracy(summary: Mapping[str, object]) -> str:
+    if not (found := summary.get("accuracy")):
+        return ""
+    last = found["meshes"][-1]
+    return (f"{found['reached']:.2%} reached, {found['asked']:.2%} asked, of mesh and iterations together; {len(found['meshes'])} meshes, "
+            f"the last of {last['elements']:,} elements")
+
+
 def shown_statuses(counts: Mapping[str, list[int]] | None) -> list[str]:
     """Names of the statuses that say something: open, stick and slip only where there are such."""
     usual = [name for name in COUNTED if (counts or {}).get(name)]
@@ -285,7 +293,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
-    ("mesh's error", _mesh), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
+    ("mesh's error", _mesh), ("accuracy", _accuracy), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
     ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
     ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),

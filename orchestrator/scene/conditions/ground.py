@@ -21,6 +21,7 @@ from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
 from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition import Partition
 
+GROUND = "ground of boundary"  # its volumes are called so
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
 
@@ -45,7 +46,7 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
         nodes[i] = slice(first, first + len(layers[-1]))
-        name = f"ground of boundary[{i}]"
+        name = f"{GROUND}[{i}]"
         volume.append(np.full(len(layer.cells), len(volumes)))
         subdomain.append(np.full(len(layer.cells), len(names)))
         material.append(np.repeat(cell_material[boundary[i].cells[:, 0]], 3))

@@ -88,6 +88,11 @@ class Forces:
                             axis=1)
             loads += self.amounts[:, m, None] * sums
 
+    @property
+    def per_element(self) -> np.ndarray:
+        """(steps, k, 3) the force on each element."""
+        return np.einsum("tmc,mkc->tkc", self.amounts + np.zeros(3), self.shapes.sum(axis=2) + np.zeros(3))
+
     def resultant(self, points: np.ndarray, about: np.ndarray) -> np.ndarray:
         """(steps, 6) the force, and its moment about a point (3,), from the places (k, p, 3) of the nodes."""
         force = (self.amounts * self.shapes.sum(axis=(1, 2))).sum(axis=1) + np.zeros(3)

@@ -12,6 +12,7 @@ from orchestrator.config.mesh import Curved
 from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.checks import check_size
 from orchestrator.scene.mesh.gmsh_session import TRIANGLE, elements, gmsh
+from orchestrator.scene.mesh.size_map import SizeMap
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.scene.shapes import Shape
 
@@ -144,9 +145,9 @@ def refined_faces(refine: Sequence[Any], faces: Mapping[str, int]) -> dict[float
     return found
 
 
-def apply_refinement(refined: Mapping[float, list[int]]) -> None:
-    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow from there."""
-    fields = []
+def apply_refinement(refined: Mapping[float, list[int]], sizes: SizeMap | None = None) -> None:
+    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow from there; and follow a map."""
+    fields = [] if sizes is None else [sizes.apply()]
     for size, tags in refined.items():
         fields.append(gmsh.model.mesh.field.add("Constant"))
         gmsh.model.mesh.field.setNumbers(fields[-1], "SurfacesList", tags)

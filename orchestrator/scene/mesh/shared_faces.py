@@ -12,11 +12,12 @@ from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvatur
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.size_map import Sizes, WHOLE
 from orchestrator.scene.names import renamed
 
 
-def conforming(path: Path, mesh: Any) -> Mesh:
-    """The mesh of a model ``path``, as the keys of ``mesh`` say.
+def conforming(path: Path, mesh: Any, sizes: Sizes) -> Mesh:
+    """The mesh of a model ``path``, as the keys of ``mesh`` say, and as fine as ``sizes``.
 
     Raises InputError: as ``solids.step``
     """
@@ -25,7 +26,7 @@ def conforming(path: Path, mesh: Any) -> Mesh:
         with session():
             names, owner = joined(path, mesh, sizing)
             refined = refined_faces(getattr(mesh, "refine", None) or [], outer_faces(names, owner))
-            apply_refinement(refined)
+            apply_refinement(refined, sizes.get(WHOLE))
             sizing.apply(per_circle, min(refined, default=None))
             gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
             try:

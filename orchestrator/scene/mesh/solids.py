@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, some
+from orchestrator.errors import InputError, Problem, some, visible
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
+from orchestrator.scene.mesh.size_map import Sizes, WHOLE
 from orchestrator.scene.mesh.shared_faces import conforming
 from orchestrator.scene.names import matching, renamed
 from orchestrator.scene.shapes import Shape
@@ -24,17 +25,20 @@ SMALL = 1e-3
 SHOWN = 5  # faces that one sentence names
 
 
-def step(mesh: Any, failed: dict[str, Problem] | None = None) -> Mesh:
+def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None) -> Mesh:
     """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
 
     Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes carry the solids' names; each
     geometric surface on the outer boundary is a named surface ``<solid>:<k>``, k from 1.
 
     failed : takes what is wrong with single solids, by name, of a mesh that is not conforming: they are left out then
+    sizes : elements are as small as these say, in the solid of that name, or in all that is meshed in one piece
     Raises InputError: unreadable, no solids, faces that close none, names that match none, solids that gmsh cannot mesh
     """
     path = locate(str(mesh.step))
-    return _apart(path, mesh, failed) if getattr(mesh, "conforming", None) is False else conforming(path, mesh)
+    if getattr(mesh, "conforming", None) is False:
+        return _apart(path, mesh, failed, sizes or {})
+    return conforming(path, mesh, sizes or {})
 
 
 @dataclass
@@ -61,7 +65,7 @@ class Solid:
         return f"{self.name}:{self.faces.index(tag) + 1}"
 
 
-def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> Mesh:
+def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Sizes) -> Mesh:
     """The mesh in which solids share nothing; what becomes of one does not depend on the others."""
     source, refine = str(mesh.step), getattr(mesh, "refine", None) or []
     with session():
@@ -75,8 +79,8 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> Mesh:
             everything = gmsh.model.getEntities()
             gmsh.option.setNumber("Mesh.MeshOnlyVisible", 1)
             gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
-            apply_refinement(refined)
             for solid in left:
+                apply_refinement(refined, sizes.get(visible(solid.name), sizes.get(WHOLE)))
                 gmsh.model.setVisibility(everything, 0)
                 gmsh.model.setVisibility([(3, solid.tag)], 1, recursive=True)
                 solid.size.apply(per_circle, min(refined, default=None))

@@ -1,0 +1,1 @@
+"""Runs repeated on finer meshes until the error is what was asked for."""

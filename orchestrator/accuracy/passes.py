@@ -1,0 +1,88 @@
+"""What is known of the meshes tried so far, kept in the results folder so that a run can go on in the midst of any."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.accuracy.sizes import Maps
+from orchestrator.results.manifest import OWN
+from orchestrator.scene.mesh.size_map import SizeMap
+
+NAME = f"{OWN}/accuracy.npz"
+
+
+@dataclass
+class Pass:
+    """One run on one mesh.
+
+    elements, nodes : of the mesh
+    mesh_error : estimated; iterations_error : bound or estimate of the iterations', None where it is not known; error : both
+    seconds : wall time; refined : what was meshed anew for it, nothing in the first; kept : what was not
+    """
+
+    elements: int
+    nodes: int
+    mesh_error: float
+    iterations_error: float | None
+    error: float
+    seconds: float
+    refined: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+
+    def line(self, number: int) -> str:
+        """For the screen."""
+        beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
+        finer = f"; finer: {_some(self.refined)}" + (f", kept: {_some(self.kept)}" if self.kept else "") if number > 1 else ""
+        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} estimated, {beside}), "
+                f"{self.seconds:.1f} s{finer}")
+
+
+@dataclass
+class Passes:
+    """All so far, and how the next mesh is made.
+
+    maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
+    refined, kept : what these have changed
+    """
+
+    done: list[Pass] = field(default_factory=list)
+    maps: Maps = field(default_factory=dict)
+    elements: float = 0.0
+    refined: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+
+    def write(self, folder: Path) -> None:
+        """Into a results folder, whole or not at all."""
+        arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
+        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "elements": self.elements,
+                "refined": self.refined, "kept": self.kept}
+        path = folder / NAME
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_name(f".{path.name}")
+        with unfinished.open("wb") as file:
+            np.savez_compressed(file, told=json.dumps(told), **arrays)
+        os.replace(unfinished, path)
+
+    @classmethod
+    def read(cls, folder: Path) -> Passes:
+        """From a results folder; none where nothing is there."""
+        if not (folder / NAME).is_file():
+            return cls()
+        with np.load(folder / NAME, allow_pickle=False) as arrays:
+            told = json.loads(str(arrays["told"]))
+            maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
+                    for k, (part, name) in enumerate(told["keys"])}
+        return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"])
+
+    @staticmethod
+    def forget(folder: Path) -> None:
+        (folder / NAME).unlink(missing_ok=True)
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

@@ -1,0 +1,134 @@
+"""An accuracy that is asked for: meshes that are refined where it pays."""
+
+import json
+
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+
+from orchestrator import run as one
+from orchestrator.accuracy.loop import run
+from orchestrator.accuracy.sizes import needed, ratios
+from orchestrator.config.load import Loaded, config_from
+from orchestrator.errors import InputError
+from orchestrator.results.fields.npz import read_npz
+from orchestrator.scene.mesh.bisection import bisected
+from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
+from orchestrator.scene.mesh.mesh import checked
+from orchestrator.scene.mesh.size_map import SizeMap, edge_lengths
+from orchestrator.scene.mesh.sources import bricks
+from orchestrator.solving import solve
+
+
+def bent(accuracy, **more):
+    """A short cantilever: stresses without limit along its clamped edges."""
+    return {
+        "name": "bent", "mesh": {"beam": {"size": [20, 10, 10], "h": 5}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
+        "materials": [{"young": 200e3, "poisson": 0.3}], "output": {"figures": False}, "blackbox": {**IN_PROCESS, "element": "P2"},
+        "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 10]}],
+        "method": {"accuracy": accuracy}, **more,
+    }
+
+
+def refined(problem, path, resume=False):
+    code = run(Loaded(config_from(problem)), output=path, quiet=True, resume=resume)
+    return code, json.loads((path / "summary.json").read_text())
+
+
+def test_tets_are_halved_until_they_fit():
+    mesh = bricks(np.array([2.0, 1.0, 1.0]), np.array([4, 2, 2]), "box")
+    size = np.clip(0.5 * np.linalg.norm(mesh.nodes, axis=1), 0.05, 1.0)
+    finer, _ = checked(bisected(mesh, SizeMap(mesh.nodes, mesh.cells, size)))  # faces of three tets, say, are refused
+    assert tet_volumes(finer.nodes, finer.cells).sum() == pytest.approx(2.0, rel=1e-12)
+    for name, triangles in mesh.surfaces.items():
+        before, after = (np.linalg.norm(area_vectors(*x).sum(axis=0)) for x in (
+            (mesh.nodes, triangles), (finer.nodes, finer.surfaces[name])))
+        assert after == pytest.approx(before, rel=1e-12) and len(finer.surfaces[name]) >= len(triangles)
+    length, distance = edge_lengths(finer.nodes, finer.cells), np.linalg.norm(finer.nodes[finer.cells].mean(axis=1), axis=1)
+    assert length[distance.argmin()] < 0.5 * length.max()
+    assert dihedral_range(finer.nodes, finer.cells)[0] > 30  # 45 degrees in bricks cut alike
+
+
+def test_sizes():
+    errors = np.r_[np.full(100, 0.1), np.full(100, 0.01)]
+    found = ratios(errors, 2, 800.0)
+    assert (found**-3).sum() == pytest.approx(800, rel=1e-3) and found.max() <= 1
+    assert found[150] / found[0] == pytest.approx(10 ** (2 / 7)) or found[150] == 1
+    assert ratios(np.zeros(5), 1, 5.0) == pytest.approx(1.0)
+    assert needed([1000], [0.04], 0.01, 2) == pytest.approx(1000 * 4**1.5)
+    assert needed([500, 1000], [0.04, 0.04 * 2**-0.5], 0.01, 2) == pytest.approx(1000 * (4 * 2**-0.5) ** 2)
+    assert needed([1000, 1100], [0.04, 0.05], 0.025, 2) == pytest.approx(1100 * 2**6)  # no worse than at a crack without grading
+
+
+def test_asked_and_reached(tmp_path):
+    code, summary = refined(bent(0.07), tmp_path)
+    found = summary["accuracy"]
+    assert code == 0 and summary["converged"] and found["met"] and len(found["meshes"]) > 1
+    first, last = found["meshes"][0], found["meshes"][-1]
+    assert first["mesh_error"] > 0.07 > last["error"] > 0.07 / 3 and last["elements"] > first["elements"]
+    assert summary["error_bound"] <= 0.007 and last["refined"] == ["bent"]
+    assert summary["config"]["method"]["accuracy"]["error"] == 0.07
+    assert config_from(summary["config"]).method.accuracy.error == 0.07
+    cells = read_npz(tmp_path).discretisation_error
+    assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
+
+
+@pytest.mark.long
+def test_limits(tmp_path):
+    code, summary = refined(bent({"error": 0.001, "elements": 600}), tmp_path)
+    assert code == 1 and not summary["converged"] and not summary["accuracy"]["met"]
+    assert "600 elements are too few: about" in summary["stop_reason"]
+    assert summary["accuracy"]["meshes"][-1]["elements"] < 2 * 600
+    code, summary = refined(bent({"error": 0.001, "smallest": 10.0}), tmp_path)
+    assert code == 1 and "smallest: 10" in summary["stop_reason"]
+    code, summary = refined(bent({"error": 0.001, "seconds": 1e-3}), tmp_path)
+    assert code == 1 and "seconds are too few" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
+
+
+@pytest.mark.long
+def test_resumed_on_the_mesh_that_was_solved_on(tmp_path, monkeypatch):
+    problem, real, calls = bent(0.07), one.run, []
+
+    def interrupted(*given, **options):
+        calls.append(given)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(*given, **options)
+
+    monkeypatch.setattr(one, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        refined(problem, tmp_path / "a")
+    monkeypatch.setattr(one, "run", real)
+    _, again = refined(problem, tmp_path / "a", resume=True)
+    _, whole = refined(problem, tmp_path / "b")
+    for kept in (again, whole):
+        for mesh in kept["accuracy"]["meshes"]:
+            mesh.pop("seconds")
+    assert again["accuracy"] == whole["accuracy"]
+
+
+def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch):
+    real, calls = one.build_scene, []
+
+    def failing(*given, **options):
+        calls.append(given)
+        if len(calls) == 2:
+            raise one_problem()
+        return real(*given, **options)
+
+    def one_problem():
+        from orchestrator.errors import wrong
+        return wrong(("mesh", "step"), "gmsh cannot mesh it", "solids that can be meshed")
+
+    monkeypatch.setattr(one, "build_scene", failing)
+    code, summary = refined(bent(0.05), tmp_path)
+    assert code == 1 and "gmsh cannot mesh it" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
+    assert (tmp_path / "fields.npz").is_file()
+
+
+def test_what_is_refused():
+    with pytest.raises(InputError, match="beside accuracy"):
+        config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"law": 1e-3}}})
+    config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"error": 1e-3}}})
+    with pytest.raises(InputError, match="orchestrator run"):
+        solve(config_from(bent(0.05)))
