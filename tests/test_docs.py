@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from benchmarks.registry import STUDIES
 from benchmarks.studies import gallery
+from benchmarks.validation import page as validation
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.config.method import Method
@@ -199,6 +200,11 @@ def test_configurations_shown_are_accepted(path):
         data = YAML(typ="safe").load(io.StringIO(block))
         if "name" in data and "mesh" in data:
             config_from(data)
+
+
+def test_validation_has_the_figures_that_were_measured():
+    assert (ROOT / "docs" / "validation.md").read_text(encoding="utf-8") == validation(), \
+        "python -m benchmarks.validation > docs/validation.md"
 
 
 def test_the_yaml_in_full():

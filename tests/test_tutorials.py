@@ -23,7 +23,7 @@ from orchestrator.cli import app
 from orchestrator.results.compare.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
-TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("*.md")), ROOT / "docs" / "porting.md"]
 NOTEBOOK = ROOT / "docs" / "tutorials" / "6_python.ipynb"
 MAY_FAIL = " || true"
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
