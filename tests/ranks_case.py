@@ -158,6 +158,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
     if summary["limit_load"]:
         result["limit"] = [[limit["lacking"], *limit["motions"][0]["shift"]] for limit in summary["limit_load"]]
+    if summary["error_shares"]:
+        result["shares"] = [share for _, share in sorted(summary["error_shares"]["bodies"].items())]
     if summary["places"]:
         result["places"] = np.nan_to_num([far for _, far in sorted(summary["places"]["bodies"].items())], posinf=0.0)
     carried = solved.answers.interfaces.resultants

@@ -15,6 +15,7 @@ from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions,
                                                        recover, repositioned)
+from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
@@ -35,6 +36,7 @@ class Contact:
     places: OpenPlaces | None  # how far those of loose bodies are determined; None where there are none
     sole_scale: float  # factor that contact's soles were given
     backward: Backward | None  # for which surfaces the result is exact; None where that is not known
+    shares: Shares | None  # where the energy error comes from; None where that is not known
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         lengths = scale(iterated.fields.u)
         laws = _laws(d, iterated, lengths, scale)
         contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
-                          backward)
+                          backward, lawful and shares(d, lawful, inside.energy))
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")

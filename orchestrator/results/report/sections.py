@@ -13,7 +13,8 @@ from orchestrator.results.answers import INTERFACES
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
-from orchestrator.results.summary.words import ROUNDED, hold_sentences, place_sentences, shown_statuses, stabilised_sentences, summary_rows
+from orchestrator.results.summary.words import (ROUNDED, hold_sentences, own_errors, place_sentences, shown_statuses, stabilised_sentences,
+    summary_rows)
 from orchestrator.scene.mesh.geometry import format_point
 
 LARGE = 0.1  # an error that stands out
@@ -261,8 +262,21 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
         *section("Interface status", table(("load step", *names), [
             (str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)], numeric=True)),
         *section("Stabilisation", *sentences(stabilised_sentences(summary))),
+        *section("Where the error comes from", *_shares(summary)),
         *section("Places of loose bodies", *sentences(place_sentences(summary))),
         *section("Bodies that are not held", *sentences(hold_sentences(summary)))]
+
+
+def _shares(summary: Mapping[str, object]) -> list[str]:
+    """Of bodies and interfaces, the largest first."""
+    if not (found := summary.get("error_shares")):
+        return []
+    own = {name: "all of it" if value is None else f"{value:.1e}" for name, value in found["own"].items()}
+    rows = [(name, f"{found['bodies'].get(name, 0.0):.1%}", own.get(name, "")) for name in {**found["bodies"], **own}][:MOST]
+    return [f"Shares of the error's square at load step {found['load_step']}, where it is largest; and what is a body's own, beside its own "
+            "energy.", *sentences([text] if (text := own_errors(summary)) else ()),
+            table(("body", "share", "own error"), rows, numeric=True),
+            table(("interface", "share"), [(name, f"{share:.1%}") for name, share in found["interfaces"].items()], numeric=True)]
 
 
 def _faces(summary: Mapping[str, object]) -> list[str]:

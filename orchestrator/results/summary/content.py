@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import islice
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
+from orchestrator.method.delivery.shares import Shares
 from orchestrator.method.halving import path_sentence
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
@@ -37,6 +39,7 @@ from orchestrator.timing import Stopwatch
 
 # What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
+MOST_SHARES = 20  # bodies, and interfaces, of which a share of the error is told
 UNKNOWN = "no energy error is known, so that no interval is"
 NOT_CARRIED = "no forces that the laws allow carry a load there in some direction, which has no end then"
 NOT_PARTED = "it meets others in an edge, and what each carries there is not determined: no interval"
@@ -65,7 +68,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
         "error_factor": _error_factor(iterated.bound),
-        "backward": _backward(met and met.backward), "true_error": exact.relative_error(delivered.displacement) if exact else None,
+        "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
+        "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
@@ -184,6 +188,12 @@ def _error_factor(bound: Bound) -> float | None:
     """With what friction has multiplied a guaranteed error; None where nothing has."""
     factor = getattr(bound, "factor", 1.0)
     return factor if _error_kind(bound) == "guaranteed" and factor > 1 else None
+
+
+def _shares(found: Shares | None) -> dict[str, object] | None:
+    """The largest shares of the error, and every body's own beside its own energy."""
+    first = found and {key: dict(islice(getattr(found, key).items(), MOST_SHARES)) for key in ("bodies", "interfaces")}
+    return first and {"load_step": found.step + 1, **first, "own": found.own}
 
 
 def _backward(found: Backward | None) -> dict[str, object] | None:

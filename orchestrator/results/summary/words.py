@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite
 
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
@@ -13,6 +13,7 @@ from orchestrator.results.summary.summary import blackbox_seconds, code_label, j
 
 LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
+OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
 NAMES = 6  # bodies in a sentence
 FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
 ROUNDED = 1e-10  # of the largest of them: shown as zero
@@ -194,6 +195,15 @@ def place_sentences(summary: Mapping[str, object]) -> list[str]:
                                + (": " + some(beyond, NAMES) if beyond else "")] if known else []))]
 
 
+def own_errors(summary: Mapping[str, object]) -> str:
+    """Bodies whose own error, beside their own energy, is far beyond the one that is told of all together; empty without any."""
+    found, asked = summary.get("error_shares"), summary.get("tolerance")
+    known = {name: inf if own is None else own for name, own in (found or {"own": {}})["own"].items()}
+    beyond = [f"{name} {own:.1e}" if isfinite(own) else f"{name} all of it" for name, own in known.items() if asked and own > OWN * asked]
+    return (f"{some(beyond, NAMES)}, beside their own energy, which is little of all bodies'; where that matters, a smaller tolerance.error"
+            if beyond else "")
+
+
 def _times(share: float | None) -> str:
     return "any number of times" if share is None else f"{share:.1e}"
 
@@ -289,7 +299,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
     ("load path", lambda summary: "\n".join(found["sentence"] for found in summary.get("load_path") or ())),
-    ("error bound", _error), ("backward", _backward),
+    ("error bound", _error), ("own errors", own_errors), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
