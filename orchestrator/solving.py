@@ -225,8 +225,8 @@ class _Solving:
     def _with_error(self, delivered: Delivered, fields: Fields | None, estimate: DiscretisationEstimate) -> tuple[Delivered, Piece | None]:
         """The same with the mesh's estimated error, and of several ranks this one's piece of the fields."""
         team, wanted, pieces = self.ranks.team, self._follows_mesh or self.config.output.fields, None
-        # what stands for a part that is not ours has no moduli in fields
-        if team.rank == 0 and wanted and (team.size == 1 or self.whole.mesh.foreign):
+        # what stands for something else has no moduli in fields
+        if team.rank == 0 and wanted and (team.size == 1 or self.whole.stand_ins.any()):
             delivered = replace(delivered, discretisation=estimate.estimator(delivered.continuous))
         if team.size == 1:
             return delivered, None

@@ -6,13 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, create_model
+from pydantic import Field, Strict, create_model
 
 from orchestrator.config.base import Axis, ByName, Made, Name, Names, Part, Positive, Vector, auto_or, either, unit
+from orchestrator.config.tools import Tool
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
 Two = Annotated[list[Name], Field(min_length=2, max_length=2)]
-Between = either(Literal["auto"], Two, lambda value: isinstance(value, str), "auto, or a list of the names of two parts")
+Sides = either(Annotated[tuple[Name, Tool], Strict(False)], Two, lambda value: isinstance(value, (list, tuple)) and any(
+    isinstance(one, (dict, Tool)) for one in value), "the names of two parts, or of one and then a rigid tool: [block, {sphere: {…}}]")
+Between = either(Literal["auto"], Sides, lambda value: isinstance(value, str),
+                 "auto, or a list of the names of two parts, or of one and a rigid tool")
 # In units of the local element size.
 Tolerance = auto_or(Annotated[float, Field(gt=0, le=10)], "a number > 0, at most 10, in units of the element size")
 RIGHT = 90.0  # degrees; faces that turn farther look away from each other
@@ -30,7 +34,7 @@ class Entry(Part):
 
     between: Between = Field(["*", "*"], description=(
         "names of the two parts, shell wildcards allowed, in either order; auto: whatever parts' faces lie on each other, "
-        "with gaps as they are"))
+        "with gaps as they are; or the name of parts and a rigid tool, [block, {sphere: {centre: [0, 0, 9], radius: 9}}]"))
     exclude: Annotated[list[Two], Field(min_length=1)] | None = Field(None, description=(
         "pairs of names that the entry does not mean, shell wildcards allowed: [[bolt*, washer]]"))
     slave: Name | None = Field(None, description=(
@@ -68,14 +72,19 @@ class Entry(Part):
         return next((given for key in self.per_step if isinstance((given := getattr(self, key))[0], list)), None)
 
     @property
+    def tool(self) -> Tool | None:
+        """The rigid tool that it is with; None where it is between parts."""
+        return self.between[1] if isinstance(self.between[1], Tool) else None
+
+    @property
     def found(self) -> bool:
         """Whether pairs are found rather than named."""
         return self.between == "auto"
 
     @property
     def pair(self) -> tuple[str, str]:
-        """Patterns of the two parts' names."""
-        return ("*", "*") if self.found else tuple(self.between)
+        """Patterns of the two parts' names; with a tool of the one."""
+        return ("*", "*") if self.found else tuple(side for side in self.between if side is not self.tool)
 
     @property
     def apart(self) -> str:

@@ -9,6 +9,7 @@ from orchestrator.config.base import no_direction
 from orchestrator.config.boundary import Entry
 from orchestrator.config.mesh import KINDS
 from orchestrator.config.paths import dotted, find, get, is_number, is_per_step, is_vectors, law_of, shown
+from orchestrator.config.tools import LISTED, PLACE
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
@@ -64,6 +65,8 @@ def load_steps(data: Any) -> Iterator[Problem]:
             if isinstance(entry, dict):
                 own = law_of(entry).Parameters.per_step if group == "interfaces" else keys
                 entries.append((path, entry, [key for key in own if is_per_step(entry.get(key))]))
+    entries += [(path, tool, [key for key in LISTED if is_per_step(tool.get(key))]) for path, tool in find(data, PLACE)
+                if isinstance(tool, dict)]
     for path, own in (found for kind in KINDS for found in find(data, ("parts", "*", kind))):
         if isinstance(own, dict):
             entries.append((path, own, ["loads"] if isinstance(own.get("loads"), list) and len(own["loads"]) > 1 else []))

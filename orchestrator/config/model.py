@@ -12,6 +12,7 @@ from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Load
 from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
 from orchestrator.config.probes import Force, Probe
+from orchestrator.config.tools import Tool
 from orchestrator.registry import FOREIGN
 
 UnitName = Annotated[str, Field(pattern=r"^[^\s/*]{1,12}$")]
@@ -149,9 +150,18 @@ class Config(Part):
                                       factors=tuple(self.factors_of(part.foreign.history)), young=matter[0].young if matter else None)
 
     @property
+    def tools(self) -> dict[str, Tool]:
+        """The rigid tools that interfaces are with, by their names, in the order of the YAML."""
+        found: dict[str, Tool] = {}
+        for tool in (entry.tool for entry in self.interfaces if entry.tool is not None):
+            name = tool.name or tool.shape
+            found[name if name not in found else f"{name} {len(found) + 1}"] = tool
+        return found
+
+    @property
     def steps(self) -> int:
         """Number of load steps: the length of the histories in use and of the per-step lists; else 1."""
-        for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts):
+        for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts, *self.tools.values()):
             if entry.history is not None:
                 return len(self.histories[entry.history])
             if (vectors := entry.vectors) is not None:

@@ -16,6 +16,7 @@ from orchestrator.config.conditions import acting, directions, load_steps, place
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
 from orchestrator.config.paths import dotted, find, get, is_number, is_vectors, law_of, shown
+from orchestrator.config.tools import PLACE, SHAPES, tools_fit
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
 
@@ -31,6 +32,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("method", "tolerance"): ("error", "law", "indicator"),
     ("boundary", "*"): tuple(ON_FACES),
     ("loads", "*"): tuple(IN_VOLUMES),
+    PLACE: SHAPES,
 }
 
 
@@ -295,7 +297,7 @@ def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterato
 
 RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
          what_histories_multiply, acceleration_fits, heeded, accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts,
-         directions, probes_fit, planes_have_points, certified_fits]
+         directions, probes_fit, planes_have_points, certified_fits, tools_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -107,6 +107,7 @@ class Law:
     presses : what passes depends on whether sides are pressed or pulled
     axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
+    on_ground : side 2 is a rigid ground, which ``keeps`` the body from some motions (n, 3, m) of its nodes, as (q, m)
     has_history : the answer depends on earlier load steps, see ``docs/laws.md``
     rigidity : stiffness per area of the softest springs by which it acts; infinite where sides touch without any
     follows : the sides are paired anew as they slide, load step after load step
@@ -160,6 +161,7 @@ class Law:
     as_one: ClassVar[bool] = False
     axial: ClassVar[bool] = False
     joins: bool = False
+    on_ground: ClassVar[bool] = False
     convex: bool = False
     prices: ClassVar[bool] = False
     slips: ClassVar[bool] = False

@@ -53,7 +53,7 @@ class Parameters(Entry):
 
     @property
     def apart(self) -> str:
-        return "gap" if self.gap == "geometry" or (self.found and self.gap is None) else ""
+        return "gap" if self.gap == "geometry" or ((self.found or self.tool) and self.gap is None) else ""
 
     @property
     def reach(self) -> float | None:
@@ -73,8 +73,10 @@ class Parameters(Entry):
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-        read = raw.get("gap") == "geometry" or (raw.get("gap") is None and raw.get("between") == "auto")
-        if raw.get("history") is not None and (read or not raw.get("gap")):
+        between = raw.get("between")
+        with_tool = isinstance(between, list) and any(isinstance(side, dict) for side in between)
+        read = raw.get("gap") == "geometry" or (raw.get("gap") is None and (between == "auto" or with_tool))
+        if raw.get("history") is not None and not with_tool and (read or not raw.get("gap")):
             yield ("history", "history without a gap to multiply", "history beside a gap that is a number other than 0",
                    "give the gap as a number, or remove the history")
         if raw.get("within") is not None and not read:

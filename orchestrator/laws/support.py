@@ -41,7 +41,7 @@ class Support(Law):
     name = "support"
     formula, meaning = "f·e = k A (g − u·e), or u·e = g, in directions e", "a rigid ground: springs, or directions that are held"
     # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to be kept plane
-    as_one, joins, has_history = True, True, False
+    as_one, joins, on_ground, has_history = True, True, True, False
     convex, prices = True, True
     statuses = (SUPPORTED, GUIDED, CARRIED, BONDED)
 

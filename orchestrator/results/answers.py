@@ -54,8 +54,9 @@ class Answers:
         piece : rank 0's, where there are several; the others ask for the extremes of theirs
         """
         lost = None
-        if any(detached) or any(s.foreign for s in scene.subdomains):  # of a mesh that is not ours what is inside means nothing
-            lost = np.array([[s.foreign or s.body in names for s in scene.subdomains] for names in detached or [[]] * scene.steps])
+        if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
+            lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
+                             for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
         found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
@@ -86,8 +87,8 @@ class Answers:
 
 
 def reaction_names(config: Config) -> list[str]:
-    """What the entries of ``boundary`` are called: by their own name, else by their place."""
-    return [place_text(entry.model_dump(exclude_none=True)["on"], entry.part) for entry in config.boundary]
+    """What the entries of ``boundary`` are called: by their own name, else by their place; then rigid tools."""
+    return [*(place_text(entry.model_dump(exclude_none=True)["on"], entry.part) for entry in config.boundary), *config.tools]
 
 
 @dataclass(frozen=True)

@@ -90,6 +90,8 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     cut = _divided(config, body, problems)
     joints = _joined(config, body, cut, boundary, problems)
     plain = replace(body)
+    _with_tools(config, body, cut, joints, boundary, problems)
+    bodies = replace(body)  # without grounds
     if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
         _grounded(body, cut, joints, boundary, problems)
     loads, thermal, body_force = _loaded(config, plain, body, cut, boundary, problems)
@@ -97,7 +99,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     _freed(config, body, cut, joints, held, problems)
     if resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
         # A selection that failed holds nothing: a second complaint would only distract.
-        _check_held(plain, cut, joints, held, problems)
+        _check_held(bodies, cut, joints, held, problems)
     probes = _watched(config, plain, cut, joints, problems)
     problems.raise_if_any()
     _remark(config, body.mesh, problems)
@@ -131,8 +133,9 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
     """The interfaces; where their sides are fitted to each other the mesh's nodes move, and what acts on faces with them."""
     mesh, matter = body.mesh, _matter(body, boundary)
     laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes], _times(config, config.interfaces))
+    asked = "interfaces" in config.model_fields_set and any(entry.tool is None for entry in config.interfaces)
     interfaces, near = ([], {}) if cut.failed else make_interfaces(Search(
-        mesh, body.faces, cut.partition, cut.numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
+        mesh, body.faces, cut.partition, cut.numbering, laws, problems, asked, matter))
     bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems)
     if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.standin import report_joints, report_units
@@ -162,10 +165,26 @@ def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
     return Matter(young, held)
 
 
+def _with_tools(config: Config, body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
+    """Adds rigid tools: cells, subdomains, interfaces, and entries of ``boundary`` that drive them."""
+    if not config.tools or cut.failed or not body.materials:
+        return
+    from orchestrator.scene.tools.add import add_tools, pressed_tools
+
+    pressed = pressed_tools(body.mesh, body.faces, config.interfaces, config.tools, _times(config, list(config.tools.values())), problems)
+    if problems.found:
+        return
+    added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, body.materials, pressed, len(boundary))
+    body.mesh, body.faces, body.material, cut.partition, cut.numbering = (
+        added.mesh, added.faces, added.material, added.partition, added.numbering)
+    joints.interfaces = joints.interfaces + interfaces
+    boundary += entries
+
+
 def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
     """Adds a ground behind every entry that stands on one: cells, subdomains, interfaces."""
-    body.mesh, cut.partition, cut.numbering, body.material, joints.grounds, joints.stands = add_grounds(
-        body.mesh, cut.partition, body.material, boundary, problems)
+    added, joints.grounds, joints.stands = add_grounds(body.mesh, cut.partition, body.material, boundary, problems)
+    body.mesh, body.material, cut.partition, cut.numbering = added.mesh, added.material, added.partition, added.numbering
     joints.interfaces = joints.interfaces + joints.grounds
 
 
@@ -246,6 +265,7 @@ def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
     """Adds warnings of the mesh, of names, of histories without use."""
     problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"), *look_alike(mesh.surfaces, "surface")]
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
+    used |= {tool.history for tool in config.tools.values()}
     used |= {part.foreign.history for part in config.parts or [] if part.foreign is not None}
     problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces, bolts or parts names it"
                           for name in config.histories if name not in used]
@@ -274,7 +294,8 @@ def _subdomains(config: Config, mesh: Mesh, cut: Cut, joints: Joints, fields: _F
             np.ascontiguousarray(held.values[:, own]), np.ascontiguousarray(fields.loads[:, own]), held.by[own], body=partition.body(i),
             foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]), contact_area=np.zeros(own.stop - own.start),
             heated=fields.thermal is not None and bool(fields.thermal[:, cells].any())))
-    grounded = {i.subdomains[1]: i.subdomains[0] for i in joints.grounds}
+    grounded = {i.subdomains[1]: i.subdomains[0] for i in joints.interfaces if i.tool is not None}
+    grounded |= {i.subdomains[1]: i.subdomains[0] for i in joints.grounds}
     assign_codes(mesh, [s for s in made if s.index not in grounded], config.codes)
     for e, body in grounded.items():
         made[e].code = made[body].code

@@ -19,6 +19,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.loads.base import Forces, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.tools.motion import Rigid
 
 
 @dataclass
@@ -110,6 +111,7 @@ class Interface(FacePatch):
     law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
         most; else empty
     moving : what they are made of anew where the sides have slid to, if they are
+    tool : the rigid tool that side 2 is, if it is one
     """
 
     law: Law = field(default_factory=Perfect)
@@ -120,6 +122,7 @@ class Interface(FacePatch):
     surfaces: Surfaces | None = None
     law_at_steps: list[Law] = field(default_factory=list)
     moving: Moving | None = None
+    tool: Rigid | None = None
 
     @property
     def matching(self) -> bool:
@@ -176,12 +179,13 @@ class Material:
 class BoundaryEntry:
     """One resolved entry of ``boundary:`` in the YAML.
 
-    index : position in the YAML's list
+    index : position in the list
     kind : its name, for messages
     triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
     cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer boundary
     nodes : (p,) int, global ids of all nodes on those faces
     does : what acts there; forces are those of its faces
+    drives : name of the rigid tool that it drives; such entries come after those of the YAML, and are none of them
     """
 
     index: int
@@ -190,6 +194,12 @@ class BoundaryEntry:
     cells: np.ndarray
     nodes: np.ndarray
     does: Forces | Prescribed | Ground
+    drives: str = ""
+
+    @property
+    def name(self) -> str:
+        """In messages: its place, or what it drives."""
+        return self.drives or f"boundary[{self.index}]"
 
     @property
     def forces(self) -> Forces | None:
@@ -324,6 +334,12 @@ class Scene:
     def lame(self) -> np.ndarray:
         """(m, 2) float, Lamé's λ and μ of each cell."""
         return np.array([material.lame for material in self.materials])[self.cell_material]
+
+    @cached_property
+    def stand_ins(self) -> np.ndarray:
+        """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts of other programs."""
+        behind = [i.subdomains[1] for i in self.interfaces if i.tool is not None or i.law.on_ground]
+        return np.isin(np.arange(len(self.subdomains)), behind) | np.array([s.foreign for s in self.subdomains], dtype=bool)
 
     @cached_property
     def sizes(self) -> np.ndarray:

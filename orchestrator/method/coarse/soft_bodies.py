@@ -43,6 +43,6 @@ def soft_bodies(scene: Scene, blackbox: GuardedTraces) -> tuple[dict[int, np.nda
     parts = np.array([e for i in scene.interfaces if not i.law.joins for e in i.subdomains], dtype=int)
     wanted = np.zeros(len(scene.subdomains), dtype=bool)
     wanted[np.array(space.subdomains, dtype=int)[of.subdomains[known][ends[:, 0] < FOUND]]] = True
-    wanted &= np.isin(np.arange(len(wanted)), parts)
+    wanted &= np.isin(np.arange(len(wanted)), parts) & ~scene.stand_ins  # a tool's layer has a back that does not bend
     modes, sweeps = soft_modes(blackbox.direction, blackbox, wanted, MODES)
     return modes, STEPS + sweeps

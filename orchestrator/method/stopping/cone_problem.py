@@ -116,7 +116,7 @@ class Motion:
     """A rigid motion in which loads do more work than any force resists.
 
     y : (bodies, 6) of bodies, the largest of length 1
-    lacking : force that balance lacks, over the largest load on a body
+    lacking : force that balance lacks, over the largest load on a body, or on a point that a surface follows
     factor : how far the loads may go from what was balanced before; nan where that is not known
     """
 
@@ -140,7 +140,9 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
     graph = sp.coo_array((np.ones(len(touching)), touching.T), shape=(len(loads), len(loads)))
     _, part = connected_components(graph, directed=False)
     acting, worst = reach.some(moves.any(axis=1) & acts), None
-    for p in np.unique(part[loads.any(axis=1)]):
+    pushed = loads.any(axis=1)
+    pushed[reach.ends[reach.works.any(axis=0)]] = True
+    for p in np.unique(part[pushed & floats]):
         own = np.flatnonzero(floats & (part == p))
         found = _of_part(acting.some(np.isin(acting.ends, own).any(axis=1)), own, loads, before, noise)
         if found is not None and (worst is None or found.lacking > worst.lacking):
@@ -150,7 +152,7 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
 
 def _of_part(reach: Reach, own: np.ndarray, loads: np.ndarray, before: np.ndarray, noise: np.ndarray) -> Motion | None:
     """The same for the bodies ``own``, which touch each other and nobody else who is free."""
-    scale = np.linalg.norm(loads[own], axis=1).max()
+    scale = max(np.linalg.norm(loads[own], axis=1).max(), np.abs(reach.works).max(initial=0.0))
     if scale <= noise[own].max():
         return None
     cones, (L, L0) = _Cones(reach, own, scale), (x[own].ravel() / scale for x in (loads, before))

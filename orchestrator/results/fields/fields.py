@@ -32,7 +32,7 @@ class Fields:
 
     nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10) int, VTK's order
     subdomain : (m,) int
-    lame : (m, 2), Lamé's λ and μ per cell; 0 of cells that stand for a part whose mesh is another program's
+    lame : (m, 2), Lamé's λ and μ per cell; 0 of cells that stand for a part of another program, a ground or a rigid tool
     displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
     sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
     interfaces : fields of the interfaces that are not perfect, if there are any
@@ -65,8 +65,8 @@ class Fields:
            believed: np.ndarray | None = None) -> Fields:
         """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
         joined, lame = None if sides is None else Copies.of(scene).label, scene.lame
-        if scene.mesh.foreign:
-            lame = np.where(scene.mesh.is_foreign(np.arange(len(scene.mesh.cells)))[:, None], 0.0, lame)
+        if scene.stand_ins.any():
+            lame = np.where(scene.stand_ins[scene.cell_subdomain][:, None], 0.0, lame)
         return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, displacement, sides, *others,
                    part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed, thermal=scene.thermal)
 

@@ -54,8 +54,8 @@ def question(summary: Mapping[str, object]) -> list[str]:
     own = [{**part["material"], "on": [part["name"]]} for part in config.get("parts") or () if part.get("material")]
     matter = [(str(k), flow(entry.get("on", ["*"])), *(flow(entry.get(key, "")) for key in ("young", "poisson", "density")))
               for k, entry in enumerate([*(config.get("materials") or ()), *own], 1)]
-    between = [(b if isinstance(b := entry.get("between", ""), str) else " – ".join(b), str(entry.get("law", "")),
-                rest(entry, ("between", "law"))) for entry in config.get("interfaces") or ()]
+    between = [(b if isinstance(b := entry.get("between", ""), str) else " – ".join(s if isinstance(s, str) else flow(s) for s in b),
+                str(entry.get("law", "")), rest(entry, ("between", "law"))) for entry in config.get("interfaces") or ()]
     tables = [(("material", "on", "Young's modulus", "Poisson's ratio", "density"), matter),
               (("boundary", "prescribed", "value", "history"), list(_entries(config["boundary"]))),
               (("volumes", "load", "value", "history"), list(_entries(config.get("loads") or ()))),

@@ -11,6 +11,7 @@ import numpy as np
 from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.summary.sliding import sliding
+from orchestrator.results.summary.tools import tool_cautions
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
@@ -32,7 +33,8 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     discretisation_error : estimated, relative, energy norm; None: not known
     """
     lost = {name for step in detached for name in step}
-    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost]
+    tools = {i.subdomains[1] for i in scene.interfaces if i.tool is not None}  # which may go anywhere
+    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost and s.index not in tools]
     result = [*scene_cautions(scene), *_of_mesh(scene, discretisation_error)]
     nodes: dict[str, list[np.ndarray]] = {s.body: [] for s, _ in kept}
     for s in scene.subdomains:
@@ -51,7 +53,7 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
     result += passing_through(scene, sides, lost)
-    return result if interfaces is None else result + _of_interfaces(scene, interfaces)
+    return result if interfaces is None else [*result, *_of_interfaces(scene, interfaces), *tool_cautions(scene, sides, interfaces)]
 
 
 def _of_mesh(scene: Scene, error: float | None) -> list[str]:

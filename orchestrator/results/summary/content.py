@@ -31,6 +31,7 @@ from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.contact_faces import contact_faces
 from orchestrator.results.summary.summary import memory_peak_mb
+from orchestrator.results.summary.tools import tools_moved
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.elasticity import von_mises
@@ -79,6 +80,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
         "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
         **contact,
+        "tools": tools_moved(scene, delivered.sides or delivered.parts),
         "load_path": [found | {"sentence": path_sentence(found)} for found in iterated.found.get("path", [])],
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],

@@ -32,7 +32,7 @@ WRONG = 0.1
 
 def sliding(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
     """A sentence for those that slid by more than an element, by more than a fifth, and on curved faces by too much for these."""
-    fixed = {i.name: i for i in scene.interfaces if not i.law.follows}
+    fixed = {i.name: i for i in scene.interfaces if not (i.law.follows or i.law.on_ground or i.tool is not None)}
     holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
     slip = np.where(holds[..., None], fields.slip, 0.0)
     far, bent = {}, {}

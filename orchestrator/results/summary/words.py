@@ -99,6 +99,14 @@ def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
     return told
 
 
+def _tools(summary: Mapping[str, object]) -> str:
+    """How far each is at the last load step."""
+    units = units_of(summary)
+    return "\n".join(f"{tool['name']}: {_vector(move := tool['displacement'][-1], ROUNDED * max(map(abs, move)))}{units['length']}"
+                     + (f", turned by {_vector(turn, ROUNDED * max(map(abs, turn)))}°" if any(turn := tool["rotation"][-1]) else "")
+                     for tool in summary.get("tools") or ())
+
+
 def _probes(summary: Mapping[str, object]) -> str:
     """At the last load step."""
     units, texts = units_of(summary), []
@@ -296,7 +304,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("run", ("name", "{}")), ("result", _result), ("verdict", lambda summary: "\n".join(verdict(summary))),
     ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
     ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _forces(loads=False)),
-    ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
+    ("tools", _tools), ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
     ("what to do", _sentences("advice")), ("iterations", _iterations),
     ("load path", lambda summary: "\n".join(found["sentence"] for found in summary.get("load_path") or ())),
     ("error bound", _error), ("own errors", own_errors), ("backward", _backward),

@@ -8,7 +8,7 @@ comes last in the mesh; what the ground exerts is the reaction of its entry of `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
 from orchestrator.scene.mesh.geometry import format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
+from orchestrator.scene.mesh.quadratic import faces_of_six
 from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition import Partition
 
@@ -25,75 +26,117 @@ GROUND = "ground of boundary"  # its volumes are called so
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
 
-def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems,
-                ) -> tuple[Mesh, Partition, SplitNumbering, np.ndarray, list[Interface], dict[int, slice]]:
-    """The scene with a ground behind every entry that stands on one.
+@dataclass(frozen=True)
+class Layer:
+    """What is to lie behind some faces.
 
-    boundary : resolved entries
-    Returns mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
+    name : of the body that it is
+    triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each
+    material : (k,) int, of its tets; None: as of these
+    whole : it is one interface with each body, in however many patches
     """
+
+    name: str
+    triangles: np.ndarray
+    cells: np.ndarray
+    material: np.ndarray | None = None
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Added:
+    """The scene with layers.
+
+    numbering : of ``partition``; material : (m,) int, of each cell
+    nodes : of each layer, those on its faces first
+    interfaces : of each layer, those with the bodies that it lies on, without a law
+    """
+
+    mesh: Mesh
+    partition: Partition
+    numbering: SplitNumbering
+    faces: Faces
+    material: np.ndarray
+    nodes: list[slice]
+    interfaces: list[list[Interface]]
+
+
+def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, wanted: Sequence[Layer]) -> Added:
+    """A thin layer of tets behind faces each, a body of its own with nodes of its own."""
     from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
     from orchestrator.scene.soles.make import prisms
 
-    standing = [i for i, entry in enumerate(boundary) if entry.ground and len(entry.triangles)]
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
     names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], list(mesh.volumes)
-    nodes: dict[int, slice] = {}
-    for i in standing:
-        at, local = _local(boundary[i])
+    nodes: list[slice] = []
+    for one in wanted:
+        at, local = _local(one.triangles)
         points, count, first = mesh.nodes[at], len(local), sum(map(len, layers))
         layer = prisms(Facets(points, local, np.ones(count), np.zeros(count), THICKNESS * local_size(points, local)), +1)
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
-        nodes[i] = slice(first, first + len(layers[-1]))
-        name = f"{GROUND}[{i}]"
+        nodes.append(slice(first, first + len(layers[-1])))
         volume.append(np.full(len(layer.cells), len(volumes)))
         subdomain.append(np.full(len(layer.cells), len(names)))
-        material.append(np.repeat(cell_material[boundary[i].cells[:, 0]], 3))
+        material.append(np.repeat(cell_material[one.cells] if one.material is None else one.material, 3))
         for known in (names, bodies, volumes):
-            known.append(name)
+            known.append(one.name)
     whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume), volumes=volumes)
     cut = Partition(np.concatenate(subdomain), names, bodies)
     numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
-    behind = faces_of(whole.cells[:, :4], len(whole.nodes))
-    interfaces = [made for i in standing for made in _interfaces(whole, cut, numbering, behind, nodes[i].start, boundary[i], problems)]
-    return whole, cut, numbering, np.concatenate(material), interfaces, nodes
+    faces = faces_of(whole.cells[:, :4], len(whole.nodes))
+    faces = faces if whole.cells.shape[1] == 4 else faces_of_six(faces, whole.cells)
+    interfaces = [_interfaces(cut, numbering, faces, own.start, one) for one, own in zip(wanted, nodes)]
+    return Added(whole, cut, numbering, faces, np.concatenate(material), nodes, interfaces)
 
 
-def _local(entry: BoundaryEntry) -> tuple[np.ndarray, np.ndarray]:
-    """(p,) int, the nodes of an entry's faces, ascending, and these (k, 3 or 6) as indices of them."""
-    at, local = np.unique(entry.triangles, return_inverse=True)
-    return at, local.reshape(entry.triangles.shape)
+def _local(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(p,) int, the nodes of triangles (k, 3 or 6), ascending, and these as indices of them."""
+    at, local = np.unique(triangles, return_inverse=True)
+    return at, local.reshape(triangles.shape)
 
 
-def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, faces: Faces, first: int, entry: BoundaryEntry,
-                problems: Problems) -> list[Interface]:
-    """Between each body on a surface and its ground, patch by patch.
+def _interfaces(partition: Partition, numbering: SplitNumbering, faces: Faces, first: int, layer: Layer) -> list[Interface]:
+    """Between each body on a surface and the layer behind it, patch by patch.
 
-    first : first node of the ground
+    first : first node of the layer
     """
-    at, local = _local(entry)
-    owner = partition.subdomain[entry.cells[:, 0]]
+    at, local = _local(layer.triangles)
+    owner = partition.subdomain[layer.cells]
     ground = int(partition.subdomain[faces.owner[faces.find(local[:1, :3] + first)[0]]])
-    group = np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0, return_inverse=True)[1].ravel() \
-        if not entry.ground.whole else owner
+    group = owner if layer.whole else np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0, return_inverse=True)[1].ravel()
     found = []
     for one in np.unique(group):
         chosen = np.flatnonzero(group == one)
         mine, e = np.unique(local[chosen]), int(owner[chosen[0]])
         own = tuple(numbering.find(np.int64(part), ids) - numbering.offsets[part] for part, ids in ((e, at[mine]), (ground, first + mine)))
-        cells = np.c_[entry.cells[chosen, 0], faces.owner[faces.find(local[chosen, :3] + first)]]
+        cells = np.c_[layer.cells[chosen], faces.owner[faces.find(local[chosen, :3] + first)]]
         found.append(Interface(-1, f"{partition.names[e]} | {partition.names[ground]}", (e, ground), at[mine], own,
                                np.searchsorted(mine, local[chosen]), cells, np.ones((len(mine), 3), dtype=bool)))
-    if entry.ground.whole and len(found) > 1:
-        problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {len(found)} subdomains share",
-                     "a surface of one subdomain, that moves as one",
-                     "leave its body whole: write subdomains: groups, without split_above or with a larger one")
-        return []
-    for interface in found:
-        laws = entry.ground.laws(mesh.nodes[interface.global_nodes], interface.triangles)
-        _govern(interface, laws)
     return found
+
+
+def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems,
+                ) -> tuple[Added, list[Interface], dict[int, slice]]:
+    """The scene with a ground behind every entry that stands on one.
+
+    boundary : resolved entries
+    Returns the interfaces with grounds as well, with their laws; per entry, the nodes of its ground
+    """
+    standing = [entry for entry in boundary if entry.ground and len(entry.triangles)]
+    added = add_layers(mesh, partition, cell_material, [
+        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], whole=entry.ground.whole) for entry in standing])
+    interfaces = []
+    for entry, found in zip(standing, added.interfaces):
+        if entry.ground.whole and len(found) > 1:
+            problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {len(found)} subdomains share",
+                         "a surface of one subdomain, that moves as one",
+                         "leave its body whole: write subdomains: groups, without split_above or with a larger one")
+            continue
+        for interface in found:
+            _govern(interface, entry.ground.laws(added.mesh.nodes[interface.global_nodes], interface.triangles))
+        interfaces += found
+    return added, interfaces, {entry.index: own for entry, own in zip(standing, added.nodes)}
 
 
 def _govern(interface: Interface, laws: list) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.conditions.rigid import Hinge, left_over
+from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
@@ -18,11 +18,15 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     """(subdomains,) bool, those that can move as rigid bodies, together with what joining laws tie to them.
 
     What contact may do for them depends on the load, and is not looked at: a block that is pressed on another one and
-    rubs is loose.
+    rubs is loose. A ground keeps from happening what its law says: a point that is pushed by a force holds nothing along it.
     """
     if scene.overview is not None:
         return scene.overview.loose
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins], dtype=int).reshape(-1, 2)
+    kept: dict[int, list[np.ndarray]] = {}
+    for i in scene.interfaces:
+        if i.law.on_ground:
+            kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], np.zeros(3), 1.0)))
+    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins and not i.law.on_ground], dtype=int).reshape(-1, 2)
     count, body = components(*joined.T, len(scene.subdomains))
     loose = np.zeros(count, dtype=bool)
     for b in range(count):
@@ -30,7 +34,8 @@ def loose_bodies(scene: Scene) -> np.ndarray:
         nodes, place = np.unique(np.concatenate([s.nodes for s in pieces]), return_inverse=True)
         fixed = np.zeros((len(nodes), 3), dtype=bool)
         np.logical_or.at(fixed, place, np.concatenate([s.fixed for s in pieces]))
-        loose[b] = left_over(scene.mesh.nodes[nodes], fixed).shape[1] > 0
+        rows = [row for s in pieces for row in kept.get(s.index, ())]
+        loose[b] = left_over(scene.mesh.nodes[nodes], fixed, np.concatenate(rows) if rows else None).shape[1] > 0
     return loose[body]
 
 

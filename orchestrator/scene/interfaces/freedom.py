@@ -67,7 +67,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     for interface in kept:
         if interface.matching and not interface.law.perfect:
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
-            _curve(interface, points)
+            if interface.tool is None:  # which has normals of its own
+                _curve(interface, points)
             if interface.weighed:
                 usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
                 _weigh(interface, points, usual, tuple(fixed[own] for own in numbering.sides(interface)))
@@ -119,7 +120,7 @@ def _share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Inter
     """
     surfaces: dict[tuple[str, str], list[Interface]] = {}
     for i in interfaces:
-        if not i.law.perfect and i.matching:
+        if not i.law.perfect and i.matching and i.tool is None:
             surfaces.setdefault(tuple(bodies[e] for e in i.subdomains), []).append(i)
     for pieces in surfaces.values():
         if len(pieces) > 1:

@@ -163,7 +163,7 @@ def _report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:
                 problems.add(("interfaces", i, *key), f"{pattern!r} matches no subdomain and no volume",
                              "names of parts, shell wildcards allowed", suggestion(pattern, laws.names, "part"))
         everything = entry.pair == ("*", "*")
-        if used or entry.found or (everything and search.pieces[0] < 2):
+        if used or entry.found or entry.tool is not None or (everything and search.pieces[0] < 2):
             continue  # of pairs that are found, ``report_neighbours`` says which are missing
         where = entry.apart or "between"
         if unknown := [p for p in entry.pair if not laws.meant(p)]:

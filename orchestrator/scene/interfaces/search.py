@@ -117,7 +117,7 @@ class Laws:
     def _matching(self, first: Iterable[str], second: Iterable[str]) -> list[int]:
         """Indices of all entries that match, ascending."""
         return [i for i, entry in enumerate(self.entries)
-                if self._are(entry.pair, first, second) and not self._left_out(entry, first, second)]
+                if entry.tool is None and self._are(entry.pair, first, second) and not self._left_out(entry, first, second)]
 
     def excluded(self, first: Iterable[str], second: Iterable[str]) -> bool:
         """Whether an entry would govern two sides if it did not leave them out, and no other does."""

@@ -40,11 +40,13 @@ class Surface:
     """What facets (k,) stand for.
 
     normals : (k, 3, 3) unit normals of the surface at their corners, outward; nan where it is not known
+    means : (k, 3, 3) the same, where it is not known those of the facets around that are part of the same smooth face
     bulge : (k, 3) how far the surface stands off the middles of their edges, outward positive; edges as in ``TRIANGLE_EDGES``. Over
         the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂)
     """
 
     normals: np.ndarray
+    means: np.ndarray
     bulge: np.ndarray
 
     @cached_property
@@ -61,7 +63,7 @@ class Surface:
 
     def some(self, chosen: np.ndarray) -> Surface:
         """Of some of the facets, by index or mask."""
-        return Surface(self.normals[chosen], self.bulge[chosen])
+        return Surface(self.normals[chosen], self.means[chosen], self.bulge[chosen])
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,8 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray, given
         found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[patch == label].mean())
         if found is not None:
             known[own] = found[place.reshape(-1, 3)]
-    return Surface(known, _over_edges(points, np.where(np.isnan(known), means, known)))
+    means = np.where(np.isnan(known), means, known)
+    return Surface(known, means, _over_edges(points, means))
 
 
 def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:

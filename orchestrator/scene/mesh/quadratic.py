@@ -46,6 +46,14 @@ def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
     return (replace(mesh, nodes=nodes, cells=np.hstack([mesh.cells, n + edge])), replace(faces, triangles=triangles))
 
 
+def faces_of_six(faces: Faces, cells: np.ndarray) -> Faces:
+    """Faces (f, 3) of ten-node tets (m, 10) with the nodes in the middle of their edges."""
+    ends, edge = edges_of(cells[:, :4], TET_EDGES)
+    middle = np.empty(len(ends), dtype=int)
+    middle[edge] = cells[:, 4:]
+    return replace(faces, triangles=np.hstack([faces.triangles, middle[find(ends, faces.triangles[:, TRIANGLE_EDGES])]]))
+
+
 def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The edges of elements (m, p), each once: ends (e, 2) int, ascending within and among rows, and edge (m, q) int, index into ends.
 

@@ -137,8 +137,8 @@ def difficulty(scene: Scene) -> Difficulty:
     # four-node tets cannot flow without changing their volumes, and their copies resist by all of their bulk modulus
     yielding = largest > (0.5 / (1 + YIELDING**2) if scene.mesh.cells.shape[1] == 10 else INCOMPRESSIBLE)
     slender = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes) >= SLENDER * (1 - SLACK)
-    foreign = np.array([s.foreign for s in scene.subdomains], dtype=bool)  # of which only the joints are known
-    return Difficulty(mixed, (incompressible | slender) & ~foreign, (yielding | slender) & ~foreign)
+    ours = ~scene.stand_ins  # thin layers that stand for something else bend nowhere
+    return Difficulty(mixed, (incompressible | slender) & ours, (yielding | slender) & ours)
 
 
 def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:

@@ -1,0 +1,139 @@
+"""Rigid tools in the scene: behind the faces that each may touch, a thin layer of tets is the tool, a body among the others.
+
+Its nodes are copies of the faces' own, so that contact pairs them, with the tool's own normals and gaps: the layer lies on the part,
+wherever the tool is. Where the whole motion is prescribed all of its nodes are; else its back follows a point that is loaded, and the
+layer is so much stiffer than the part that it passes on what its back does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.config.boundary import Entry
+from orchestrator.config.tools import PLACE, Tool
+from orchestrator.errors import InputError, KeyPath, Problems
+from orchestrator.registry import LAWS
+from orchestrator.scene.conditions.ground import Added, Layer, add_layers
+from orchestrator.scene.conditions.selection import volumes_named
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface, Material
+from orchestrator.scene.partition import Partition
+from orchestrator.scene.tools.motion import Driven, Rigid
+from orchestrator.scene.tools.surfaces import Plane, Round, Surface
+from orchestrator.scene.tools.touching import touched_faces
+
+KIND = "tool"
+STIFF = 1000.0  # modulus of a layer that is not prescribed, over the part's: a tenth of an element thick, it gives way by a ten-thousandth
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """A tool, the entry of ``interfaces`` that it is in, by its place, and the faces (k,) that it may touch."""
+
+    tool: Rigid
+    index: int
+    entry: Entry
+    faces: np.ndarray
+
+
+def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Mapping[str, Tool], factors: Sequence[Sequence[float]],
+                  problems: Problems) -> list[Pressed]:
+    """The tools in their places, each with its faces; adds problems.
+
+    entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history of each
+    """
+    found = []
+    there = [(i, entry) for i, entry in enumerate(entries) if entry.tool is not None]
+    for (i, entry), (name, tool), times in zip(there, tools.items(), factors):
+        path = ("interfaces", i)
+        if name in mesh.volumes:
+            problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is", "a name of its own", "give it a name")
+        try:
+            surface = surface_of_tool(tool, (*path, *PLACE[2:]))
+        except InputError as error:
+            problems.found += error.problems
+            continue
+        volumes = volumes_named(mesh, entry.pair[0], (*path, "between", 0), problems)
+        foreign = [mesh.volumes[stand.volume] for stand in mesh.foreign if stand.volume in volumes]
+        if foreign:
+            problems.add((*path, "between", 0), f"a rigid tool on {foreign[0]!r}, whose mesh is not this program's",
+                         "parts with a mesh of this program's", "name these alone, or mesh the tool as a part")
+        elif volumes:
+            rigid = Rigid(name, surface, Driven.of(tool, surface.middle, times))
+            own = touched_faces(mesh, faces, np.array(volumes), rigid, entry, path, problems)
+            found.append(Pressed(rigid, i, entry, own))
+    return found
+
+
+def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
+    """Of the YAML's entry; raises InputError: an STL file that is none, or whose surface is not closed or turned inside out."""
+    if tool.plane is not None:
+        return Plane(np.array(tool.plane.at), np.array(tool.plane.direction))
+    if tool.sphere is not None:
+        return Round(np.array(tool.sphere.centre), tool.sphere.radius, tool.sphere.hollow)
+    if tool.cylinder is not None:
+        c = tool.cylinder
+        return Round(np.array(c.at), c.radius, c.hollow, np.array(c.direction))
+    from orchestrator.scene.tools.triangles import read_stl  # with it comes SciPy
+
+    return read_stl(tool.stl, (*path, "stl"))
+
+
+def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.ndarray, materials: list[Material],
+              pressed: Sequence[Pressed], first: int) -> tuple[Added, list[Interface], list[BoundaryEntry]]:
+    """The scene with the tools as bodies; ``materials`` get what layers that are not prescribed are of.
+
+    first : how many entries ``boundary`` has already
+    Returns the interfaces with the tools as well, with their laws, and what moves or loads each
+    """
+    layers = []
+    for one in pressed:
+        cells = faces.owner[one.faces]
+        stiff = None if one.tool.driven.prescribed.all() else _stiffened(cell_material[cells], materials)
+        layers.append(Layer(one.tool.name, faces.triangles[one.faces], cells, stiff))
+    added, entries = add_layers(mesh, partition, cell_material, layers), []
+    for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
+        for interface in interfaces:
+            _in_contact(interface, one, added.mesh.nodes[interface.global_nodes])
+        entries.append(_driven(added, one, nodes, len(np.unique(layer.triangles)), first + number))
+    return added, [interface for own in added.interfaces for interface in own], entries
+
+
+def _stiffened(own: np.ndarray, materials: list[Material]) -> np.ndarray:
+    """(k,) int, of parts' matter (k,) the matter of the layer on them, which widens nowhere when it is pressed."""
+    kinds, which = np.unique(own, return_inverse=True)
+    number = []
+    for kind in kinds:
+        matter = Material(STIFF * materials[kind].young, 0.0)
+        if matter not in materials:
+            materials.append(matter)
+        number.append(materials.index(matter))
+    return np.array(number)[which]
+
+
+def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
+    """Give an interface with a tool, at nodes (n, 3), its law, the tool's gaps and normals."""
+    gaps, interface.normals = one.tool.gaps(points)
+    laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
+    interface.law = max(laws, key=lambda law: law.imposed)
+    interface.law_at_steps = laws if (gaps != gaps[:1]).any() else []
+    interface.entry, interface.tool = one.index, one.tool
+
+
+def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
+    """What moves a layer: on all its faces, or on those of its back where it is loaded.
+
+    front : how many of its nodes lie on the part
+    """
+    outer = added.faces.outer
+    own = outer[(added.faces.triangles[outer] >= nodes.start).all(axis=1) & (added.faces.triangles[outer] < nodes.stop).all(axis=1)]
+    does = one.tool.driven.told
+    if does is one.tool.driven:
+        own = own[(added.faces.triangles[own] >= nodes.start + front).all(axis=1)]
+    triangles = added.faces.triangles[own]
+    return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles), does,
+                         one.tool.name)

@@ -1,0 +1,82 @@
+"""The faces of parts that a rigid tool may touch: those that look at it within reach of it at some load step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.config.boundary import Entry
+from orchestrator.errors import KeyPath, Problems
+from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.tools.motion import Rigid
+
+
+def touched_faces(mesh: Mesh, faces: Faces, volumes: np.ndarray, tool: Rigid, entry: Entry, path: KeyPath,
+                  problems: Problems) -> np.ndarray:
+    """(k,) int, the outer faces of some volumes that a tool may touch; adds a problem where there are none, or where the tool begins
+    inside.
+
+    entry : of ``interfaces``, which says how far off faces may be, and how far turned away
+    """
+    outer = faces.outer[np.isin(mesh.volume[faces.owner[faces.outer]], volumes)]
+    triangles = faces.triangles[outer]
+    nodes, local = np.unique(triangles, return_inverse=True)
+    local, points = local.reshape(triangles.shape), mesh.nodes[nodes]
+    vectors = area_vectors(mesh.nodes, triangles)
+    area = np.linalg.norm(vectors, axis=1)
+    facet, size = vectors / area[:, None], np.sqrt(2 * area)
+    if _inside(points, local, size, tool, path, problems):
+        return outer[:0]
+    room, cosine = entry.reach or REACH * size, OPPOSITE if entry.angle is None else -np.cos(np.radians(entry.angle))
+    chosen, near = np.zeros(len(outer), dtype=bool), np.inf
+    for move in np.unique(tool.driven.moves, axis=0):
+        distance, normal = tool.at(move, points)
+        looks = np.einsum("kc,kc->k", facet, normal[local[:, :3]].mean(axis=1)) < cosine
+        apart = distance[local].min(axis=1)
+        chosen |= looks & (apart <= room)
+        near = min(near, float(apart[looks].min(initial=np.inf)))
+    if not chosen.any():
+        _nothing(mesh, volumes, tool, near, path, problems)
+    elif _pulled_away(mesh.nodes[np.unique(triangles[chosen])], tool):
+        problems.add((*path, "between", 1, "force"), f"a force that draws {tool.name} away from the part, along which nothing holds it",
+                     "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
+    return outer[chosen]
+
+
+def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid, path: KeyPath, problems: Problems) -> bool:
+    """Adds a problem where the tool begins inside: at nodes (n, 3) that surfaces go through, or amid facets (k, 3 or 6), whose chords
+    may lie aside of these."""
+    at_nodes, amid = (tool.at(np.zeros(6), x)[0] for x in (points, points[local[:, :3]].mean(axis=1)))
+    apart = np.concatenate([at_nodes[local].min(axis=1) + COINCIDE * size, amid + TOUCHING * size])
+    worst = int(apart.argmin())
+    if apart[worst] >= 0:
+        return False
+    k = worst % len(local)
+    depth, corner = (-at_nodes[local[k]].min(), local[k][at_nodes[local[k]].argmin()]) if worst < len(local) else (-amid[k], local[k][0])
+    problems.add((*path, "between", 1), f"{tool.name} begins {depth:.3g} inside the part, at {format_point(points[corner])}",
+                 "a tool that touches the part at most before it moves", "move it back, and press it by its displacement or force")
+    return True
+
+
+def _nothing(mesh: Mesh, volumes: np.ndarray, tool: Rigid, near: float, path: KeyPath, problems: Problems) -> None:
+    """No face: the tool is elsewhere, turned the other way, or inside altogether."""
+    corners = mesh.nodes[mesh.cells[np.isin(mesh.volume, volumes), :4]]
+    if (barycentric(corners, tool.surface.middle) > 0).all(axis=1).any():
+        found, cure = "begins inside the part altogether", "move it out, and press it by its displacement or force"
+    elif np.isfinite(near):
+        found = f"comes no nearer than {near:.3g} to any face that looks at it"
+        cure = f"move it nearer, or write within: {1.5 * near:.2g}"
+    else:
+        found, cure = "is looked at by no face", "turn its normal round; hollow: true where the part is inside it"
+    problems.add((*path, "between", 1), f"{tool.name} {found}", "faces of the part that look at the tool, two elements from it at most",
+                 cure)
+
+
+def _pulled_away(points: np.ndarray, tool: Rigid) -> bool:
+    """Whether at some load step a force, with no moment, leads away from all nodes (n, 3)."""
+    force, turning = tool.driven.loads[:, :3], np.delete(tool.driven.prescribed, range(3))
+    if not force.any() or not turning.all():
+        return False
+    return bool((tool.gaps(points)[1] @ force.T >= 0).all(axis=0)[force.any(axis=1)].any())

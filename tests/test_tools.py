@@ -1,0 +1,188 @@
+"""Rigid tools without a mesh: beside what is prescribed outright, books, each other; and what is wrong with them."""
+
+import copy
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+from quick import quick_sets
+
+from orchestrator.config.load import config_from
+from orchestrator.errors import InputError
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.sources import bricks
+from orchestrator.scene.tools.triangles import read_stl
+
+HELD = {"on": "zmin", "displacement": [0, 0, 0]}
+PLANE = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}}
+BALL = {"sphere": {"centre": [0.5, 0.5, 2.5], "radius": 2.0}}
+
+
+def block(tool: dict, element: str = "P1", error: float = 1e-5, **entry) -> dict:
+    return {"name": "tools", "mesh": {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}}, "subdomains": {"grid": [1, 1, 1]},
+            "materials": [{"young": 1e3, "poisson": 0.3}], "boundary": [HELD], "blackbox": {**IN_PROCESS, "element": element},
+            "interfaces": [{"between": ["*", tool], "law": "contact", **entry}], "method": {"tolerance": {"error": error}},
+            "output": {"figures": False}}
+
+
+def solved(data: dict):
+    solution = solve(config_from(data))
+    assert solution.converged, solution.stop_reason
+    return solution
+
+
+def test_a_plane_that_is_pressed_is_a_face_that_is_prescribed():
+    """So without friction, with any tilt of the way; a drag that makes all slip is the coefficient times the pressure."""
+    told = solved({**block({}), "interfaces": [{"law": "perfect"}],
+                   "boundary": [HELD, {"on": "zmax", "displacement": [None, None, -0.01]}]})
+    found = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}))
+    assert found.reactions[1] == pytest.approx(told.reactions[1], abs=1e-4)
+    count = int(found.scene.subdomains[0].nodes.max()) + 1
+    assert np.abs(found.displacement[:, :count] - told.displacement).max() < 1e-6
+    dragged = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}, friction=0.2))
+    assert dragged.reactions[1, 0, 0] == pytest.approx(-0.2 * dragged.reactions[1, 0, 2], rel=1e-4)
+    assert not any("slid" in text for text in dragged.summary["warnings"])
+
+
+@pytest.mark.parametrize("element, gap, error", quick_sets((("P1", 0.0, 1e-4), ("P1", 0.02, 1e-5), ("P2", 0.0, 1e-5)), ("P1", 0.0, 1e-4)))
+def test_a_force_does_what_the_way_does_that_it_makes(element, gap, error):
+    """Across a gap, too; the layer that stands for the tool gives way by less than a thousandth."""
+    found = solved(block({**BALL, "displacement": [0, 0, -0.01]}, element, error))
+    force = found.reactions[1, 0, 2]
+    higher = {"sphere": {"centre": [0.5, 0.5, 2.5 + gap], "radius": 2.0}}
+    pushed = solved(block({**higher, "force": [0, 0, force]}, element, error))
+    assert pushed.summary["tools"][0]["displacement"][0] == pytest.approx([0, 0, -0.01 - gap], abs=1e-5)
+    assert pushed.reactions[1, 0] == pytest.approx([0, 0, force], abs=1e-4 * -force)
+    about = np.array(pushed.summary["reaction_moments"]["moments"])[1, 0]
+    assert about == pytest.approx([0.5 * force, -0.5 * force, 0], abs=1e-3 * -force)
+
+
+def stl(path: Path, points: np.ndarray, triangles: np.ndarray) -> str:
+    meshio.write(path, meshio.Mesh(points, [("triangle", triangles)]), file_format="stl", binary=True)
+    return str(path)
+
+
+def cube(size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    mesh = bricks(np.full(3, size), np.ones(3, dtype=int), "cube")
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    return mesh.nodes, faces.triangles[faces.outer]
+
+
+def ball(times: int) -> tuple[np.ndarray, np.ndarray]:
+    """A unit sphere, from a cube whose triangles are cut in four so many times."""
+    points, triangles = cube(2.0)
+    points = points - 1.0
+    for _ in range(times):
+        pairs, place = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True)
+        a, b, c = (len(points) + place.reshape(-1, 3)).T
+        p, q, r = triangles.T
+        points = np.vstack([points, points[pairs].mean(axis=1)])
+        triangles = np.concatenate([np.c_[p, a, c], np.c_[a, q, b], np.c_[c, b, r], np.c_[a, b, c]])
+    return points / np.linalg.norm(points, axis=1, keepdims=True), triangles
+
+
+def test_distances_from_a_file_are_those_of_the_body(tmp_path):
+    """Of a cube everywhere; of a ball near it those of the sphere, which its coarse triangles are off by forty times as much."""
+    x = np.random.default_rng(0).uniform(-1, 2, (500, 3))
+    apart = np.abs(x - 0.5) - 0.5
+    exact = np.linalg.norm(np.maximum(apart, 0), axis=1) + np.minimum(apart.max(axis=1), 0)
+    assert read_stl(stl(tmp_path / "cube.stl", *cube()), ()).at(x)[0] == pytest.approx(exact, abs=1e-12)
+    points, triangles = ball(3)
+    surface, way = read_stl(stl(tmp_path / "ball.stl", points, triangles), ()), x / np.linalg.norm(x, axis=1, keepdims=True)
+    chords = 1 - np.linalg.norm(points[triangles].mean(axis=1), axis=1).min()
+    for radius in (0.98, 1.0, 1.02):
+        distance, normal = surface.at(radius * way)
+        assert np.abs(distance - (radius - 1)).max() < chords / 40 and np.abs(normal - way).max() < 0.02
+
+
+def test_a_ball_from_a_file_presses_as_the_ball(tmp_path):
+    points, triangles = ball(4)
+    file = stl(tmp_path / "ball.stl", 2 * points + [0.5, 0.5, 2.5], triangles)
+    forces = [solved(block({**tool, "displacement": [0, 0, -0.01]})).reactions[1, 0, 2] for tool in (BALL, {"stl": file})]
+    assert forces[1] == pytest.approx(forces[0], rel=2e-3)
+
+
+@pytest.mark.parametrize("more, holds", [(-0.005, True), (0.005, False)])
+def test_a_block_slides_off_an_incline_at_the_angle_of_friction(more, holds):
+    angle = np.arctan(0.3) + more
+    data = block({"plane": {"at": [0, 0, 0], "normal": "z"}}, error=1e-3, friction=0.3)
+    data |= {"boundary": [], "loads": [{"body_force": [10 * np.sin(angle), 0, -10 * np.cos(angle)]}]}
+    solution = solve(config_from(data))
+    assert (solution.stop_reason == "converged") == holds and bool(solution.summary["limit_load"]) != holds
+
+
+@pytest.mark.long
+def test_a_tool_that_is_pushed_beyond_friction_slides_away():
+    """What friction of the force carries, and no more: 0.2 of 2.5."""
+    for push, reason in ((0.4, "converged"), (0.52, "limit load")):
+        data = block({**PLANE, "force": [push, 0, -2.5]}, error=1e-3, friction=0.2)
+        data["method"]["max_iterations"] = 300
+        assert solve(config_from(data)).stop_reason == reason
+
+
+def test_a_roller_slips_round_and_what_it_leaves_is_told():
+    """A turn alone leaves the gap what it is; a way along the curved surface turns its normals, which is told from 1 % on."""
+    roller = {"cylinder": {"axis": "y", "at": [0.5, 0, 2.5], "radius": 2.0}}
+    still, turned = (solved(block({**roller, "displacement": [0, 0, -0.01], "rotation": [0, turn, 0]}, friction=0.2)) for turn in (0, 3))
+    assert turned.reactions[1, 0, 0] == pytest.approx(0.2 * turned.reactions[1, 0, 2] * np.sign(turned.reactions[1, 0, 2])
+                                                      * np.sign(turned.reactions[1, 0, 0]), rel=0.02)
+    assert turned.reactions[1, 0, 2] == pytest.approx(still.reactions[1, 0, 2], rel=0.1)
+    assert not any("curved surface" in text for text in turned.summary["warnings"])
+    finer = block({**roller, "displacement": [[0, 0, -0.01], [0.1, 0, -0.01]]}, friction=0.2)
+    finer["mesh"]["box"]["cells"] = [6, 6, 3]
+    moved = solved(finer)
+    assert any("cylinder has moved along its curved surface" in text for text in moved.summary["warnings"])
+
+
+def test_faces_that_nobody_looked_at_are_told_of_when_they_end_inside():
+    data = block(BALL, within=0.005)
+    data["boundary"] = [{**HELD, "displacement": [0, 0, 0.05]}]
+    solution = solved(data)
+    assert any("passes through sphere by" in text for text in solution.summary["warnings"])
+
+
+WRONG = {
+    "an unknown shape": ({"torus": {"radius": 1.0}}, {}, "unknown key 'torus'"),
+    "two shapes": (BALL | PLANE, {}, "sphere and plane together"),
+    "no radius": ({"sphere": {"centre": [0, 0, 9], "radius": 0.0}}, {}, "> 0"),
+    "no direction": ({"plane": {"at": [0, 0, 1], "normal": [0, 0, 0]}}, {}, "a direction"),
+    "held and pushed": (BALL | {"displacement": [0, 0, 0], "force": [0, 0, -1.0]}, {}, "displacement holds the tool"),
+    "free at times": (BALL | {"displacement": [[0, 0, 0], [0, 0, None]]}, {}, "free at some steps only"),
+    "glued": (BALL, {"law": "perfect"}, "law: perfect with a rigid tool"),
+    "a gap": (BALL, {"gap": 0.1}, "gap beside a rigid tool"),
+    "follows": (BALL, {"pairing": "follow"}, "follow beside a rigid tool"),
+    "no history": (BALL | {"history": "none"}, {}, "which is not defined"),
+    "inside": ({"sphere": {"centre": [0.5, 0.5, 2.4], "radius": 2.0}}, {}, "begins 0.1 inside the part, at (0.5, 0.5, 0.5)"),
+    "amid a facet": ({"sphere": {"centre": [0.58, 0.67, 0.6], "radius": 0.15}}, {}, "inside the part"),
+    "inside altogether": ({"sphere": {"centre": [0.61, 0.63, 0.26], "radius": 0.05}}, {}, "inside the part altogether"),
+    "far away": ({"plane": {"at": [0, 0, 2.5], "normal": [0, 0, -1]}}, {}, "comes no nearer than 2 "),
+    "drawn away": (BALL | {"force": [0, 0, 1.0]}, {}, "draws sphere away"),
+    "a part's name": (BALL | {"name": "box"}, {}, "as a part is"),
+    "no such part": (BALL, {"between": ["bolt", BALL]}, "no volume is called 'bolt'"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_wrong_with_a_tool_is_one_message(what):
+    tool, entry, words = WRONG[what]
+    data = block(copy.deepcopy(tool))
+    data["interfaces"][0] |= entry
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(data))
+    assert len(caught.value.problems) == 1 and words in str(caught.value) and caught.value.problems[0].cure
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda t: t[:-1], "not closed: 3 edges"), (lambda t: np.r_[t[:1, ::-1], t[1:]], "turned against their neighbours, at 3 edges"),
+    (lambda t: t[:, ::-1], "inside out"), (None, "no triangles")])
+def test_a_file_that_is_no_body_is_one_message(tmp_path, change, words):
+    points, triangles = cube()
+    file = tmp_path / "cube.stl"
+    file.write_text("solid but not so") if change is None else stl(file, points + [0, 0, 0.5], change(triangles))
+    with pytest.raises(InputError, match=words) as caught:
+        build_scene(config_from(block({"stl": str(file)})))
+    assert len(caught.value.problems) == 1 and caught.value.problems[0].path == ("interfaces", 0, "between", 1, "stl")
