@@ -225,6 +225,14 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert not any(path.exists() for path in shared)
 
 
+@pytest.mark.long
+def test_contact_is_drawn(tmp_path, temporary):
+    run = orchestrate(2, Path("configs/two_blocks.yaml").absolute(), "--output", tmp_path / "results", folder=temporary)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 0, errors
+    assert (tmp_path / "results/figures/interfaces.png").exists()
+
+
 @pytest.mark.parametrize("right, wrong, told", [
     ("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
 @pytest.mark.long

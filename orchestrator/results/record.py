@@ -55,6 +55,7 @@ class Record(Subscriber):
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
+        self._opens = not all(i.law.perfect for i in scene.interfaces)  # asked for when the scene has been set aside
         self._last: Iteration | None = None
         self._artist, self._begun = artist, False
         self._checkpoint = CheckpointWriter(folder, key, self.start)
@@ -127,7 +128,7 @@ class Record(Subscriber):
             self._begun = True
             known = {"name": self._config.name, "converged": event.converged, "tolerance": self._last.tolerance,
                      "config": self._config.complete(),
-                     "status_counts": None if all(i.law.perfect for i in self.scene.interfaces) else {}}
+                     "status_counts": {} if self._opens else None}
             self._artist.begin(write_figures, self._folder, known, read_history(self._folder.path))
 
     def failed(self, error: BaseException) -> None:
