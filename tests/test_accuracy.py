@@ -8,10 +8,12 @@ from in_process import IN_PROCESS
 
 from orchestrator import run as one
 from orchestrator.accuracy.loop import run
+from orchestrator.accuracy.passes import GOOD
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
-from orchestrator.errors import InputError
+from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.results.fields.npz import read_npz
+from orchestrator.results.history import read_history
 from orchestrator.scene.mesh.bisection import bisected
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.mesh import checked
@@ -124,6 +126,28 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch
     code, summary = refined(bent(0.05), tmp_path)
     assert code == 1 and "gmsh cannot mesh it" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
     assert (tmp_path / "fields.npz").is_file()
+
+
+@pytest.mark.parametrize("dies", [True, False])
+def test_a_mesh_that_is_not_solved_on_leaves_the_last_result(tmp_path, monkeypatch, dies):
+    real, calls = one.solve, []
+
+    def failing(config, *given, **options):
+        calls.append(given)
+        if len(calls) == 1:
+            return real(config, *given, **options)
+        if dies:
+            raise BlackBoxError("the code has died")
+        short = config.method.model_copy(update={"max_iterations": 1})
+        return real(config.model_copy(update={"method": short}), *given, **options)
+
+    monkeypatch.setattr(one, "solve", failing)
+    code, summary = refined(bent(0.07), tmp_path)
+    assert code == 1 and not summary["converged"] and summary["error_bound"] <= 0.007
+    assert ("has died" if dies else "max_iterations") in summary["stop_reason"]
+    assert len(read_npz(tmp_path).discretisation_error[0]) == summary["accuracy"]["meshes"][0]["elements"]
+    assert len(read_history(tmp_path)["iteration"]) == summary["iterations"]
+    assert not (tmp_path / GOOD).exists()
 
 
 def test_what_is_refused():

@@ -8,11 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
-from orchestrator.accuracy.passes import Pass, Passes
+from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Accuracy, Tolerance
-from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, wrong
+from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
 from orchestrator.method.monitors.mesh_error import LEAST
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
 from orchestrator.method.stopping.element_problems import ElementProblems
@@ -37,8 +37,9 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, qui
         **options: bool) -> int:
     """As ``orchestrator.run.run``, which is all where no accuracy is asked for; else again and again, in the same folder.
 
-    Returns exit code: 0 the accuracy is reached, 1 it is not: a limit, an error that does not fall, a mesh that cannot be made; the
-        folder then has what the last mesh gave
+    means : its judge is given the solution on every mesh
+    Returns exit code: 0 the accuracy is reached, 1 it is not: a limit, an error that does not fall, a mesh that cannot be made or
+        solved on; the folder then has what the last mesh gave that converged
     InputError, BlackBoxError, KeyboardInterrupt : as there; ``resume`` goes on in the midst of the mesh that was solved on
     """
     if loaded.config.method.accuracy is None:
@@ -54,6 +55,7 @@ class _Refinement:
 
     plan : the next mesh, as the last solution asks for it; None where no other is needed
     why : why no finer mesh is tried, though the error is too large
+    unsolved : why the iterations on the last mesh have stopped without converging
     """
 
     def __init__(self, loaded: Loaded, output: Path | None, quiet: bool, means: one.Means):
@@ -68,25 +70,32 @@ class _Refinement:
         self.loaded, self.quiet, self.means = replace(loaded, config=plain), quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
-        self.passes, self.plan, self.why = Passes(), None, ""
+        self.passes, self.plan, self.why, self.unsolved = Passes(), None, "", ""
 
     def run(self, resume: bool, **options: bool) -> int:
         if resume:
             self.passes = Passes.read(self.path)
         else:
             Passes.forget(self.path)
+        folder = ResultsFolder(self.path)
+        if not resume:
+            drop(folder)
         while True:
             self.since = time.perf_counter()
             try:
-                code = one.run(self.loaded, output=self.path, resume=resume and saved(ResultsFolder(self.path)), quiet=True,
-                               means=self._means(), **options)
-            except InputError as error:
-                if not self.passes.done:
+                code = one.run(self.loaded, output=self.path, resume=resume and saved(folder), quiet=True, means=self._means(), **options)
+            except OrchestratorError as error:
+                fault = isinstance(error, InternalError) and error.exit_code != BLACKBOX_FAILED
+                if fault or not put_back(folder):
                     raise
                 return self._ended(NOT_CONVERGED, f"the next mesh cannot be solved on: {error}")
             resume = False
+            if self.unsolved and put_back(folder):
+                return self._ended(NOT_CONVERGED, f"on mesh {len(self.passes.done)} the iterations have not converged, {self.unsolved}: "
+                                                  "the results are those of the mesh before")
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
+            set_aside(folder)
             self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept)
             self.passes.write(self.path)
 
@@ -111,7 +120,7 @@ class _Refinement:
                                      time.perf_counter() - self.since, self.passes.refined, self.passes.kept))
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
-        self.plan, self.why = None, ""
+        self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
         if solution.converged and total > self.asked.error:
             self._decide(solution, found)
         if self.plan is None and solution.converged and total > self.asked.error:
@@ -122,7 +131,8 @@ class _Refinement:
                                "meshes": [vars(done) for done in self.passes.done]}
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
-        return replace(solution, summary=summary, fields=solution.fields.with_error(found.cells))
+        judged = replace(solution, summary=summary, fields=solution.fields.with_error(found.cells))
+        return judged if self.means.judge is None else self.means.judge(judged)
 
     def _decide(self, solution: Solution, found: Estimate) -> None:
         """The next mesh, or why there is none."""
@@ -159,6 +169,7 @@ class _Refinement:
     def _ended(self, code: int, why: str) -> int:
         """The last of the summary, figures, the screen."""
         folder, summary = ResultsFolder(self.path), read_summary(self.path)
+        drop(folder)
         if why and summary.get("converged"):
             summary |= {"converged": False, "stop_reason": f"accuracy: {why}"}
             write_summary(folder, summary)

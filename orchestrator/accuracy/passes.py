@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from orchestrator.accuracy.sizes import Maps
+from orchestrator.results.checkpoint import NAME as CHECKPOINT
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
 from orchestrator.scene.mesh.size_map import SizeMap
 
-NAME = f"{OWN}/accuracy.npz"
+NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
 
 
 @dataclass
@@ -82,6 +85,35 @@ class Passes:
     @staticmethod
     def forget(folder: Path) -> None:
         (folder / NAME).unlink(missing_ok=True)
+
+
+def set_aside(folder: ResultsFolder) -> None:
+    """Keep a copy of the results that are in a folder, for ``put_back``; whole or not at all."""
+    unfinished = folder / f"{GOOD}.new"
+    with folder.guarded("a copy of the last good results"):
+        shutil.rmtree(unfinished, ignore_errors=True)
+        for name in list(folder.manifest.owned()):
+            if not name.startswith(f"{CHECKPOINT}/"):
+                (unfinished / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(folder / name, unfinished / name)
+        shutil.rmtree(folder / GOOD, ignore_errors=True)
+        os.replace(unfinished, folder / GOOD)
+
+
+def put_back(folder: ResultsFolder) -> bool:
+    """Whether there are results that were set aside; if so they take the place of those that are there."""
+    kept = [path for path in sorted((folder / GOOD).rglob("*")) if path.is_file()]
+    if kept:
+        folder.clear()
+    for path in kept:
+        with folder.replacing(str(path.relative_to(folder / GOOD))) as file:
+            shutil.copy2(path, file)
+    return bool(kept)
+
+
+def drop(folder: ResultsFolder) -> None:
+    """What was set aside goes."""
+    shutil.rmtree(folder / GOOD, ignore_errors=True)
 
 
 def _some(names: list[str]) -> str:
