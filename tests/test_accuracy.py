@@ -84,7 +84,7 @@ def test_limits(tmp_path):
     code, summary = refined(bent({"error": 0.001, "smallest": 10.0}), tmp_path)
     assert code == 1 and "smallest: 10" in summary["stop_reason"]
     code, summary = refined(bent({"error": 0.001, "seconds": 1e-3}), tmp_path)
-    assert code == 1 and "seconds are too few" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
+    assert code == 1 and "0.001 seconds, of which" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
 
 
 @pytest.mark.long

@@ -30,7 +30,9 @@ SHIPPED = {  # configuration: what shortens it, iterations at most
     "metis_box": ([], 25),
     "bending_beam_p2": ([], 14),
 }
-SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show
+SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show; of bonds, those whose meshes do not match
+    "accuracy_l": (["method.accuracy=0.08"], 10, lambda s, f: s["accuracy"]["met"] and len(s["accuracy"]["meshes"]) == 2
+                   and s["accuracy"]["reached"] > 0.08 / 3),
     "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),
     "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
     "press_fit": ([], 20, lambda s, f: np.abs(f["pressure"] / 200.0 - 1).max() < 1e-5),

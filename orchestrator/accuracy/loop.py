@@ -149,18 +149,15 @@ class _Refinement:
         mesh = solution.scene.mesh
         order = 2 if mesh.cells.shape[1] == 10 else 1
         enough = needed([p.elements for p in done], [p.mesh_error for p in done], goal, order)
-        count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf)
+        spent = time.perf_counter() - self.begun
+        in_time = len(mesh.cells) * (max((asked.seconds or math.inf) - spent, 0.0) / done[-1].seconds) ** (1 / EXPONENT)
+        count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf, in_time)
         if count < LEAST_GROWTH * len(mesh.cells):
-            self.why = f"{asked.elements:,} elements are too few: about {enough:,.0f} are needed"
+            short = (f"{asked.seconds:g} seconds, of which {spent:.0f} are spent," if count == in_time else f"{asked.elements:,} elements")
+            self.why = f"{short} are too few: about {enough:,.0f} elements are needed"
             return
         followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
         plan = wanted(self.config, mesh, found.cells, count / followed, self.passes.maps, least)
-        if asked.seconds is not None:
-            spent = time.perf_counter() - self.begun
-            next_one = done[-1].seconds * (count / len(mesh.cells)) ** EXPONENT
-            if spent + next_one > asked.seconds:
-                self.why = f"{asked.seconds:g} seconds are too few: {spent:.0f} are spent, the next mesh would take about {next_one:.0f}"
-                return
         if not plan.refined:
             self.why = f"no elements may be smaller: smallest: {least:g}"
             return

@@ -108,7 +108,7 @@ class Accuracy(Part):
 
     error: Fraction = Field(description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
     elements: Count | None = Field(None, description="no mesh has more tets than about this; none: as many as memory holds")
-    seconds: Positive | None = Field(None, description="no finer mesh is begun whose run would likely end later; none: no limit")
+    seconds: Positive | None = Field(None, description="meshes are only as fine as will likely be solved on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(
         "elements are not made smaller than this, in the model's unit of length, where stresses grow without limit; none: no limit"))
 
