@@ -71,6 +71,8 @@ _LISTED = {
     "places": ("studies.places:run", "how far grains may be off their places beside how far they are: 60 random crowds"),
     "intervals": ("studies.intervals:run",
                   "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
+    "accuracy": ("studies.accuracy:run",
+                 "accuracies that are asked for, beside true errors and uniform meshes: an L, a hole, a punch, P1 and P2"),
     "gallery": ("studies.gallery:run", "every configuration and tutorial, with a picture: writes docs/gallery.md"),
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),

@@ -14,6 +14,7 @@ from in_process import IN_PROCESS
 from pictures import bars, is_drawn, missing_curves, missing_points, saved_figures  # noqa: F401
 from typer.testing import CliRunner
 
+from benchmarks.kit.apart import apart
 from benchmarks.kit.following import follow
 from benchmarks.kit.meshes import bricks
 from benchmarks.kit.study import Case, Study, first
@@ -27,6 +28,7 @@ from benchmarks.problems.hard_scenes import blocks
 from benchmarks.problems.contact_cases import pushed
 from benchmarks.registry import STUDIES, function_of, run_study
 from benchmarks.studies import (
+    accuracy,
     certified,
     contact,
     falsified,
@@ -578,6 +580,18 @@ def test_places_are_compared_with_true_ones(tmp_path, capsys, saved_figures):
     assert is_drawn(tmp_path / "places.png", saved_figures[-1]) and "0.3" in capsys.readouterr().out
     run_study("places", tmp_path, asked, resume=True)
     assert rows_of(tmp_path / "table.csv") == rows
+
+
+@pytest.mark.long
+def test_accuracies_are_compared_with_true_errors(tmp_path, saved_figures):
+    run_study("accuracy", tmp_path, ["cases=[hole]", "elements=[P2]", "asked={P2: [0.1]}", "reference={hole: 3000}"])
+    rows = rows_of(tmp_path / "table.csv")
+    assert [row["mesh"] for row in rows] == ["uniform", "uniform", "1"] and all(0.7 < float(row["effectivity"]) < 1.5 for row in rows)
+    assert is_drawn(tmp_path / "accuracy.png", saved_figures[-1]) and rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
+    one, finer = (solve(config_from(accuracy.problem(tmp_path, "hole", *how))) for how in (("P1", 0.25), ("P2", 0.1)))
+    assert apart(one, one) < 1e-9
+    energies = [solved.summary["energy"][-1] for solved in (one, finer)]
+    assert apart(one, finer) == pytest.approx(np.sqrt(1 - energies[0] / energies[1]), rel=0.03)  # all but orthogonal
 
 
 def test_of_several_exact_solutions_the_nearest_one_counts():

@@ -1,0 +1,191 @@
+"""``method: {accuracy: …}`` beside true errors and beside uniform meshes: an L, a hole, a punch in contact, P1 and P2.
+
+The geometry is all planes, so that every mesh has the same. True errors are distances from a graded mesh of ten-node tets in the energy
+norm, and that mesh's own error, estimated, is added as the other leg of a right-angled triangle: where it is a third of the sum, a
+tenth more or less of it changes the sum by a hundredth.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from benchmarks.kit.apart import apart
+from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels, plain_ticks
+from benchmarks.kit.meshes import session
+from benchmarks.kit.settings import Keys
+from benchmarks.kit.study import Study
+from orchestrator import Solution, config_from, solve
+from orchestrator.accuracy.loop import estimated, run as refined
+from orchestrator.config.load import Loaded
+from orchestrator.run import Means
+
+LIMIT = 20.0  # seconds for one accuracy; a uniform mesh is solved on where it is foreseen to take a quarter of it
+LEAST = 1 / 3  # of what is asked: a smaller true error is more than was asked for
+COARSEST, FINER = 0.25, 2**0.5  # sizes of the first mesh, and of a uniform mesh over the next one's
+
+
+class Settings(Keys):
+    """What to solve."""
+
+    cases: list[str] = ["l_shape", "hole", "punch"]
+    elements: list[str] = ["P1", "P2"]
+    asked: dict[str, list[float]] = {"P1": [0.1, 0.05], "P2": [0.05, 0.02, 0.01]}
+    reference: dict[str, int] = {"l_shape": 25_000, "hole": 25_000, "punch": 12_000}  # ten-node tets, about
+
+
+def run(study: Study, settings: Settings = Settings()) -> None:
+    """All accuracies of a case beside one reference, and uniform meshes of either element."""
+    study.columns = ("case", "element", "asked", "mesh", "elements", "estimated", "true_error", "effectivity", "seconds")
+    for name in settings.cases:
+        reference, estimate = _reference(study, name, settings.reference[name])
+        study.console.print(f"{name}: reference of {len(reference.scene.mesh.cells):,} elements, its own error {estimate:.2%} by estimate")
+
+        def true(solution: Solution) -> float:
+            return math.hypot(apart(solution, reference), estimate)
+
+        for element in settings.elements:
+            uniform = _uniform(study, name, element, min(settings.asked[element]), true)
+            for asked in sorted(settings.asked[element], reverse=True):
+                if not _asked(study, name, element, asked, true, uniform):
+                    break  # a smaller one would not be reached either
+        study.target(f"{name}: reference", "told", f"{estimate:.2%} by its own estimate", True)
+    study.figure(_picture(study, settings))
+
+
+def problem(folder: Path, name: str, element: str, h: float = COARSEST) -> dict[str, Any]:
+    """One of ``MADE``, its model written to the folder: one body each, the punch and its block two in contact without friction."""
+    path = folder / f"{name}.brep"
+    if not path.is_file():
+        with session():
+            MADE[name][0](gmsh.model.occ)
+            gmsh.model.occ.synchronize()
+            gmsh.write(str(path))
+    return {"name": f"{name}-{element}", "mesh": {"step": str(path), "h": h}, "subdomains": "groups",
+            "materials": [{"young": 1000.0, "poisson": 0.3}], "blackbox": {"code": "freefem", "element": element, "workers": 2},
+            "output": {"figures": False}, "interfaces": [{"law": "contact", "friction": 0.0}], "boundary": MADE[name][1]}
+
+
+def _l_shape(occ) -> None:
+    occ.cut([(3, occ.addBox(0, 0, 0, 1, 0.25, 1))], [(3, occ.addBox(0.5, -0.1, 0.5, 0.6, 0.5, 0.6))])
+
+
+def _hole(occ) -> None:
+    """A quarter of a square plate with a hole of sixteen sides."""
+    angles = np.linspace(0, np.pi / 2, 5)
+    corners = [(0, 0), *(0.25 * np.stack([np.cos(angles), np.sin(angles)], 1))]
+    points = [occ.addPoint(x, y, 0) for x, y in corners]
+    loop = occ.addCurveLoop([occ.addLine(a, b) for a, b in zip(points, points[1:] + points[:1])])
+    away = occ.extrude([(2, occ.addPlaneSurface([loop]))], 0, 0, 0.2)
+    occ.cut([(3, occ.addBox(0, 0, 0, 1, 1, 0.2))], [entity for entity in away if entity[0] == 3])
+
+
+def _punch(occ) -> None:
+    occ.addBox(0, 0, 0, 2, 2, 1)
+    occ.addBox(0.5, 0.5, 1, 1, 1, 0.5)
+
+
+def _held(axis: str, at: float, displacement: list) -> dict[str, Any]:
+    return {"on": {"plane": axis, "at": at}, "displacement": displacement}
+
+
+def _pulled(axis: str, at: float, traction: list) -> dict[str, Any]:
+    return {"on": {"plane": axis, "at": at}, "traction": traction}
+
+
+MADE: dict[str, tuple[Callable, list]] = {
+    "l_shape": (_l_shape, [_held("z", 0, [0, 0, 0]), _pulled("x", 1, [0, 0, 1])]),
+    "hole": (_hole, [_held("x", 0, [0, None, None]), _held("y", 0, [None, 0, None]), _held("z", 0, [None, None, 0]),
+                     _pulled("x", 1, [1, 0, 0])]),
+    "punch": (_punch, [_held("z", 0, [0, 0, 0]), _held("z", 1.5, [0, 0, -0.01])]),
+}
+
+
+def _refined(study: Study, made: Mapping[str, Any], accuracy: Mapping[str, Any]) -> tuple[list[Solution], float]:
+    """The solutions on all meshes, and wall seconds."""
+    found: list[Solution] = []
+
+    def kept(solution: Solution) -> Solution:
+        found.append(solution)
+        return solution
+
+    begin = time.perf_counter()
+    config = config_from({**made, "method": {"accuracy": dict(accuracy)}})
+    refined(Loaded(config), output=study.folder / made["name"], quiet=True, means=Means(judge=kept))
+    return found, time.perf_counter() - begin
+
+
+def _reference(study: Study, name: str, elements: int) -> tuple[Solution, float]:
+    made = problem(study.folder, name, "P2")
+    found, _ = _refined(study, {**made, "name": f"{name}-reference"}, {"error": 1e-3, "elements": elements})
+    return found[-1], found[-1].summary["accuracy"]["reached"]
+
+
+def _uniform(study: Study, name: str, element: str, asked: float, true: Callable) -> list[tuple[float, float]]:
+    """True errors and seconds of meshes of one size each, as fine as a quarter of ``LIMIT`` allows."""
+    done, h = [], COARSEST / 2
+    while len(done) < 2 or done[-1][0] > asked and done[-1][1] ** 2 / done[-2][1] < LIMIT / 4:
+        made, begin = problem(study.folder, name, element, h), time.perf_counter()
+        solution = solve(config_from({**made, "method": {"tolerance": {"error": asked / 10}}}))
+        seconds, error = time.perf_counter() - begin, true(solution)
+        done.append((error, seconds))
+        study.note({"case": name, "element": element, "asked": None, "mesh": "uniform", "elements": len(solution.scene.mesh.cells),
+                    "estimated": (told := estimated(solution).relative), "true_error": error, "effectivity": told / error,
+                    "seconds": round(seconds, 2)}, f"{name}, {element}, uniform: true {error:.2%}, {seconds:.1f} s")
+        h /= FINER
+    return done
+
+
+def _asked(study: Study, name: str, element: str, asked: float, true: Callable, uniform: list[tuple[float, float]]) -> bool:
+    """One accuracy, a row a mesh. Whether it was reached, by its own estimate."""
+    found, seconds = _refined(study, problem(study.folder, name, element), {"error": asked, "seconds": LIMIT})
+    for number, (solution, done) in enumerate(zip(found, found[-1].summary["accuracy"]["meshes"]), 1):
+        error = true(solution)
+        study.note({"case": name, "element": element, "asked": asked, "mesh": number, "elements": done["elements"],
+                    "estimated": done["error"], "true_error": error, "effectivity": done["error"] / error,
+                    "seconds": round(done["seconds"], 2)},
+                   f"{name}, {element}, {asked:.0%}, mesh {number}: estimated {done['error']:.2%}, true {error:.2%}")
+    beside, foreseen = _seconds(uniform, error)
+    told = f"true {error:.2%} in {seconds:.1f} s; uniform {'about ' * foreseen}{beside:.1f} s"
+    met = bool(found[-1].summary["accuracy"]["met"])
+    if met:
+        study.target(f"{name}, {element}, {asked:.0%}", f"true error {LEAST * asked:.2%} to {asked:.0%}", told,
+                     LEAST * asked <= error <= asked)
+    else:
+        study.target(f"{name}, {element}, {asked:.0%} in {LIMIT:g} s", "told where not reached",
+                     f"{told}: {found[-1].summary['stop_reason']}", not found[-1].converged)
+    return met
+
+
+def _seconds(uniform: list[tuple[float, float]], error: float) -> tuple[float, bool]:
+    """Of a uniform mesh with this true error, by powers between and beyond those that were solved on; whether it is beyond."""
+    errors, seconds = np.log(np.array(sorted(uniform))).T
+    k = int(np.clip(np.searchsorted(errors, math.log(error)), 1, len(errors) - 1))
+    slope = (seconds[k] - seconds[k - 1]) / (errors[k] - errors[k - 1])
+    return float(np.exp(seconds[k - 1] + slope * (math.log(error) - errors[k - 1]))), bool(math.log(error) < errors[0])
+
+
+def _picture(study: Study, settings: Settings):
+    """A panel a case: true errors over elements, filled marks on graded meshes, hollow ones on uniform ones; crosses are estimates."""
+    figure, axes = panels(1, len(settings.cases), (3.6 * len(settings.cases) + 0.6, 3.8))
+    for panel, name in zip(axes[0], settings.cases):
+        for element, colour in zip(settings.elements, (ORANGE, BLUE)):
+            for uniform in (False, True):
+                rows = sorted((row for row in study.rows if (row["case"], row["element"], row["mesh"] == "uniform")
+                               == (name, element, uniform)), key=lambda row: row["elements"])
+                counts = [row["elements"] for row in rows]
+                panel.loglog(counts, [row["true_error"] for row in rows], "o", color=colour, markersize=5,
+                             label=element + ", uniform" * uniform, markerfacecolor="none" if uniform else colour)
+                panel.loglog(counts, [row["estimated"] for row in rows], "x", color=GREY, markersize=4, zorder=1)
+        panel.set_title(name, fontsize=11)
+        panel.set_xlabel("elements", fontsize=9)
+        plain_ticks(panel)
+        panel.set_xticks([1e3, 1e4, 1e5])
+    axes[0, 0].set_ylabel("true error, energy norm; crosses: estimated", fontsize=9)
+    return figure
