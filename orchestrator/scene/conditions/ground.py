@@ -125,7 +125,7 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
     """
     standing = [entry for entry in boundary if entry.ground and len(entry.triangles)]
     added = add_layers(mesh, partition, cell_material, [
-        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], whole=entry.ground.whole) for entry in standing])
+        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], entry.matter, entry.ground.whole) for entry in standing])
     interfaces = []
     for entry, found in zip(standing, added.interfaces):
         if entry.ground.whole and len(found) > 1:

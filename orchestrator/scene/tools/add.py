@@ -99,7 +99,7 @@ def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.
     for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
         for interface in interfaces:
             _in_contact(interface, one, added.mesh.nodes[interface.global_nodes])
-        entries.append(_driven(added, one, nodes, len(np.unique(layer.triangles)), first + number))
+        entries.append(_driven(added, one, nodes, layer, cell_material[layer.cells], first + number))
     return added, [interface for own in added.interfaces for interface in own], entries
 
 
@@ -124,16 +124,22 @@ def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
     interface.entry, interface.tool = one.index, one.tool
 
 
-def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
+def _driven(added: Added, one: Pressed, nodes: slice, layer: Layer, behind: np.ndarray, index: int) -> BoundaryEntry:
     """What moves a layer: on all its faces, or on those of its back where it is loaded.
 
-    front : how many of its nodes lie on the part
+    There the ground has the part's modulus, not the layer's. Through the layer the back feels what the part does, and a sole of the
+    layer's own modulus takes two to three times the iterations.
+
+    nodes : of the layer, those on the part first; behind : (k,) int, material of the part behind each of its faces
     """
     outer = added.faces.outer
     own = outer[(added.faces.triangles[outer] >= nodes.start).all(axis=1) & (added.faces.triangles[outer] < nodes.stop).all(axis=1)]
-    does = one.tool.driven.told
+    does, matter = one.tool.driven.told, None
     if does is one.tool.driven:
+        front = len(np.unique(layer.triangles))
         own = own[(added.faces.triangles[own] >= nodes.start + front).all(axis=1)]
+        stiff, first = np.unique(layer.material, return_index=True)
+        matter = behind[first[np.searchsorted(stiff, added.material[added.faces.owner[own]])]]
     triangles = added.faces.triangles[own]
     return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles), does,
-                         one.tool.name)
+                         one.tool.name, matter)
