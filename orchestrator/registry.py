@@ -73,7 +73,8 @@ def _named(place: str) -> Any:
     return getattr(import_module(module), attribute)
 
 
-DEFAULT_LAW, BOLT_LAW = "perfect", "pretension"  # what joins where nothing is said; across the cut of an entry of bolts
+# what joins where nothing is said; across the cut of an entry of bolts; beside a rigid tool
+DEFAULT_LAW, BOLT_LAW, TOOL_LAW = "perfect", "pretension", "contact"
 LAWS = Registry({
     "perfect": "orchestrator.laws.perfect:Perfect",
     "contact": "orchestrator.laws.contact:Contact",

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import zipfile
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from orchestrator.config.load import load_config
 from orchestrator.errors import InputError, InternalError, lacks_memory
 from orchestrator.guarded import guarded
 from orchestrator.method.events import Subscriber
+from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint, read_file
 from orchestrator.results.fingerprint import differences, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
@@ -187,6 +189,18 @@ def test_bytes_that_a_disk_has_spoilt_change_no_answer(tmp_path, interrupted, se
             assert all(np.array_equal(array, true.arrays[name]) for name, array in ours.arrays.items())
         sums.add(None if start is None else start.iteration)
     assert len(sums) > 2
+
+
+def test_an_array_that_its_header_shortens_is_found(tmp_path):
+    """One bit makes (2048,) of it (2008,), and whoever reads 2008 numbers does not come to the end, where the checksum is."""
+    file = tmp_path / "arrays.npz"
+    np.savez(file, whole=np.arange(2048.0))
+    assert np.array_equal(read_arrays(file)["whole"], np.arange(2048.0))
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"(2048,)", b"(2008,)"))
+    assert len(np.load(file)["whole"]) == 2008
+    with pytest.raises(zipfile.BadZipFile, match="CRC"):
+        read_arrays(file)
 
 
 def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted, monkeypatch):

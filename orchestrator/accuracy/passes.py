@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.accuracy.sizes import Maps
+from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
@@ -76,10 +77,10 @@ class Passes:
         """From a results folder; none where nothing is there."""
         if not (folder / NAME).is_file():
             return cls()
-        with np.load(folder / NAME, allow_pickle=False) as arrays:
-            told = json.loads(str(arrays["told"]))
-            maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
-                    for k, (part, name) in enumerate(told["keys"])}
+        arrays = read_arrays(folder / NAME)
+        told = json.loads(str(arrays["told"]))
+        maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
+                for k, (part, name) in enumerate(told["keys"])}
         return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"])
 
     @staticmethod

@@ -10,8 +10,8 @@ from pydantic import Field
 from orchestrator.config.base import Axis, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
 from orchestrator.config.paths import find, get, is_per_step
 from orchestrator.errors import KeyPath, Problem
+from orchestrator.registry import DEFAULT_LAW, TOOL_LAW
 
-LAW = "contact"
 # Keys of contact that mean nothing beside a tool, and what does in their place.
 NOT_BESIDE = {"gap": "the gap is what the tool's surface leaves: move the tool", "slave": "the part's nodes carry the contact",
               "exclude": "name the part that is meant", "tolerance": "within says how far from the tool faces are sought",
@@ -110,9 +110,9 @@ def tools_fit(data: Any) -> Iterator[Problem]:
         for at, tool in find(entry, PLACE[2:], path):
             if not isinstance(tool, dict):
                 continue
-            if entry.get("law") != LAW:
-                yield Problem((*path, "law"), f"law: {entry.get('law', 'perfect')} with a rigid tool", f"law: {LAW}",
-                              f"write law: {LAW}; what is glued to something rigid is held under boundary")
+            if entry.get("law") != TOOL_LAW:
+                yield Problem((*path, "law"), f"law: {entry.get('law', DEFAULT_LAW)} with a rigid tool", f"law: {TOOL_LAW}",
+                              f"write law: {TOOL_LAW}; what is glued to something rigid is held under boundary")
             for key, cure in NOT_BESIDE.items():
                 if entry.get(key) not in (None, "geometry" if key == "gap" else "auto" if key == "tolerance" else None):
                     yield Problem((*path, key), f"{key} beside a rigid tool", f"no {key} there", f"remove it: {cure}")

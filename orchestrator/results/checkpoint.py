@@ -24,6 +24,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.checkpoint import Checkpoint, Start
 from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.packed import read_arrays
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 from orchestrator.results.manifest import UNFINISHED
@@ -169,12 +170,12 @@ def read_file(path: Path) -> tuple[str, Checkpoint]:
     Raises InputError: the file is of another version
     Raises Exception: of whatever kind, it cannot be read or is not as it was written
     """
-    with np.load(path, allow_pickle=False) as file:
-        about = json.loads(bytes(file["about"]))
-        if about["version"] != VERSION:
-            raise wrong(DIRECTORY_KEY, f"{path} was written by another version of this program (version {about['version']})",
-                        "a checkpoint of this version", "resume with that version, or run without --resume")
-        arrays = {name: file[name] for name in about["arrays"]}
+    file = read_arrays(path)
+    about = json.loads(bytes(file["about"]))
+    if about["version"] != VERSION:
+        raise wrong(DIRECTORY_KEY, f"{path} was written by another version of this program (version {about['version']})",
+                    "a checkpoint of this version", "resume with that version, or run without --resume")
+    arrays = {name: file[name] for name in about["arrays"]}
     return about["problem"], Checkpoint(about["iteration"], about["increment"], about["evaluations"], arrays, about["notes"])
 
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
+from orchestrator.packed import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.scene.mesh.checks import check_memory
@@ -65,11 +66,11 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
     try:
         with zipfile.ZipFile(path) as packed:  # a few bytes may unpack to any size
             check_memory(sum(entry.file_size for entry in packed.infolist()), DIRECTORY_KEY, str(path), "check the file: is it this run's?")
-        with np.load(path, allow_pickle=False) as data:
-            count = sum(name.startswith(_SIDES) for name in data)
-            return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
-                          _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
-                          parts=tuple(data["parts"].tolist()))
+        data = read_arrays(path)
+        count = sum(name.startswith(_SIDES) for name in data)
+        return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
+                      _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
+                      parts=tuple(data["parts"].tolist()))
     except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
         raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
                     "run the configuration again") from error
