@@ -110,6 +110,23 @@ def test_the_error_is_bounded_without_friction(name):
     assert ratios and min(ratios) >= 1 and max(ratios) <= 6
 
 
+def test_an_error_far_above_the_one_asked_for_is_not_found():
+    made = case("blocks", 0.3)
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        latin = Latin(d, made.method, monitors_of(Case(d, made.method, range(1, d.steps + 1))), Stopwatch())
+        latin.s, latin.last = np.zeros((d.steps, d.space.size)), 60
+        for _ in range(8):
+            now = latin.iterate()
+        whole = d.certificate(now.best)
+        E = whole.relative
+        met, near, far = (d.certificate(now.best, share * E) for share in (2.0, 0.9, 0.2))
+    assert met.relative <= 2 * E
+    assert near.relative == pytest.approx(E, rel=1e-10) and near.sweeps == whole.sweeps  # not met, and found as well as without a limit
+    assert np.isinf(far.relative) and far.least > 2 * 0.2 * E and far.sweeps < whole.sweeps
+
+
 def rows_of(interface):
     """(p,) where the pairs or points of an interface are among those that the reference has of it."""
     return lawful_nodes(interface) if interface.mortar is None else np.arange(len(interface.mortar))

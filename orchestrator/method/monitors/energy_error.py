@@ -3,9 +3,10 @@
     E ≤ tolerance.error
 
 E costs about as much as an iteration. It is evaluated once the law residual is near the tolerance, and again when the residual has
-fallen so far that E may be met. Where E stands still while the residual falls, springs that stay where they are are what is left of it:
-they are to become weaker (``weakening``), unless that has not helped the last time. Where no admissible fields are found, a law
-residual of a tenth of the tolerance has to do, and no error is told.
+fallen so far that E may be met: up to twice the tolerance E is found, so that this is known; above it the residual has to halve. Where E
+stands still while the residual falls, springs that stay where they are are what is left of it: they are to become weaker
+(``weakening``), unless that has not helped the last time. Where no admissible fields are found, a law residual of a tenth of the
+tolerance has to do, and no error is told.
 """
 
 from __future__ import annotations

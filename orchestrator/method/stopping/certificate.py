@@ -44,6 +44,8 @@ from orchestrator.method.stopping.dual_energy import Dual, Enough, dual_energy
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
+USEFUL = 2.0  # E over the error asked for, up to which it is found: how far the law residual has to fall follows from it
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -159,11 +161,12 @@ class Certificate:
         part.factor, part.softness = (lambda: np.nan), (lambda: None)
         return part
 
-    def __call__(self, fields: Admissible, useful: float = np.inf) -> Certified:
+    def __call__(self, fields: Admissible, asked: float = np.inf) -> Certified:
         """The error of an iterate.
 
-        useful : an error above it need not be known: it is infinite then, and ``least`` what has been reached
+        asked : error asked for; above ``USEFUL`` of it E need not be known: it is infinite then, and ``least`` what has been reached
         """
+        useful = USEFUL * asked
         pair = self.pair(fields)
         delta = pair.delta
         h, (a2, energy) = self.change(fields, pair.forces), moved_energy(self.stage, self.stiffness, self.external, fields, delta)
@@ -175,7 +178,7 @@ class Certificate:
             return replace(known, least=a)
         factor, reached = self.factor(), Reached(_largest, size, useful)
         times_at_most = 1.0 if np.isnan(factor) else factor
-        met = max(size / (1 + 1 / useful) - self.floor * size, 0.0) / times_at_most if np.isfinite(useful) else 0.0
+        met = max(size / (1 + 1 / asked) - self.floor * size, 0.0) / times_at_most if np.isfinite(asked) else 0.0
         # what rounding leaves of resultants has no energy
         enough = Enough((ROUNDING * size) ** 2, met=met**2)
         dual = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
