@@ -57,7 +57,7 @@ def running(pid: int) -> bool:
         return False
 
 
-def gone(pids, patience=5.0) -> bool:
+def gone(pids, patience=60.0) -> bool:
     """Whether all processes have ended before the seconds of patience are over."""
     end = time.monotonic() + patience
     while any(running(pid) for pid in pids):
@@ -79,7 +79,7 @@ def working_below(folder) -> list[int]:
     return found
 
 
-def nothing_left(folder, patience=10.0) -> bool:
+def nothing_left(folder, patience=60.0) -> bool:
     """Whether no process works below a folder and no file is in it, before the seconds of patience are over."""
     end = time.monotonic() + patience
     while working_below(folder) or list(folder.iterdir()):

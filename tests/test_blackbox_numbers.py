@@ -105,7 +105,7 @@ def test_loading_again_forgets_what_was_loaded(models):
 def test_vertex_counts_that_stall_freefem(nodes):
     model = chain(nodes)
     assert len(model.nodes) == nodes
-    with make_blackbox(settings(timeout=20.0)) as blackbox:
+    with make_blackbox(settings(timeout=120.0)) as blackbox:
         blackbox.load([model])
         (k,) = blackbox.stiffness([model])
         assert difference(k, assemble(model)) < 1e-12

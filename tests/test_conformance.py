@@ -1,6 +1,5 @@
 """The protocol's checks: all codes pass them, wrong adapters are caught, each with a message of its own."""
 
-import os
 import shutil
 import time
 from pathlib import Path
@@ -10,11 +9,13 @@ import pytest
 from blackbox_case import box, forces, settings
 from in_process import IN_PROCESS, InProcess, InProcessWorker
 from typer.testing import CliRunner
+from processes import gone
 from quick import late, quick
 
 from orchestrator.blackbox.trial import conformance
 from orchestrator.blackbox.start import find_codes, make_blackbox
 from orchestrator.blackbox.pool import Pool
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 
@@ -228,13 +229,18 @@ def test_a_model_that_calculix_cannot_hold(fault):
 def test_a_calculix_that_hangs(tmp_path, monkeypatch):
     """``blackbox.timeout`` ends it, and its process."""
     monkeypatch.setenv("ORCHESTRATOR_CALCULIX", wrapped(tmp_path / "slow-ccx", 'echo $$ > "$0".pid; exec sleep 30'))
+    told, allowed = tmp_path / "slow-ccx.pid", Worker.deadline
+
+    def once_it_hangs(worker):
+        while not told.exists() or not told.read_text():
+            time.sleep(0.01)
+        return allowed(worker)
+
+    monkeypatch.setattr(Worker, "deadline", once_it_hangs)
     with pytest.raises(BlackBoxError, match="no answer within the time allowed .blackbox.timeout."):
-        with calculix(timeout=1.0) as blackbox:
+        with calculix(timeout=0.3) as blackbox:
             blackbox.load([box()])
-    pid, end = int((tmp_path / "slow-ccx.pid").read_text()), time.monotonic() + 60
-    while os.path.exists(f"/proc/{pid}") and time.monotonic() < end:
-        time.sleep(0.02)
-    assert not os.path.exists(f"/proc/{pid}")
+    assert gone([int(told.read_text())])
 
 
 def test_forces_that_are_not_finite():

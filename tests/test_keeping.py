@@ -9,8 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
-import time
 import zipfile
 
 import numpy as np
@@ -330,16 +328,13 @@ def test_a_converged_run_outlives_its_writing(tmp_path, undisturbed):
     """Fields that cannot be written: told, the checkpoint stays, and ``resume`` does nothing but write."""
     out, case = tmp_path / "out", loaded(tmp_path)
 
-    def spoil():
-        while not (out / "history.csv").exists() or (out / "history.csv").read_text().count("\n") < 3:
-            time.sleep(0.001)
+    def spoil(writer, event, told=HistoryWriter.iteration):
+        told(writer, event)
         (out / "fields").write_text("a file where a folder should be")
 
-    spoiler = threading.Thread(target=spoil, daemon=True)
-    spoiler.start()
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(InputError, match="cannot write"):
+        patch.setattr(HistoryWriter, "iteration", spoil)
         run(case, output=out, quiet=True)
-    spoiler.join()
     assert "--resume writes them" in summary_of(out)["stop_reason"] and (out / "checkpoint").is_dir()
     before = read_history(out)
     (out / "fields").unlink()

@@ -183,7 +183,7 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     codes = [code for rank in ranks.values() for code in children(rank)]
     assert len(codes) >= 3
     os.kill(victim(ranks[1]), kind)
-    assert gone([*ranks.values(), *codes], patience=10.0)
+    assert gone([*ranks.values(), *codes])
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == code or code is None and run.returncode != 0
     assert errors.count(message) == 1 and "Traceback" not in errors, errors

@@ -204,7 +204,7 @@ WRONG = {  # what is put in → words of the message
     "too narrow": ({"end": "rows = [(row[0], '****', 0, 0) for row in rows]"}, "numbers that are finite"),
     "order of nodes": ({"end": "rows = rows[::-1]"}, "where 1 was asked"),
     "own loads always": ({"loads": "b[17] = 3."}, "without any load its joint moves"),
-    "chance": ({"answers": "u = [x * (1 + 1e-6 * (time.time_ns() % 997)) for x in u]"}, "otherwise the second time|twice the force"),
+    "the second time": ({"answers": "u = [x * (1 + 1e-9 * (cases == 1)) for x in u]"}, "otherwise the second time"),
     "large displacements": ({"answers": "u = [x + x * abs(x) for x in u]"}, "twice the force is not twice the displacement"),
     "unsymmetric": ({"stiffness": "K[0][4] += 9."}, "not reciprocal"),
     "negative": ({"stiffness": "K = [[-k for k in row] for row in K]"}, "moves its joint backwards|gives way"),

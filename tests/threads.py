@@ -38,7 +38,7 @@ class Threads(Team):
 
 def among(size: int, what) -> list:
     """What each of some ranks returns, or raises."""
-    results, table, barrier = [None] * size, [None] * size, threading.Barrier(size, timeout=20)
+    results, table, barrier = [None] * size, [None] * size, threading.Barrier(size, timeout=120)
 
     def run(rank: int) -> None:
         try:
