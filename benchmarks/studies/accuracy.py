@@ -22,7 +22,7 @@ from benchmarks.kit.meshes import session
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from orchestrator import Solution, config_from, solve
-from orchestrator.accuracy.loop import estimated, run as refined
+from orchestrator.accuracy.loop import estimator_of, run as refined
 from orchestrator.config.load import Loaded
 from orchestrator.run import Means
 
@@ -136,7 +136,7 @@ def _uniform(study: Study, name: str, element: str, asked: float, true: Callable
         seconds, error = time.perf_counter() - begin, true(solution)
         done.append((error, seconds))
         study.note({"case": name, "element": element, "asked": None, "mesh": "uniform", "elements": len(solution.scene.mesh.cells),
-                    "estimated": (told := estimated(solution).relative), "true_error": error, "effectivity": told / error,
+                    "estimated": (told := estimator_of(solution)(solution.sides).relative), "true_error": error, "effectivity": told / error,
                     "seconds": round(seconds, 2)}, f"{name}, {element}, uniform: true {error:.2%}, {seconds:.1f} s")
         h /= FINER
     return done

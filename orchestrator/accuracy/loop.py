@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
+from orchestrator.accuracy.measured import TRUSTED, energies, told
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
@@ -96,7 +97,8 @@ class _Refinement:
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
             set_aside(folder)
-            self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept)
+            self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept,
+                                 self.passes.before)
             self.passes.write(self.path)
 
     def _means(self) -> one.Means:
@@ -110,28 +112,32 @@ class _Refinement:
         if solution.fields.believed is not None:
             raise wrong(("method", "accuracy"), "accuracy beside a code whose matter is its own", "matter of the YAML's young and poisson: "
                         "of other matter stresses are not known", "remove accuracy")
-        found = estimated(solution)
-        summary, bound = solution.summary, solution.error_bound
-        total = found.relative
-        if math.isfinite(bound):  # bonds: the legs of a right-angled triangle; contact: no more than their sum
-            total = math.hypot(total, bound) if all(i.law.perfect for i in solution.scene.interfaces) else total + bound
-        mesh = solution.scene.mesh
-        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), found.relative, bound if math.isfinite(bound) else None, total,
-                                     time.perf_counter() - self.since, self.passes.refined, self.passes.kept))
+        estimator = estimator_of(solution)
+        found = estimator(solution.sides)
+        now = energies(solution, estimator, found) if solution.converged else None
+        share = told(self.passes.before, now)
+        self.passes.before = now
+        summary, bound, mesh = solution.summary, solution.error_bound, solution.scene.mesh
+        bonded = all(i.law.perfect for i in solution.scene.interfaces)
+        whole, sure = (_together(found.relative / one, bound, bonded) for one in (share or 1.0, share or TRUSTED))
+        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), found.relative / (share or 1.0),
+                                     bound if math.isfinite(bound) else None, whole, time.perf_counter() - self.since,
+                                     self.passes.refined, self.passes.kept, share))
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
         self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
-        if solution.converged and total > self.asked.error:
+        missed = solution.converged and sure > self.asked.error
+        if missed:
             self._decide(solution, found)
-        if self.plan is None and solution.converged and total > self.asked.error:
+        if self.plan is None and missed:
             summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}"
-        summary["discretisation_error"] = found.relative
+        summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
-        summary["accuracy"] = {"asked": self.asked.error, "reached": total, "met": bool(total <= self.asked.error),
+        summary["accuracy"] = {"asked": self.asked.error, "reached": whole, "met": bool(sure <= self.asked.error),
                                "meshes": [vars(done) for done in self.passes.done]}
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
-        judged = replace(solution, summary=summary, fields=solution.fields.with_error(found.cells))
+        judged = replace(solution, summary=summary, fields=solution.fields.with_error(found.cells / (share or 1.0)))
         return judged if self.means.judge is None else self.means.judge(judged)
 
     def _decide(self, solution: Solution, found: Estimate) -> None:
@@ -142,13 +148,13 @@ class _Refinement:
         if goal <= 0:
             self.why = f"the iterations alone leave {done[-1].iterations_error:.1e}"
             return
-        if len(done) > 2 and done[-1].mesh_error > STALLED * done[-2].mesh_error > STALLED**2 * done[-3].mesh_error:
+        if len(done) > 2 and done[-1].estimated > STALLED * done[-2].estimated > STALLED**2 * done[-3].estimated:
             self.why = (f"the error has stayed above {STALLED:.0%} of the mesh's before, twice"
                         + (f", with elements no smaller than {least:g}" if least else ""))
             return
         mesh = solution.scene.mesh
         order = 2 if mesh.cells.shape[1] == 10 else 1
-        enough = needed([p.elements for p in done], [p.mesh_error for p in done], goal, order)
+        enough = needed([p.elements for p in done], [p.estimated for p in done], goal * done[-1].share, order)
         spent = time.perf_counter() - self.begun
         in_time = len(mesh.cells) * (max((asked.seconds or math.inf) - spent, 0.0) / done[-1].seconds) ** (1 / EXPONENT)
         count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf, in_time)
@@ -181,8 +187,14 @@ class _Refinement:
         return code
 
 
-def estimated(solution: Solution) -> Estimate:
-    """The estimated error of its mesh: of ten-node tets by a problem in each, of four-node ones by recovered stresses."""
+def estimator_of(solution: Solution) -> Estimator:
+    """Of the error of its mesh: of ten-node tets by a problem in each, of four-node ones by recovered stresses."""
     scene = solution.scene
-    kind = ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator
-    return kind.of(scene)(solution.sides)
+    return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
+
+
+def _together(mesh: float, iterations: float, bonded: bool) -> float:
+    """Both errors: of bonds the legs of a right-angled triangle; with contact no more than their sum."""
+    if not math.isfinite(iterations):
+        return mesh
+    return math.hypot(mesh, iterations) if bonded else mesh + iterations

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.accuracy.measured import TRUSTED, Energies
 from orchestrator.accuracy.sizes import Maps
 from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
@@ -25,7 +26,9 @@ class Pass:
     """One run on one mesh.
 
     elements, nodes : of the mesh
-    mesh_error : estimated; iterations_error : bound or estimate of the iterations', None where it is not known; error : both
+    mesh_error : estimated, raised where it was measured to tell too little; told : the share that the estimate by itself tells of it, no
+        more than one, None where it is not measured
+    iterations_error : bound or estimate of the iterations', None where it is not known; error : both
     seconds : wall time; refined : what was meshed anew for it, nothing in the first; kept : what was not
     """
 
@@ -37,12 +40,24 @@ class Pass:
     seconds: float
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
+    told: float | None = None
+
+    @property
+    def estimated(self) -> float:
+        """The mesh's error as its estimate tells it by itself."""
+        return self.mesh_error * (self.told or 1.0)
+
+    @property
+    def share(self) -> float:
+        """Of the true error that the estimate tells, or at least does."""
+        return self.told or TRUSTED
 
     def line(self, number: int) -> str:
         """For the screen."""
         beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
+        how = "estimated" if self.told is None else "measured against the mesh before"
         finer = f"; finer: {_some(self.refined)}" + (f", kept: {_some(self.kept)}" if self.kept else "") if number > 1 else ""
-        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} estimated, {beside}), "
+        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside}), "
                 f"{self.seconds:.1f} s{finer}")
 
 
@@ -52,6 +67,7 @@ class Passes:
 
     maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
     refined, kept : what these have changed
+    before : energies of the last that was solved on, None where they tell nothing
     """
 
     done: list[Pass] = field(default_factory=list)
@@ -59,12 +75,13 @@ class Passes:
     elements: float = 0.0
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
+    before: Energies | None = None
 
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
         arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
         told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "elements": self.elements,
-                "refined": self.refined, "kept": self.kept}
+                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before)}
         path = folder / NAME
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(f".{path.name}")
@@ -81,7 +98,8 @@ class Passes:
         told = json.loads(str(arrays["told"]))
         maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
-        return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"])
+        return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"],
+                   told["before"] and Energies(**told["before"]))
 
     @staticmethod
     def forget(folder: Path) -> None:

@@ -49,10 +49,12 @@ class Estimate:
 
     relative : max_t η_t / max_t √(‖u_t‖² + η_t²), in the energy norm
     cells : (T, m) share of each cell, among ranks of its own ones; the largest root of a step's sum of squares is ``relative``
+    size : what both are relative to, the root of an energy
     """
 
     relative: float
     cells: np.ndarray
+    size: float = 1.0
 
 
 class Estimator:
@@ -119,11 +121,15 @@ class Estimator:
                 energies[t] = self._squares(self._stress(u))[1]
         errors, energy, alone = self.team.sum(squares.sum(axis=1), energies.sum(axis=1), alone)
         size = size_of(energy + errors, alone)
-        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
+        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size, size)
 
     def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
-        return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
+        return np.array([self.energies(u).sum() for u in np.concatenate(sides, axis=1)])
+
+    def energies(self, displacement: np.ndarray) -> np.ndarray:
+        """(m,) ∫ ε : C ε of the cells as they stand, from displacements (n, 3)."""
+        return self._squares(self._stress(displacement))[1]
 
     def _stress(self, displacement: np.ndarray, number: int | None = None) -> np.ndarray:
         """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all.

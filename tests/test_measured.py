@@ -1,0 +1,33 @@
+"""What an estimate tells, measured by the energies on two meshes, against an exact solution."""
+
+import math
+
+from test_discretisation import LENGTH, WEIGHT, YOUNG, contact, hanging, solved
+
+from orchestrator.accuracy.loop import estimator_of
+from orchestrator.accuracy.measured import energies, told
+
+
+def weighed(problem):
+    run = solved(problem)
+    estimator = estimator_of(run)
+    found = estimator(run.sides)
+    return energies(run, estimator, found), found.relative
+
+
+def test_against_an_exact_solution():
+    """Of a bar that hangs: estimates of a mesh raised by what two meshes tell are nearer to the truth, and above."""
+    exact = 2 * WEIGHT**2 * LENGTH**3 / (6 * YOUNG)  # ∫ σ²/E
+    (coarse, _), (fine, error) = (weighed(hanging(n, tolerance=1e-6)) for n in (2, 4))
+    assert coarse.potential > fine.potential > -exact
+    share = told(coarse, fine)
+    true = math.sqrt((fine.potential + exact) / exact)
+    assert 0.7 < error / true < 1 and share < 1 and 1 <= error / share / true < 1.3
+    assert told(fine, coarse) is None and told(None, fine) is None
+    shaken = type(fine)(**{**vars(fine), "volume": 0.9 * fine.volume})  # bodies that change with the mesh
+    assert told(coarse, shaken) is None
+
+
+def test_not_with_friction():
+    assert weighed(contact(1e-3))[0] is None
+    assert weighed({**contact(1e-3), "interfaces": [{"law": "contact"}]})[0] is not None
