@@ -154,5 +154,12 @@ def test_what_is_refused():
     with pytest.raises(InputError, match="beside accuracy"):
         config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"law": 1e-3}}})
     config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"error": 1e-3}}})
+    parts = [{"name": name, "mesh": bent(0.05)["mesh"], "move": {"translate": [20 * k, 0, 0]}} for k, name in enumerate("ab")]
+    apart = {key: value for key, value in bent(0.05).items() if key != "mesh"} | {"parts": parts, "subdomains": "groups"}
+    with pytest.raises(InputError, match="no interfaces, beside method.accuracy"):
+        config_from(apart)
+    config_from({**apart, "interfaces": [{"between": "auto", "law": "perfect"}]})
+    with pytest.raises(InputError, match="a form beside"):
+        config_from({**bent(0.05), "blackbox": {"code": "freefem", "form": "mine.idp"}})
     with pytest.raises(InputError, match="orchestrator run"):
         solve(config_from(bent(0.05)))

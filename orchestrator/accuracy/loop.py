@@ -33,6 +33,8 @@ STALLED = 0.9  # two meshes, one after the other, that leave this much of the er
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
 
+UNMEASURED = f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what the estimate tells"
+
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False, means: one.Means = one.Means(),
         **options: bool) -> int:
@@ -130,7 +132,8 @@ class _Refinement:
         if missed:
             self._decide(solution, found)
         if self.plan is None and missed:
-            summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}"
+            beside = "" if share else UNMEASURED
+            summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}{beside}"
         summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
         summary["accuracy"] = {"asked": self.asked.error, "reached": whole, "met": bool(sure <= self.asked.error),

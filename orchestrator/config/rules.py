@@ -111,6 +111,14 @@ def accuracy_possible(data: Any) -> Iterator[Problem]:
         if kind := next((kind for kind in KINDS if isinstance(part, dict) and part.get(kind) is not None), None):
             yield Problem((*path, kind), f"{kind} beside method.accuracy", "parts with meshes of this program's: the error of others "
                           "is not known, nor can they be meshed anew", "remove method.accuracy")
+    for pattern in (("blackbox",), ("blackbox", "*")):
+        for path, entry in find(data, pattern):
+            if isinstance(entry, dict) and entry.get("form") is not None:
+                yield Problem((*path, "form"), "a form beside method.accuracy", "matter of the YAML's young and poisson: of other matter "
+                              "stresses are not known", "remove method.accuracy")
+    if isinstance(get(data, "parts"), list) and len(data["parts"]) > 1 and not get(data, "interfaces"):
+        yield Problem(("parts",), f"{len(data['parts'])} parts and no interfaces, beside method.accuracy", "an entry for what joins them: "
+                      "finer meshes of parts do not match any more", "add interfaces: [{between: auto, law: perfect}], or law: contact")
 
 
 def following(data: Any) -> Iterator[Problem]:
