@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import assemble, box, difference, forces, settings
+from contact_case import BOTTOM, contact, TOP
 from in_process import IN_PROCESS
 from method_case import CUBES, solved
 from quick import quick
@@ -32,7 +33,7 @@ def test_numbers_are_freefems(name):
     every = {i: np.random.default_rng(i).standard_normal((2, m.fixed.size)) for i, m in enumerate(models)}
     answers = []
     for changes in ({}, CODES[name]):
-        with make_blackbox(settings(workers=2, **changes)) as blackbox:
+        with make_blackbox(settings(**changes)) as blackbox:
             blackbox.load(models)
             answers.append((blackbox.fields(every), blackbox.traces(some), dict(enumerate(blackbox.stiffness(models)))))
             assert blackbox.usage.clock()["solve"] > 0 and blackbox.usage.memory_peak_mb() > 10
@@ -82,16 +83,12 @@ def test_codes_and_transports_are_mixed_freely():
     assert mixed.summary["versions"]["calculix"] and mixed.summary["versions"]["scikit-fem"]
 
 
-def test_friction_does_not_notice_the_code(configs_dir):
-    """A FreeFEM punch on a CalculiX block: statuses and resultants of FreeFEM on FreeFEM."""
-    both = load_config(configs_dir / "punch.yaml").config.complete()
-    both["boundary"][1]["displacement"] = both["boundary"][1]["displacement"][1:2]
-    both["method"]["tolerance"] = {"error": 1e-4}
-    runs = []
-    for blackbox in (both["blackbox"], {"code": "freefem"}):
-        config = config_from({**both, "blackbox": blackbox})
-        runs.append(solve(config, build_scene(config)))
-    mixed, alone = runs
+def test_friction_does_not_notice_the_code():
+    """A FreeFEM block on a CalculiX block: statuses and resultants of FreeFEM on FreeFEM."""
+    boundary = [BOTTOM, {"on": TOP, "displacement": [0.005, 0.0, -0.005]}]
+    codes = [{"code": "freefem", "workers": 1}, {"code": "calculix", "on": "block 0-0-0", "workers": 1}]
+    mixed, alone = (solve(contact(0.3, mesh={"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}, boundary=boundary, error=1e-4,
+                                  blackbox=blackbox)) for blackbox in (codes, codes[0]))
     assert np.array_equal(mixed.interfaces.status, alone.interfaces.status)
     assert len(np.unique(alone.interfaces.status)) > 1, "sticks here and slips there"
     assert difference(np.array(mixed.summary["reactions"]), np.array(alone.summary["reactions"])) < 1e-9

@@ -99,10 +99,3 @@ def test_machine_code_that_cannot_be_kept_serves_its_process(tmp_path):
     names = {}
     exec("def twice(x):\n    return 2 * x", names)
     assert compiled(names["twice"])(21) == 42
-
-
-def test_where_nothing_opens_nothing_is_compiled():
-    """Neither where a configuration is checked, nor where the method's modules are imported."""
-    code = ("import sys, orchestrator.run, orchestrator.cli, orchestrator.method.coarse.kernels; "
-            "sys.exit('numba' in sys.modules)")
-    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -1,5 +1,7 @@
 """Intervals of displacements and forces, against solutions in one piece that share nothing with the method; and forces as delivered."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from benchmarks.studies.intervals import LIKE, Exact, asked, compared, inside
@@ -11,6 +13,7 @@ from test_certificate import FRICTIONLESS, case
 from orchestrator import InputError, build_scene, config_from, solve
 from orchestrator.results.summary.words import summary_rows
 
+pytestmark = pytest.mark.xdist_group("intervals")  # scenes are solved once for several tests
 ALL = ["reactions", "sections", "resultants", "bolts"]
 ROUGH = 1e-2  # an error at which intervals are wide beside rounding
 POINTS = [{"name": "inside", "at": [0.3, 0.6, 0.8], "certified": True}, {"name": "side", "on": "xmax", "certified": True},
@@ -28,6 +31,11 @@ def certified(made, **output):
     config = config_from({**data, "method": {**data["method"], "tolerance": {"error": ROUGH}}})
     scene = build_scene(config)
     return solve(config, scene), scene
+
+
+@cache
+def frictionless(name):
+    return certified(FRICTIONLESS[name]())
 
 
 def judged(solved, scene):
@@ -48,7 +56,7 @@ def judged(solved, scene):
 
 @pytest.mark.parametrize("name", ["loose grains", "a gap", "springs", "P2"])
 def test_true_values_are_within(name):
-    solved, scene = certified(FRICTIONLESS[name]())
+    solved, scene = frictionless(name)
     widths, unknown = judged(solved, scene)
     assert not unknown and 0 < widths.max() <= 30 * solved.error_bound
     means = {probe["name"]: probe["values"] for probe in solved.summary["probes"]}
@@ -118,7 +126,7 @@ def test_a_random_scene_with_friction():
 @pytest.mark.parametrize("name", ["loose grains", "bonded beside", "P2"])
 def test_bodies_are_in_balance(name):
     """By reactions and by what interfaces carry, to rounding, though iterations end early; nothing pulls, nothing is pressed open."""
-    solved, scene = certified(FRICTIONLESS[name]())
+    solved, scene = frictionless(name)
     total = np.zeros((scene.steps, len(scene.subdomains), 3))
     for k, i in enumerate(scene.interfaces):
         for sign, e in zip((1, -1), i.subdomains):

@@ -1,15 +1,15 @@
 """What a newcomer writes to add a code: one module and one registry line. Here it is a solver with an option of its own."""
 
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
 from method_case import CLAMP, PULL
+from own_solvers import Named
 from quick import late
 
-from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.codes.python_code import PythonCode
-from orchestrator.blackbox.codes.template import Solver
 from orchestrator.config.load import config_from
 from orchestrator.config.base import Positive
 from orchestrator.errors import InputError
@@ -18,22 +18,10 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
 
-class Softened(Solver):
-    """The template's solver with all moduli divided by ``softening``."""
-
-    translation_invariant = own_matter = True
-
-    def __init__(self, softening: float):
-        self.softening = softening
-
-    def stiffness(self, model):
-        return super().stiffness(model) / self.softening
-
-
 class SoftenedCode(PythonCode):
-    """Runs in a process of its own; nothing but this file knows it."""
+    """Runs in a process of its own; nothing but this file and the one beside it knows it."""
 
-    solver = f"{__file__}:{Softened.__name__}"
+    solver = f"{Path(__file__).with_name('own_solvers.py')}:Softened"
 
     class Settings(PythonCode.Settings):
         element: Literal["P1"] = "P1"
@@ -70,15 +58,6 @@ def test_stresses_of_matter_that_nobody_else_knows_are_not_certified(softened):
     config = config_from({**problem({"code": "softened", "softening": 2.0, "workers": 1}), "output": asked})
     with pytest.raises(InputError, match="probe_2, a stress or a force in a part whose code has matter of its own"):
         solve(config, build_scene(config))
-
-
-class Named(Adapter):
-    """All that a name takes: this class, and a line."""
-
-    translation_invariant = True
-
-    def stiffness(self, model):
-        return Solver().stiffness(model)
 
 
 def test_an_adapter_gets_a_name_by_a_line_alone():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
-import pyvista
+from pyvista import read
 import results_case as case
 
 from orchestrator.errors import InputError
@@ -133,7 +133,7 @@ def test_files_name_parts_and_interfaces_and_tell_tension_from_pressure(tmp_path
     cut = meshio.read(tmp_path / "fields" / "interface_0002.vtu")
     assert cut.field_data == {"interface a - b": 0} and not cut.point_data["pressure"].any()
     assert np.array_equal(cut.point_data["tension"], pressed)
-    assert pyvista.read(tmp_path / "fields" / "step_0002.vtu").field_data['part bolt "1"'] == [0]
+    assert read(tmp_path / "fields" / "step_0002.vtu").field_data['part bolt "1"'] == [0]
     write_fields(ResultsFolder(tmp_path / "plain"), fields)
     contact = meshio.read(tmp_path / "plain" / "fields" / "interface_0002.vtu")
     assert np.array_equal(contact.point_data["pressure"], pressed) and "tension" not in contact.point_data

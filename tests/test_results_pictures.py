@@ -34,6 +34,10 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import area_vectors
 
 
+# one process opens the window in which all draw
+in_a_window = pytest.mark.xdist_group("window")
+
+
 @pytest.fixture(scope="module")
 def draw():
     """From a view to its picture (rows, columns, 3)."""
@@ -56,6 +60,7 @@ def seen(view, chosen=slice(None)):
 # --- what one sees ----------------------------------------------------------------------------------------
 
 
+@in_a_window
 def test_colours_fill_what_they_should(draw):
     """A flat patch of three kinds, seen from the front: each has its share of the pixels, in exactly its colour."""
     colours, x = ["#d0d0d0", "#0072B2", "#E69F00"], np.array([0.0, 1, 3, 6])
@@ -74,6 +79,7 @@ def test_colours_fill_what_they_should(draw):
 
 
 @pytest.mark.long
+@in_a_window
 def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
     """The bending box from its own camera: shape, colours of the scale, subdomain borders; the same twice."""
     view = deformed(case.fields()).views[0]
@@ -95,6 +101,7 @@ def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
 
 
 @pytest.mark.long
+@in_a_window
 def test_the_deformed_figure_explains_itself(draw):
     sheet = deformed(case.fields())
     view, figure = sheet.views[0], compose(sheet, "made_up")
@@ -109,6 +116,7 @@ def test_the_deformed_figure_explains_itself(draw):
     assert rows, "dot for dot, but for the peak's label"
 
 
+@in_a_window
 def test_status_and_pressure_of_interfaces(draw):
     """Each node's status fills its share of the picture, the pressure at the nodes is what the scale ends at."""
     fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
@@ -156,6 +164,7 @@ def test_round_faces_are_unrolled_and_none_covers_another():
 
 
 @pytest.mark.long
+@in_a_window
 def test_a_cut_shows_the_inside_and_parts_are_chosen(draw):
     """What is in front of the plane goes; the face of the cut has the stress of the inside; the peak is pointed at."""
     fields = replace(case.fields(), part=case.slices(case.box_mesh(), 3), parts=("left", "middle", "right"))
@@ -236,6 +245,7 @@ def test_pages_that_turn_need_no_network():
 
 
 @pytest.mark.long
+@in_a_window
 def test_codes_in_colours(draw):
     fields = case.fields()
     used = [{"code": "freefem", "transport": "pipe", "subdomains": [0, 2]}, {"code": "mine", "transport": "file", "subdomains": [1]}]

@@ -8,6 +8,9 @@ from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.xdist_group("rooms")  # one process parses all modules
 PACKAGE = Path(__file__).parents[1] / "orchestrator"
 MODULES = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
            for path in PACKAGE.rglob("*.py")}
@@ -20,9 +23,17 @@ def above(name: str) -> list[str]:
     return [package for n in range(1, len(parts)) if (package := ".".join(parts[:n])) in MODULES]
 
 
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All within one; what is in expressions, which hold no import, is left out."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.ExceptHandler, ast.match_case)):
+            yield child
+            yield from statements(child)
+
+
 def imported(name: str) -> Iterator[str]:
     """Modules of the package that one imports anywhere in it, for type checks too, and the packages that they are in."""
-    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
+    for node in statements(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom):
             named = [f"{node.module}.{alias.name}" for alias in node.names]
             found = [one if one in MODULES else node.module for one in named]

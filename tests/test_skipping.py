@@ -173,35 +173,32 @@ def test_the_second_part_of_the_bound_waits_for_the_first():
 # --- modules ----------------------------------------------------------------------------------------------
 
 
-def loaded_modules(*commands: str) -> set[str]:
-    """Names of the top-level packages that commands leave imported, one after the other in one process."""
-    code = ("import runpy, sys, atexit\n"
-            "atexit.register(lambda: print('\\n', *{name.partition('.')[0] for name in sys.modules}))\n"
+def loaded_modules(*commands: str) -> list[set[str]]:
+    """Names of the modules that are there after each of some commands, one after the other in one process."""
+    code = ("import runpy, sys\n"
             f"for command in {commands!r}:\n"
             "    sys.argv = ['orchestrator', *command.split()]\n"
             "    try:\n        runpy.run_module('orchestrator', run_name='__main__')\n"
-            "    except SystemExit as left:\n        assert not left.code, left.code")
+            "    except SystemExit as left:\n        assert not left.code, left.code\n"
+            "    print('\\nMODULES', *sys.modules, flush=True)")
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return set(done.stdout.splitlines()[-1].split())
+    return [set(line.split()) for line in done.stdout.splitlines() if line.startswith("MODULES")]
 
 
-def test_check_loads_only_what_it_needs():
-    """A structured mesh needs numpy and scipy alone; METIS comes with METIS."""
-    heavy = {"gmsh", "pyvista", "vtkmodules", "matplotlib", "meshio", "pymetis"}
-    assert not heavy & loaded_modules("check configs/traction_beam.yaml", "check configs/two_blocks.yaml",
-                                      "check --syntax-only configs/polycrystal_100.yaml")
-    assert loaded_modules("check configs/metis_box.yaml") & heavy == {"pymetis"}
-
-
-def test_a_run_draws_and_writes_only_what_is_asked_for(tmp_path):
-    """Without fields and figures nothing that draws or writes them is loaded, and no stress is computed."""
-    path = tmp_path / "bar.yaml"
+def test_commands_load_only_what_they_need(tmp_path):
+    """A structured mesh needs numpy and scipy alone; METIS comes with METIS. Without fields and figures nothing that draws or writes
+    them is loaded, and no stress is computed; one process needs nothing of MPI, and what is bonded no compiler."""
+    path, heavy = tmp_path / "bar.yaml", {"gmsh", "pyvista", "vtkmodules", "matplotlib", "meshio", "pymetis", "numba", "mpi4py"}
     path.write_text(json.dumps({
         "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
         "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [CLAMP, PULL], "output": {"directory": str(tmp_path / "out"), "fields": False, "figures": False}}))
-    assert not loaded_modules(f"run {path} --quiet") & {"matplotlib", "pyvista", "vtkmodules", "meshio", "gmsh"}
+    *checked, run, metis = loaded_modules(
+        "check configs/traction_beam.yaml", "check configs/two_blocks.yaml", "check --syntax-only configs/polycrystal_100.yaml",
+        f"run {path} --quiet", "check configs/metis_box.yaml")
+    assert len(checked) == 3 and not heavy & checked[-1] and not heavy & run and metis & heavy == {"pymetis"}
+    assert {"orchestrator.run", "orchestrator.method.coarse.kernels"} <= run and "orchestrator.parallel.mpi" not in run
     assert not (tmp_path / "out" / "fields").exists() and not (tmp_path / "out" / "figures").exists()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {entry["skip"] for entry in summary["skipped"]} >= {"congruent", "repeated"}
