@@ -513,6 +513,19 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
     assert [target.met for target in failed.targets] == [False]
 
 
+@pytest.mark.long
+def test_load_paths_of_few_bodies(tmp_path, saved_figures):
+    asked = ["grains=3", "seeds=[2]", "walls=[[2,1]]", "tolerances=[1e-4]"]
+    run_study("load_paths", tmp_path, asked)
+    rows = rows_of(tmp_path / "table.csv")
+    assert len(rows) == 5 and {row["stop_reason"] for row in rows} == {"converged"}
+    assert {row["met"] for row in rows_of(tmp_path / "targets.csv")} == {"yes"}
+    assert is_drawn(tmp_path / "load_paths.png", saved_figures[-1])
+    assert not missing_points(saved_figures[-1], [(k, float(row["iterations"])) for k, row in enumerate(rows)])
+    run_study("load_paths", tmp_path, asked, resume=True)
+    assert rows_of(tmp_path / "table.csv") == rows
+
+
 def test_certified_scenes_are_drawn_again_alike():
     drawn = [random_contact.drawn(number, "in-process") for number in range(60)]
     assert {labels["kind"] for _, labels in drawn} == set(random_contact.KINDS)
