@@ -1,6 +1,6 @@
 # make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
 
-.PHONY: help setup setup-tests run test test-all docs rivals clean
+.PHONY: help setup setup-tests run test test-all docs rivals cluster clean
 .DEFAULT_GOAL := help
 
 CONFIG ?= configs/traction_beam.yaml
@@ -20,7 +20,7 @@ run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and 
 test: setup-tests  ## set up CalculiX too, run the tests in two processes
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup -m "not long"
 
-test-all: setup-tests  ## the same with the tests that take long: studies in small, a CAD assembly read anew
+test-all: setup-tests cluster  ## the same with the tests that take long: studies in small, a CAD assembly read anew
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
 
 docs: setup-tests  ## make pages of docs/ in site/, with a search that needs no network
@@ -30,6 +30,9 @@ docs: setup-tests  ## make pages of docs/ in site/, with a search that needs no 
 rivals:  ## set up PETSc, pyamg and PARDISO too, which `orchestrator study large` compares with
 	@./setup.sh rivals
 
+cluster:  ## set up .venv-cluster too, Debian's Python with its PETSc and MPI, for runs over many ranks
+	@./setup.sh cluster
+
 clean:  ## remove results, pages, caches and the virtual environment
-	@rm -rf .venv results site *.egg-info .pytest_cache
+	@rm -rf .venv .venv-cluster results site *.egg-info .pytest_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

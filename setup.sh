@@ -3,11 +3,15 @@
 #     ./setup.sh          what a run needs
 #     ./setup.sh tests    and what the tests need besides
 #     ./setup.sh rivals   and the other solvers that `orchestrator study large` compares with
+#     ./setup.sh cluster  another environment, .venv-cluster, of Debian's own Python with its PETSc and MPI, for many ranks
 # Exit code 2 when packages are missing and cannot be installed from here.
 set -euo pipefail
 cd "$(dirname "$0")"
 
-python=${PYTHON:-python3}
+python=${PYTHON:-python3} environment=.venv sites=() numpy="&"
+if [[ ${1:-} == cluster ]]; then
+    python=/usr/bin/python3 environment=.venv-cluster sites=(--system-site-packages) numpy="numpy<2"    # what Debian's bindings go with
+fi
 packages=(
     freefem++ libfreefem++ libfreefem++-dev    # the solver, its plugins, its .idp files
     libopenblas0-serial                        # FreeFEM and CHOLMOD factorise about 6 times faster than with the default BLAS
@@ -18,6 +22,8 @@ if [[ ${1:-} == tests ]]; then
     packages+=(calculix-ccx)                   # another black box
 elif [[ ${1:-} == rivals ]]; then
     packages+=(python3-petsc4py openmpi-bin)   # PETSc with its multigrid, hypre and MUMPS, for Debian's own Python
+elif [[ ${1:-} == cluster ]]; then
+    packages+=(python3-petsc4py python3-mpi4py openmpi-bin)
 fi
 missing_packages() {
     local package
@@ -80,48 +86,50 @@ fi
 extras=all
 [[ ${1:-} == tests ]] && extras=all,test
 [[ ${1:-} == rivals ]] && extras=all,test,rivals
+[[ ${1:-} == cluster ]] && extras=mesh,figures,fast
 made=$({ "$python" --version; pwd; cat pyproject.toml constraints.txt; } | sha256sum)
-if [[ $(head -1 .venv/stamp 2>/dev/null) != "$made" ]]; then
-    echo "Setting up the virtual environment .venv"
-    "$python" -m venv --clear .venv
-    echo "$made" > .venv/stamp.new
-elif ! tail -1 .venv/stamp | grep -qE "^$extras(,|\$)"; then
-    echo "Adding to the virtual environment .venv"
-    head -1 .venv/stamp > .venv/stamp.new
+if [[ $(head -1 $environment/stamp 2>/dev/null) != "$made" ]]; then
+    echo "Setting up the virtual environment $environment"
+    "$python" -m venv --clear "${sites[@]}" $environment
+    sed "s/^numpy==.*/$numpy/" constraints.txt > $environment/constraints.txt
+    echo "$made" > $environment/stamp.new
+elif ! tail -1 $environment/stamp | grep -qE "^$extras(,|\$)"; then
+    echo "Adding to the virtual environment $environment"
+    head -1 $environment/stamp > $environment/stamp.new
 fi
 
 # uv takes a fifth of pip's time, but does not know where pip has been told to look for packages: where it fails pip does it.
 install() {
-    local uv cache=() asked=(--quiet --constraint constraints.txt "$@")
+    local uv cache=() asked=(--quiet --constraint $environment/constraints.txt "$@")
     if ! uv=$(command -v uv); then
-        .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check --constraint constraints.txt uv || true
-        uv=.venv/bin/uv
-        cache=(--cache-dir .venv/uv-cache)    # nobody asked for one
+        $environment/bin/python -m pip install --quiet --no-input --disable-pip-version-check --constraint $environment/constraints.txt uv || true
+        uv=$environment/bin/uv
+        cache=(--cache-dir $environment/uv-cache)    # nobody asked for one
     fi
-    VIRTUAL_ENV=$PWD/.venv "$uv" pip install "${cache[@]}" "${asked[@]}" 2>.venv/uv.log ||
-        .venv/bin/python -m pip install --no-input --disable-pip-version-check "${asked[@]}"
-    rm -rf .venv/uv-cache
+    VIRTUAL_ENV=$PWD/$environment "$uv" pip install "${cache[@]}" "${asked[@]}" 2>$environment/uv.log ||
+        $environment/bin/python -m pip install --no-input --disable-pip-version-check "${asked[@]}"
+    rm -rf $environment/uv-cache
 }
 
-if [[ -e .venv/stamp.new ]]; then
+if [[ -e $environment/stamp.new ]]; then
     install --editable ".[$extras]"
-    echo "$extras" >> .venv/stamp.new
-    mv .venv/stamp.new .venv/stamp
+    echo "$extras" >> $environment/stamp.new
+    mv $environment/stamp.new $environment/stamp
 fi
 [[ -z $debian ]] || wait "$debian"
 
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
-.venv/bin/python -m compileall -q orchestrator || true
+$environment/bin/python -m compileall -q orchestrator || true
 # Loops of contact are compiled, so that nobody's first run takes longer than the next; and Python keeps the bytecode of what a run and its figures import.
 # Tests call what they test, and keep it as well.
-if [[ ${1:-} != tests && -w .venv ]]; then
+if [[ ${1:-} != tests && -w $environment ]]; then
     mapfile -t loops < <(grep -rl --include='*.py' '^@compiled' orchestrator)
-    if [[ ! -e .venv/compiled || -n $(find "${loops[@]}" -newer .venv/compiled) ]]; then
+    if [[ ! -e $environment/compiled || -n $(find "${loops[@]}" -newer $environment/compiled) ]]; then
         echo "Compiling loops of contact"
         unset PYTHONDONTWRITEBYTECODE
-        .venv/bin/python -c 'import orchestrator.run, orchestrator.results.figures.figures as f; f.warm_up()' >/dev/null 2>&1 &
-        .venv/bin/orchestrator doctor >.venv/doctor.log || cat .venv/doctor.log
+        $environment/bin/python -c 'import orchestrator.run, orchestrator.results.figures.figures as f; f.warm_up()' >/dev/null 2>&1 &
+        $environment/bin/orchestrator doctor >$environment/doctor.log || cat $environment/doctor.log
         wait $! || true    # where nothing can be drawn, runs say so
-        touch .venv/compiled
+        touch $environment/compiled
     fi
 fi

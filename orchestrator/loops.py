@@ -16,6 +16,7 @@ from orchestrator.compiled import kept_in
 from orchestrator.config.load import load_config
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent, command, WANTED
+from orchestrator.parallel import petsc
 from orchestrator.solving import solve
 
 SCENE = Path(__file__).with_suffix(".yaml")
@@ -49,4 +50,7 @@ def examine() -> list[str]:
     library = cholmod.library()
     lines.append("without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: suitesparse" if library is None
                  else f"CHOLMOD: {library._name}")
+    found = petsc.library()
+    lines.append(f"without PETSc, which spreads macro problems of many ranks: {found}" if isinstance(found, str)
+                 else f"PETSc {'.'.join(map(str, found.Sys.getVersion()))} with MUMPS: {found.__file__}")
     return lines if absent("numba") else [*lines, compiled_once()]

@@ -312,14 +312,18 @@ def test_prediction_adds_up():
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
     each, unknowns, gigabytes = prediction.ranks_of(costs, macro, 1000)
     blocks = 1000 / each  # between them: all interfaces but those inside blocks
-    assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and gigabytes == pytest.approx(
-        8e-9 * unknowns**2 / 2)
+    assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and unknowns > prediction.SPREAD
+    assert gigabytes == pytest.approx(8e-9 * (9 * 6 * each ** (2 / 3))**2)  # of a block
     assert small["set_up"]["prepare"] == pytest.approx(0.5 * each) and small["end"]["results"] == pytest.approx(0.03 * each)
     assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100 + 10)
     assert large["set_up"]["repositioning, on every rank"] == pytest.approx(1e-7 * 1e5**1.5 + 12 * 7 * 36 * 1e5 / 1e10)
     assert large["iterations"]["repositioning, on every rank"] == pytest.approx(10 * (1e-2 + 2 * 48 * 1e5 / 1e10))
-    assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * unknowns**3)
-    assert prediction.largest(large)[0] == "set-up: macro problem: borders" and 0.3 < prediction.largest(large)[1] < 0.5
+    assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * blocks**2 * each**2 / blocks**0.5)
+    _, between, all_of_it = prediction.ranks_of(costs, macro, 27)
+    assert between < prediction.SPREAD and all_of_it == pytest.approx(8e-9 * between**2)
+    assert prediction.predict(costs, macro, 27)["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * between**3)
+    assert large["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * 1e5**2 / 1e5**0.5)  # a subdomain to a rank
+    assert prediction.largest(large)[0] == "set-up: scene, on one rank" and 0.8 < prediction.largest(large)[1] < 0.9
     assert prediction.Costs.least([replace(costs, own=1.0, solve=0.05), costs]) == replace(costs, solve=0.05)
     alone = prediction.predict(costs, prediction.MacroCosts((1e-6, 1.0), (1e-6, 1.0), (0.0, 1.0), (0.0, 1.0), (1.0, 1.0)),
                                8)  # borders cost too much

@@ -1,13 +1,14 @@
 """What a run of N equal cubes, one to a core, would take on a cluster.
 
 A rank has a block of subdomains, each with a worker on a core of its own, and works for all of them itself. It eliminates
-the macro unknowns that it alone sees; those on the borders between ranks are a dense problem that every rank solves. The
-repositioning of the error bound is solved on every rank for all subdomains. More subdomains to a rank mean smaller borders
+the macro unknowns that it alone sees. Those on the borders between ranks are a dense problem that every rank solves or, where they are
+many, one that MUMPS spreads over the ranks: the macro problem of as many subdomains as there are ranks, with more unknowns to an
+interface. The repositioning of the error bound is solved on every rank for all subdomains. More subdomains to a rank mean smaller borders
 and more work for each rank: the best number is sought for every N.
 
 Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to pack it for
 another rank; the macro problem and the repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed:
-the network, and that costs grow as far as they were not measured.
+the network, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they were not measured.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from orchestrator import Scene
 from orchestrator.method.interface.factor import by_cholesky
+from orchestrator.method.interface.spread import SPREAD
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES, RIGID = 9, 6, 6  # affine fields on a plane interface; interfaces of a cube; rigid motions
@@ -162,17 +164,21 @@ def macro_pattern(side: int) -> sp.csr_array:
 
     Two interfaces are coupled where they belong to one subdomain.
     """
-    touches = _touches(side)
-    return _of_blocks(touches @ touches.T, FIELDS)
+    return macro_of(touches(side))
+
+
+def macro_of(touching: sp.csr_array) -> sp.csr_array:
+    """The same of some subdomains, which interfaces (interfaces, subdomains) touch."""
+    return _of_blocks(touching @ touching.T, FIELDS)
 
 
 def rigid_pattern(side: int) -> sp.csr_array:
     """Symmetric positive definite matrix with the pattern of repositioning: two subdomains are coupled by an interface."""
-    touches = _touches(side)
-    return _of_blocks(touches.T @ touches, RIGID)
+    touching = touches(side)
+    return _of_blocks(touching.T @ touching, RIGID)
 
 
-def _touches(side: int) -> sp.csr_array:
+def touches(side: int) -> sp.csr_array:
     """(interfaces, side³) 1 where an interface belongs to a cube."""
     number = np.arange(side**3).reshape((side,) * 3)
     low, high = range(side - 1), range(1, side)
@@ -198,11 +204,16 @@ def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, 
 
 
 def ranks_of(costs: Costs, macro: MacroCosts, count: int) -> tuple[int, float, float]:
-    """Subdomains to a rank in the best of cases, unknowns on the borders between ranks, and GB of these on each."""
+    """Subdomains to a rank in the best of cases, unknowns on the borders between ranks, and GB of the matrix of these on each."""
     each = min((side**3 for side in SIDES if side**3 <= count),
                key=lambda m: sum(sum(part.values()) for part in _of_ranks(costs, macro, count, m).values()))
     unknowns = _border(count, each)
-    return each, unknowns, 4e-9 * unknowns**2
+    return each, unknowns, 8e-9 * (unknowns if unknowns < SPREAD else _own(each)) ** 2
+
+
+def _own(each: int) -> float:
+    """Macro unknowns on the borders of one rank."""
+    return FIELDS * FACES * each ** (2 / 3)
 
 
 def _border(count: int, each: int) -> float:
@@ -210,10 +221,20 @@ def _border(count: int, each: int) -> float:
     return FIELDS * 3 * (count - count ** (2 / 3) - count / each * (each - each ** (2 / 3)))
 
 
+def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple[float, float, float]:
+    """Seconds to bring together the problem of the borders, to factorise it, and to solve it once."""
+    if border < SPREAD:
+        cube, square = macro.border
+        return 2 * 8 * border**2 / BANDWIDTH, cube * border**3, square * border**2 + 2 * 8 * border / BANDWIDTH
+    more, faster = each ** (2 / 3), math.sqrt(ranks)  # unknowns to an interface, over those of the pattern that was measured; assumed
+    return (8 * _own(each)**2 / BANDWIDTH, macro.at("factorise", ranks) * more**3 / faster,
+            macro.at("solve", ranks) * more**2 / faster + 2 * 8 * _own(each) / BANDWIDTH)
+
+
 def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[str, dict[str, float]]:
-    ranks, border, own = count / each, max(_border(count, each), 0.0), FIELDS * FACES * each ** (2 / 3)
+    ranks, border, own = count / each, max(_border(count, each), 0.0), _own(each)
     levels = math.ceil(math.log2(max(ranks, 2)))
-    cube, square = macro.border
+    summing, factorising, solving = _between(macro, border, each, ranks)
     alone = ranks <= 1
     return {
         "set_up": {
@@ -224,8 +245,8 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),
             "macro problem: inside a rank": macro.at("factorise", each) + (0 if alone else own * macro.at("solve", each)),
-            "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + 2 * 4 * border**2 / BANDWIDTH,
-            "macro problem: borders": cube * border**3,
+            "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + summing,
+            "macro problem: borders": 0.0 if alone else factorising,
             "repositioning, on every rank": macro.at("rigid_factorise", count) + (
                 0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
         },
@@ -236,7 +257,7 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
             "traces to neighbours": costs.iterations * FACES * (LATENCY + 16 * costs.trace * each ** (2 / 3) / BANDWIDTH),
             "reductions": costs.iterations * (REDUCTIONS + 1) * levels * LATENCY,
             "macro problem: inside a rank": costs.iterations * (1 if alone else 2) * macro.at("solve", each),
-            "macro problem: borders": costs.iterations * (square * border**2 + 2 * 8 * border / BANDWIDTH),
+            "macro problem: borders": 0.0 if alone else costs.iterations * (levels * LATENCY + solving),
             "repositioning, on every rank": costs.iterations * (
                 macro.at("rigid_solve", count) + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH)),
         },

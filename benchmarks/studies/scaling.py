@@ -28,6 +28,7 @@ from benchmarks.studies.prediction import (
     ranks_of,
 )
 from orchestrator import build_scene, config_from
+from orchestrator.method.interface.spread import SPREAD
 
 ELEMENTS = 16  # along the side of a cube
 REPEATS = 3  # runs of which the least of each cost is taken for the prediction
@@ -150,16 +151,18 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         "They grow with the number of subdomains to the power " + ", ".join(
             f"{getattr(macro, q)[1]:.2f} ({q.replace('_', ': ').replace('rigid', 'repositioning')})"
             for q in ("factorise", "solve", "rigid_factorise", "rigid_solve")) +
-        "; nested dissection would give 2 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
-        f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
+        f"; nested dissection would give 2 and 1.33 for many. Up to {SPREAD:,} unknowns n on the borders between ranks are a dense "
+        f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve. More are MUMPS's, which "
+        "has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
-        "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
+        "none of it hidden behind work; R ranks make MUMPS √R times as fast as one; "
+        "cores as fast as this one with the memory bandwidth to themselves; growth as "
         "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, "
         "as it does today.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER),
         "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
-        "| unknowns on borders (GB on each rank) | " + " | ".join(f"{n:,.0f} ({gb:.2g})" for _, n, gb in each) + " |"]
+        "| unknowns on borders (GB of their matrix on each rank) | " + " | ".join(f"{n:,.0f} ({gb:.2g})" for _, n, gb in each) + " |"]
     for period, name in (("set_up", "set-up"), ("iterations", "iterations"), ("end", "end")):
         for what in found[0][period]:
             lines.append(f"| {name}: {what} | " + " | ".join(f"{f[period][what]:.3g}" for f in found) + " |")
@@ -169,8 +172,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
               "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
     lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
-              "a run is named in the last row: the scene as long as one rank makes it for all; the borders, dense and on every rank, and "
-              "repositioning, sparse and on every rank too, would have to be decomposed in their turn.", ""]
+              "a run is named in the last row: the scene as long as one rank makes it for all; repositioning, sparse and on every rank, would "
+              "have to be spread as the borders are.", ""]
     return "\n".join(lines)
 
 

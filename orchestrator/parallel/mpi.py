@@ -65,6 +65,10 @@ class Ranks(Team):
                 most = np.array(self.max(*most))
         return [total[a:b].reshape(x.shape) for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
 
+    def meet(self) -> None:
+        self._count(np.empty(0))
+        self._wait(self._world.Ibarrier())
+
     def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
         outgoing = {rank: np.ascontiguousarray(array) for rank, array in outgoing.items()}
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]

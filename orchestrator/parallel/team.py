@@ -47,6 +47,9 @@ class Team:
         """Largest of each value over the ranks; nan where any is."""
         return self.both((), values)[1]
 
+    def meet(self) -> None:
+        """Wait until all ranks are here."""
+
     def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
         """Point to point: send an array to each of some ranks, and receive one of known size from each of some."""
         return incoming

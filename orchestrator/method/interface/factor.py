@@ -8,17 +8,13 @@ for matrices that are not quite positive definite.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent, Late
-from orchestrator.method.interface.rows import times
-from orchestrator.parallel.team import Team
 
 pymetis = Late("pymetis")
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
@@ -124,66 +120,3 @@ def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
         return True
     lu = sla.splu(whole(shifted), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return bool(np.array_equal(lu.perm_r, lu.perm_c) and (lu.U.diagonal() > 0).all())
-
-
-COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns are at hand
-
-
-class SpreadFactor:
-    """Solves with a symmetric positive definite matrix of which every rank has a part: each eliminates what it alone sees.
-
-    Of A = Σ Aʳ every rank has Aʳ in the unknowns that it sees: I, which no other sees, and S, which it shares. With
-    Aʳ = [[A_II, A_IS], [A_SI, A_SS]], A_II complete,
-
-        Σ = Σ_r (A_SS − A_SI A_II⁻¹ A_IS),     Σ x_S = Σ_r (b_S − A_SI A_II⁻¹ b_I),     x_I = A_II⁻¹ (b_I − A_IS x_S)
-
-    Σ, of the unknowns on the borders between ranks, is dense and on every rank: one sum per solution, and nobody waits for
-    rank 0. That is right as long as borders are small beside the rest: for some dozens of ranks.
-
-    lower : (n, n) sparse, the lower triangle of this rank's part
-    number : (n,) int, ascending, which unknowns of all ranks these are
-    shared : (n,) bool, those that another rank sees too
-    team : the ranks
-
-    border : (n_S,) int, where this rank's shared unknowns are among those of all ranks; total : how many these are
-    Raises RuntimeError: the matrix is singular
-    """
-
-    def __init__(self, lower: sp.csr_array, number: np.ndarray, shared: np.ndarray, team: Team):
-        self.team, self.inner, self.outer = team, np.flatnonzero(~shared), np.flatnonzero(shared)
-        everyone = np.unique(np.concatenate(team.all_gather(number[self.outer])))
-        self.border, self.total = np.searchsorted(everyone, number[self.outer]), len(everyone)
-        whole = sp.csr_array(lower + sp.tril(lower, -1).T)
-        self._inner = Factor(sp.csr_array(sp.tril(whole[self.inner][:, self.inner])))
-        self._coupling = sp.csr_array(whole[self.outer][:, self.inner])
-        self._back = sp.csr_array(self._coupling.T)
-        left = whole[self.outer][:, self.outer].toarray()
-        for a in range(0, len(self.outer), COLUMNS):
-            left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
-        self._border = self._factorised(left)
-
-    def _factorised(self, left: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """What solves with Σ, to which this rank adds (n_S, n_S), symmetric but for rounding: columns (n, T) to columns."""
-        whole = np.zeros((self.total, self.total))
-        whole[np.ix_(self.border, self.border)] = (left + left.T) / 2
-        whole, = self.team.sum(whole)
-        if not whole.size:
-            return lambda right: right
-        try:
-            return partial(la.cho_solve, la.cho_factor(whole, lower=True))
-        except la.LinAlgError:  # not quite positive definite: on all ranks alike, which hold the same numbers
-            lower, pivots = la.lu_factor(whole)
-            if not np.diagonal(lower).all():
-                raise RuntimeError("a pivot vanishes") from None
-            return partial(la.lu_solve, (lower, pivots))
-
-    def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """(T, n) solutions in the unknowns that this rank sees, from its part (T, n) of the right-hand sides."""
-        result, right = np.empty_like(rows), rows[:, self.inner]
-        carried = np.zeros((len(rows), self.total))
-        carried[:, self.border] = rows[:, self.outer] - times(self._coupling, self._inner(right))
-        carried, = self.team.sum(carried)
-        found = self._border(carried.T).T[:, self.border]
-        result[:, self.outer] = found
-        result[:, self.inner] = self._inner(right - times(self._back, found))
-        return result

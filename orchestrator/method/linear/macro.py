@@ -26,9 +26,10 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
-from orchestrator.method.interface.factor import Factor, SpreadFactor
+from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import block_diagonal, fitting, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
 
 
@@ -127,7 +128,8 @@ class Macro:
                  strategy: str, spent: float = 0.0):
         self.space, self.strategy, self.spent = space, strategy, spent
         self.number, self.shared = _numbers(space, bases)
-        self.C = moved(space, bases)
+        fields = moved(space, bases)
+        self.C, self._beyond = fields[: space.size], fields[space.size :]
         self.G = fitting(sp.csr_array(direction.k @ self.C)) if strategy == "equilibrium" else _at_points(space, direction, bases)
         self.size = self.G.shape[1]
         self._forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
@@ -153,27 +155,22 @@ class Macro:
         self._solve = self._solver(lower)
         return self.spent + (float(solved / count) if count else 0.0)
 
-    @cached_property
-    def sizes(self) -> sp.csr_array:
-        """(D, size) magnitudes of the macro fields C."""
-        return sp.csr_array((np.abs(self.C.data), self.C.indices, self.C.indptr), shape=self.C.shape)
-
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""
         return self._solve(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
 
-    def imbalance(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """This rank's part of Cᵀf and of the sum of its terms' magnitudes, to be summed over the ranks: what is shared in
-        the unknowns' own places, of the rest the largest in the rank's."""
-        team, parts = self.space.team, []
-        for values in (times(self.C.T, f), times(self.sizes.T, np.abs(f))):
-            if team.size > 1:
-                part = np.zeros((len(f), self._solve.total + team.size))
-                part[:, self._solve.border] = values[:, self.shared]
-                part[:, self._solve.total + team.rank] = np.abs(values[:, ~self.shared]).max(axis=1, initial=0.0)
-                values = part
-            parts.append(values)
-        return parts[0], parts[1]
+    def imbalance(self, f: np.ndarray) -> tuple[float, float]:
+        """Largest entry of |Cᵀf| in this rank's macro unknowns, and largest sum of its terms' magnitudes; f: (T, D + G), the
+        neighbours' values behind."""
+        own, theirs = f[:, : self.space.size], f[:, self.space.size :]
+        found = times(self.C.T, own) + times(self._beyond.T, theirs)
+        sizes = times(self._sizes[0].T, np.abs(own)) + times(self._sizes[1].T, np.abs(theirs))
+        return float(np.abs(found).max(initial=0.0)), float(sizes.max(initial=0.0))
+
+    @cached_property
+    def _sizes(self) -> list[sp.csr_array]:
+        """Magnitudes of the macro fields, of this rank's trace dofs and of the neighbours'."""
+        return [sp.csr_array((np.abs(C.data), C.indices, C.indptr), shape=C.shape) for C in (self.C, self._beyond)]
 
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
@@ -196,13 +193,13 @@ class Macro:
 
 
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
-    """(D, size) C, fields of all interfaces without a jump: (points, m) each, the same on both sides where nodes match, elsewhere
+    """(D + G, size) C, fields of all interfaces without a jump: (points, m) each, the same on both sides where nodes match, elsewhere
     (trace dofs of side 1 and of side 2, m)."""
     transfer = space.transfer
     dofs = [np.concatenate(sides) for sides in space.sides]
     fields = block_diagonal([np.concatenate([basis, basis]) if match else basis for basis, match in zip(bases, transfer.matched)],
                             [len(at) for at in dofs])
-    return sp.csr_array((unit_rows(np.concatenate([np.empty(0, int), *dofs]), transfer.total).T @ fields)[: space.size])
+    return sp.csr_array(unit_rows(np.concatenate([np.empty(0, int), *dofs]), transfer.total).T @ fields)
 
 
 def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray]) -> sp.csr_array:

@@ -59,16 +59,11 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
     apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
     squares = [_square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
                _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
-    resultant = [] if macro is None else macro.imbalance(f)
-    sums, ends = space.team.both([*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares, *resultant],
-                                 ends)
-    (gap, total, counts), squares, resultant = sums[:3], sums[3:9], sums[9:]
+    resultant = (np.nan, 1.0) if macro is None else macro.imbalance(fields.extended[1])
+    (gap, total, counts, *squares), (*ends, unbalanced, scale) = space.team.both(
+        [*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares], [*ends, *resultant])
     ratios = [float(np.sqrt(part / whole)) if whole > 0 else 0.0 for part, whole in zip(squares[::2], squares[1::2])]
-    macro_imbalance = np.nan
-    if resultant:
-        unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
-        macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
-    return Measures(float(gap / total) if total > 0 else 0.0, *ratios, macro_imbalance,
+    return Measures(float(gap / total) if total > 0 else 0.0, *ratios, unbalanced / scale if scale > 0 else 0.0,
                     dict(zip(counted, counts.astype(int).tolist())), *ends)
 
 

@@ -1,0 +1,136 @@
+"""Solving with sparse symmetric matrices of which every rank has a part, factorised once: the macro problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.rows import times
+from orchestrator.parallel.petsc import SpreadBlocks, shared_by
+from orchestrator.parallel.team import Team
+
+COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns are at hand
+# Unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and 13 s on eight and four ranks instead of 28 and 20,
+# and 174 and 294 MB instead of 420 and 379; with 1,200 both take some seconds (``benchmarks.studies.borders``).
+SPREAD = 5000
+
+
+class SpreadFactor:
+    """Solves with a symmetric positive definite matrix of which every rank has a part: each eliminates what it alone sees.
+
+    Of A = Σ Aʳ every rank has Aʳ in the unknowns that it sees: I, which no other sees, and S, which it shares. With
+    Aʳ = [[A_II, A_IS], [A_SI, A_SS]], A_II complete,
+
+        Σ = Σ_r (A_SS − A_SI A_II⁻¹ A_IS),     Σ x_S = Σ_r (b_S − A_SI A_II⁻¹ b_I),     x_I = A_II⁻¹ (b_I − A_IS x_S)
+
+    Σ, of the unknowns on the borders between ranks, is a sum of a dense block of each rank: spread over the ranks by MUMPS where
+    there is PETSc (``SpreadBlocks``), dense and on every rank where there is none, or where it is small (``CommonBlocks``).
+
+    lower : (n, n) sparse, the lower triangle of this rank's part
+    number : (n,) int, ascending, which unknowns of all ranks these are
+    shared : (n,) bool, those that another rank sees too
+    team : the ranks
+
+    Raises RuntimeError: the matrix is singular
+    """
+
+    def __init__(self, lower: sp.csr_array, number: np.ndarray, shared: np.ndarray, team: Team):
+        self._own = Elimination(lower, shared)
+        self._border = on_borders(self._own.left(), number[shared], team)
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """(T, n) solutions in the unknowns that this rank sees, from its part (T, n) of the right-hand sides."""
+        return self._own.completed(rows, self._border(self._own.carried(rows)))
+
+
+class Elimination:
+    """Of a rank's part of the matrix, the unknowns I that it alone sees; parameters as of ``SpreadFactor``."""
+
+    def __init__(self, lower: sp.csr_array, shared: np.ndarray):
+        self.inner, self.outer = np.flatnonzero(~shared), np.flatnonzero(shared)
+        whole = sp.csr_array(lower + sp.tril(lower, -1).T)
+        self._inner = Factor(sp.csr_array(sp.tril(whole[self.inner][:, self.inner])))
+        self._coupling = sp.csr_array(whole[self.outer][:, self.inner])
+        self._back = sp.csr_array(self._coupling.T)
+        self._outer = sp.csr_array(whole[self.outer][:, self.outer])
+
+    def left(self) -> np.ndarray:
+        """(n_S, n_S) A_SS − A_SI A_II⁻¹ A_IS, symmetric."""
+        left = self._outer.toarray()
+        for a in range(0, len(self.outer), COLUMNS):
+            left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
+        return (left + left.T) / 2
+
+    def carried(self, rows: np.ndarray) -> np.ndarray:
+        """(T, n_S) b_S − A_SI A_II⁻¹ b_I of right-hand sides (T, n)."""
+        return rows[:, self.outer] - times(self._coupling, self._inner(rows[:, self.inner]))
+
+    def completed(self, rows: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """(T, n) solutions, from right-hand sides and what is found (T, n_S) on the borders."""
+        result = np.empty_like(rows)
+        result[:, self.outer] = found
+        result[:, self.inner] = self._inner(rows[:, self.inner] - times(self._back, found))
+        return result
+
+
+def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
+    """What solves with the sum of all ranks' blocks: from parts (T, n) of the right-hand sides to solutions (T, n).
+
+    block : (n, n) symmetric; number : (n,) int, which unknowns of all ranks these are
+    Raises RuntimeError: it is singular
+    """
+    place, owned = places(number, team)
+    petsc = shared_by(team) if owned.sum() >= SPREAD else None
+    if petsc is None:
+        return CommonBlocks(block, place, int(owned.sum()), team)
+    return SpreadBlocks(petsc, block, place, int(owned[team.rank]), team)
+
+
+def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) int, where a rank's numbers are among those of all ranks, rank by rank, and (ranks,) how many each is the first to have."""
+    everyone = team.all_gather(number)
+    unique, first = np.unique(np.concatenate(everyone), return_index=True)
+    place = np.empty(len(unique), dtype=int)
+    place[np.argsort(first)] = np.arange(len(unique))
+    ends = np.cumsum([len(one) for one in everyone])
+    return place[np.searchsorted(unique, number)], np.bincount(np.searchsorted(ends, first, side="right"), minlength=team.size)
+
+
+class CommonBlocks:
+    """Solves with Σ, dense and on every rank: one sum per solution, and nobody waits for rank 0. Right where borders are small.
+
+    block : (n, n) this rank's part of Σ, symmetric
+    place : (n,) int, where its unknowns are among ``total``
+    Raises RuntimeError: it is singular
+    """
+
+    def __init__(self, block: np.ndarray, place: np.ndarray, total: int, team: Team):
+        self._place, self._total, self._team = place, total, team
+        whole = np.zeros((total, total))
+        whole[np.ix_(place, place)] = block
+        self._solve = _factorised(*team.sum(whole))
+
+    def __call__(self, parts: np.ndarray) -> np.ndarray:
+        """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the right-hand sides."""
+        carried = np.zeros((len(parts), self._total))
+        carried[:, self._place] = parts
+        carried, = self._team.sum(carried)
+        return self._solve(carried.T).T[:, self._place]
+
+
+def _factorised(whole: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """What solves with a dense symmetric matrix: columns (n, T) to columns."""
+    if not whole.size:
+        return lambda right: right
+    try:
+        return partial(la.cho_solve, la.cho_factor(whole, lower=True))
+    except la.LinAlgError:  # not quite positive definite: on all ranks alike, which hold the same numbers
+        lower, pivots = la.lu_factor(whole)
+        if not np.diagonal(lower).all():
+            raise RuntimeError("a pivot vanishes") from None
+        return partial(la.lu_solve, (lower, pivots))
