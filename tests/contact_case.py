@@ -134,8 +134,8 @@ def contacts(solved: Solution) -> Contacts:
         if i.law.name != "contact":
             continue
         x = scene.points(i)
-        corners = i.triangles[:, :3]
-        share = np.repeat(np.linalg.norm(area_vectors(x, corners), axis=1) / 3, 3)
+        loaded = i.triangles[:, -3:]  # corners, or the middles of edges
+        share = np.repeat(np.linalg.norm(area_vectors(x, i.triangles), axis=1) / 3, 3)
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
         force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
         normal, length = free_normals(scene, i)
@@ -146,7 +146,7 @@ def contacts(solved: Solution) -> Contacts:
             normal[mobile], length = i.mortar.normal, np.ones(len(length))
             jump = np.stack([(i.mortar.second @ b.ravel() - i.mortar.first @ a.ravel()).reshape(-1, 3) for a, b in zip(one, two)])
         found.append(((*force, jump, status),
-                      (normal[mobile], np.bincount(corners.ravel(), share, len(x))[mobile],
+                      (normal[mobile], np.bincount(loaded.ravel(), share, len(x))[mobile],
                        (i.law.gap / length)[mobile], (i.law.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))

@@ -64,8 +64,8 @@ def test_two_bars_and_a_spring_between(stiffness, element, unit):
     found = converged(bars(springs(stiffness), element=element, unit=unit))
     exact = PULL * (2 * LENGTH / YOUNG + 1 / stiffness) * unit
     assert elongation(found) == pytest.approx(np.full(elongation(found).shape, exact), rel=1e-9)
-    assert found.interfaces.gap == pytest.approx(np.full((1, 9), PULL / stiffness * unit), rel=1e-9, abs=1e-9 * exact)
-    assert found.interfaces.pressure == pytest.approx(np.full((1, 9), -PULL / unit**2), rel=1e-9)
+    assert found.interfaces.gap == pytest.approx(np.full(found.interfaces.gap.shape, PULL / stiffness * unit), rel=1e-9, abs=1e-9 * exact)
+    assert found.interfaces.pressure == pytest.approx(np.full(found.interfaces.gap.shape, -PULL / unit**2), rel=1e-9)
     assert set(found.summary["residuals"]) >= {"law_residual", "spring"} and found.summary["residuals"]["spring"] <= 1e-10
     assert found.summary["detached"] == [[]] and found.summary["weakly_held"] == [[]], "springs hold"
 

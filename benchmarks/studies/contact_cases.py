@@ -19,7 +19,7 @@ from benchmarks.kit.settings import Keys
 from benchmarks.kit.side_view import side_view
 from benchmarks.kit.study import Study
 from benchmarks.monolithic import Monolithic
-from benchmarks.problems import contact_cases as cases
+from benchmarks.problems import contact_cases as cases, tools
 from benchmarks.problems.cantilevers import beams, tip
 from benchmarks.problems.limits import arch, belt, belt_limit, incline, shaft, stack, stack_limit, wedge
 from benchmarks.studies.limits import holds, jams, thinnest
@@ -27,7 +27,8 @@ from orchestrator import Solution, config_from, solve
 
 TOLERANCE, MOST = 1e-4, 2000  # law residual, iterations
 XZ, XY = (0, 2), (0, 1)
-Name = Literal["belt", "wedge", "arch", "incline", "boxes_slide", "boxes_tip", "pull_out", "cantilevers", "mindlin", "nafems", "ironing"]
+Name = Literal["belt", "wedge", "arch", "incline", "boxes_slide", "boxes_tip", "pull_out", "cantilevers", "mindlin", "nafems", "ironing",
+               "ball", "roller", "stiff_cap"]
 
 
 @dataclass
@@ -206,6 +207,57 @@ def _ironing(folder: Path) -> Found:
     return found
 
 
+def _under(solved: Solution, found: Found, peak: float, half: float) -> None:
+    """Largest pressure and size of a contact beside Hertz's for the force that is found, with the picture."""
+    fields = solved.interfaces
+    r = np.linalg.norm(solved.scene.mesh.nodes[fields.nodes][:, :2 if "ball" in solved.scene.name else 1], axis=1)
+    chosen = fields.area > 0
+    r, pressure = r[chosen], fields.pressure[0, chosen]
+    loaded = pressure > 0.2 * pressure.max()
+    slope, top = np.polyfit(r[loaded] ** 2, pressure[loaded] ** 2, 1)  # p² is linear in r²
+    found.add("largest pressure for the force that is found", peak, float(np.sqrt(top)))
+    found.add("size of the contact for this force", half, float(np.sqrt(-top / slope)))
+    exact = peak * np.sqrt(np.maximum(1 - (r / half) ** 2, 0))
+    found.add("pressure at the point that is farthest off it, below 0.9 of the contact's size, over the largest", 1.0,
+              1 + float(np.abs(pressure - exact)[r < 0.9 * half].max()) / peak)
+    found.figure, ((one, two),) = panels(1, 2, size=(8.6, 3.4))
+    side_view(one, solved, XZ)
+    fine = np.linspace(0, 1, 200)
+    two.plot(fine, np.sqrt(1 - fine**2), color=GREY, label="Hertz")
+    two.plot(r / half, pressure / peak, "o", color=BLUE, markersize=3, label="found")
+    two.set(xlim=(0, 1.5), xlabel="r / a", ylabel="p / p₀")
+
+
+def _ball(folder: Path) -> Found:
+    """A rigid ball that is moved; of its force, a quarter presses on a quarter of the block."""
+    found = Found()
+    solved = found.solve(tools.ball(folder))
+    force = -4 * solved.reactions[-1, 0, 2]
+    half = (0.75 * force * tools.RADIUS / tools.MODULUS) ** (1 / 3)
+    _under(solved, found, 1.5 * force / (np.pi * half**2), half)
+    return found
+
+
+def _roller(folder: Path) -> Found:
+    """A rigid roller that is moved, on half a slice."""
+    found = Found()
+    solved = found.solve(tools.roller(folder))
+    force = -2 * solved.reactions[-1, 0, 2] / np.ptp(solved.scene.mesh.nodes[:, 1])
+    half = np.sqrt(4 * force * tools.RADIUS / (np.pi * tools.MODULUS))
+    _under(solved, found, 2 * force / (np.pi * half), half)
+    return found
+
+
+def _stiff_cap(folder: Path) -> Found:
+    """The force on a rigid ball beside that on a meshed body of its shape."""
+    found = Found()
+    meshed, rigid = (found.solve(tools.cap(folder, meshed)) for meshed in (True, False))
+    found.add("force at the same depth", float(meshed.reactions[-1, 0, 2]), float(rigid.reactions[-1, 0, 2]))
+    found.figure, ((axes,),) = panels(size=(5.0, 3.2))
+    side_view(axes, rigid, XZ)
+    return found
+
+
 CASES: dict[str, tuple[str, float, Callable[[Path], Found]]] = {
     "belt": ("Belt on a drum, 160°, μ = 0.2 (Euler and Eytelwein)", 0.01,
              partial(_limit, lambda folder, share: belt(folder, ratio=share * belt_limit(0.2)), XY, 0.01)),
@@ -222,4 +274,7 @@ CASES: dict[str, tuple[str, float, Callable[[Path], Found]]] = {
     "mindlin": ("Cylinder pressed, pushed, let go and reversed (Cattaneo, Mindlin and Deresiewicz)", 0.05, _mindlin),
     "nafems": ("NAFEMS' cylinder of steel on a block of aluminium (Konter 2006, benchmark 1; Hertz)", 0.02, _nafems),
     "ironing": ("A die that irons a slab, pairing: follow, then fixed", 0.02, _ironing),
+    "ball": ("A rigid ball without a mesh on a block (Hertz)", 0.02, _ball),
+    "roller": ("A rigid roller without a mesh on a slab in plane strain (Hertz)", 0.02, _roller),
+    "stiff_cap": ("A rigid ball beside a meshed body of its shape, a thousand times as stiff as the block", 0.02, _stiff_cap),
 }

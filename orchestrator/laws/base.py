@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.points import Answer, BONDED, Carries, Points, Status
-
-if TYPE_CHECKING:  # a configuration is read without it
-    from scipy.sparse import sparray
 
 
 @dataclass(frozen=True)
@@ -183,10 +180,6 @@ class Law:
             and they share no faces
         """
         raise NotImplementedError
-
-    def averaged(self, weights: sparray) -> Law:
-        """The same where points see the mean of what is around them, with weights (n, n) of nodes."""
-        return self
 
     @property
     def distance(self) -> np.ndarray | float:

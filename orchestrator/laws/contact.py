@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any, Literal, TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -25,9 +25,6 @@ from orchestrator.config.base import Positive, either
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
-
-if TYPE_CHECKING:  # a configuration is read without it
-    from scipy.sparse import sparray
 
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
@@ -125,9 +122,6 @@ class Contact(Law):
     @property
     def imposed(self) -> float:
         return float(np.max(-self.gap, initial=0.0))
-
-    def averaged(self, weights: sparray) -> Contact:
-        return replace(self, gap=weights @ self.gap)
 
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """Where all that the normal has is prescribed, how far the sides are inside each other."""

@@ -50,25 +50,7 @@ def unloaded(scene: Scene) -> Iterator[str]:
                    "it: it goes straight into the support and moves nothing")
 
 
-def cut_contact(scene: Scene) -> Iterator[str]:
-    """Two bodies whose six-node faces meet on interfaces of several pieces, which weigh their gaps each by itself."""
-    if scene.mesh.cells.shape[1] != 10:
-        return
-    met: dict[tuple[str, ...], dict[tuple[int, int], np.ndarray]] = {}
-    for i in scene.interfaces:
-        if not i.law.joins:
-            pieces = met.setdefault(tuple(scene.subdomains[e].body for e in i.subdomains), {})
-            nodes = scene.subdomains[i.subdomains[0]].nodes[i.nodes[0]]
-            pieces[i.subdomains] = np.union1d(nodes, pieces.get(i.subdomains, nodes))  # several where its faces have a crease
-    cut = [" and ".join(bodies) for bodies, pieces in met.items()
-           if np.unique(every := np.concatenate(list(pieces.values()))).size < every.size]
-    if cut:
-        yield (f"{some(cut)} are in contact across a cut of one of them: on ten-node tets (P2) each side of the cut weighs its gaps by "
-               "itself, and forces hang on where it is, the more the coarser the mesh: leave these bodies whole (subdomains: groups, or a "
-               "larger split_above), or take P1")
-
-
-RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded, cut_contact]
+RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
 
 
 def scene_cautions(scene: Scene) -> list[str]:

@@ -19,6 +19,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.loads.base import Forces, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import QUARTERS
 from orchestrator.scene.tools.motion import Rigid
 
 
@@ -90,11 +91,6 @@ class FacePatch:
     cells: np.ndarray
     free: np.ndarray
 
-    @property
-    def corners(self) -> np.ndarray:
-        """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
-        return np.unique(self.triangles[:, :3])
-
 
 @dataclass
 class Interface(FacePatch):
@@ -135,9 +131,19 @@ class Interface(FacePatch):
         return self.matching or self.mortar is not None and self.mortar.paired
 
     @property
-    def weighed(self) -> bool:
-        """Whether its points, at the corners of six-node faces, see the mean of the jump around them."""
-        return self.triangles.shape[1] == 6 and not self.law.as_one
+    def amid(self) -> bool:
+        """Whether nodes of six-node faces are paired, and its points are those in the middle of their edges."""
+        return self.paired and self.triangles.shape[1] == 6 and not self.law.as_one
+
+    @property
+    def shown(self) -> np.ndarray:
+        """(c,) int, ascending, the nodes that fields are told at: corners, and middles of edges where these are the points."""
+        return np.unique(self.shown_triangles)
+
+    @property
+    def shown_triangles(self) -> np.ndarray:
+        """(m, 3) int, triangles between these: a quarter of a face each where middles of edges are shown."""
+        return self.triangles[:, QUARTERS].reshape(-1, 3) if self.amid else self.triangles[:, :3]
 
     def traced(self, side: int) -> np.ndarray:
         """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where points are no pairs, all of them,

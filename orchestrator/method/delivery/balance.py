@@ -146,7 +146,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
             if i.moving is None:
                 x1, x2 = nodes[interfaces.nodes[own]], nodes[interfaces.others[own]]
                 if i.mortar is not None:  # a point's force is spread over nodes around; a rigid link carries it to a side that is apart
-                    at = np.searchsorted(i.corners, i.mortar.points)
+                    at = np.searchsorted(i.shown, i.mortar.points)
                     x1[at], x2[at] = ((G @ scene.side_points(i, side).ravel()).reshape(-1, 3) for side, G in enumerate(
                         (i.mortar.first, i.mortar.second)))
                     x2 = x2 if i.paired else x1

@@ -25,7 +25,7 @@ from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.recovery import Interior, Parts, interior, repositioned
-from orchestrator.method.interface.pairing import lawful_corners, pair_normals
+from orchestrator.method.interface.pairing import lawful_nodes, pair_normals
 from orchestrator.method.interface.rows import dots, joined, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.law_residuals import Lengths
@@ -49,7 +49,7 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     """
     inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
-    length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.corners] for i in own_interfaces(d)])
+    length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.shown] for i in own_interfaces(d)])
     allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
     unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), allowed, lawful)
     if not iterated.converged:
@@ -174,8 +174,9 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
     stiff = d.space.team.max((points.stiff_n / points.area).max(initial=0.0))[0]
     pressures = _pressures(d, interfaces, lengths.of_rest * stiff)
     for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
-        mobile = np.searchsorted(i.corners, lawful_corners(i))
-        at, nodes = own.start + mobile, i.corners[mobile]
+        nodes = lawful_nodes(i)
+        nodes = nodes[np.isin(nodes, i.shown)]
+        at = own.start + np.searchsorted(i.shown, nodes)
         fields = (interfaces.gap[:, at] - i.distances(interfaces.steps)[:, nodes], interfaces.slip[:, at],
                   interfaces.pressure[:, at], interfaces.friction_traction[:, at])
         variables = {v.name: interfaces.own[v.name][:, at] for v in i.law.variables}

@@ -17,10 +17,11 @@ from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.method.interface.pairing import lawful_nodes, pair_normals, point_areas
-from orchestrator.method.interface.rows import joined
+from orchestrator.method.interface.rows import joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
@@ -123,17 +124,17 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     if all(i.law.perfect for i in d.scene.interfaces):
         return None
     pairs, steps, scene, chosen = d.local.pairs, d.scene.steps, d.scene, own_interfaces(d)
-    corners = [i.corners for i in chosen]
-    offsets = np.cumsum([0] + [len(c) for c in corners])
+    shown = [i.shown for i in chosen]
+    offsets = np.cumsum([0] + [len(c) for c in shown])
     start = {i.index: a for i, a in zip(chosen, offsets)}
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
-    shown = corner[:, 1] < 0
+    own_node = corner[:, 1] < 0
 
-    def at_corners(values: Sequence[np.ndarray], *shape: int) -> np.ndarray:
+    def at_shown(values: Sequence[np.ndarray], *shape: int) -> np.ndarray:
         """(N, …) of values at all nodes of each interface."""
-        return joined([x[c] for x, c in zip(values, corners)], (0, *shape))
+        return joined([x[c] for x, c in zip(values, shown)], (0, *shape))
 
-    apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, corners))], axis=1)
+    apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
     gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
     shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))  # along the normal and across it
@@ -141,21 +142,21 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
         normals, lengths = ([x[k] for x in (pair_normals(scene.points(i), i) for i in chosen)] for k in (0, 1))
-        normal, length = at_corners(normals, 3), at_corners(lengths)
-        areas[t] = area = at_corners([point_areas(scene.points(i), i) for i in chosen])
+        normal, length = at_shown(normals, 3), at_shown(lengths)
+        areas[t] = area = at_shown([point_areas(scene.points(i), i) for i in chosen])
         jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
         jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
-        jump[:, place[shown]], force[t, place[shown]] = jumps[:, shown], forces[:, shown]
+        jump[:, place[own_node]], force[t, place[own_node]] = jumps[:, own_node], forces[:, own_node]
         for result, found in [(status, statuses), *((own[name], x) for name, x in own_values.items() if name in own)]:
-            result[t, place[shown]] = found[:, here.mine][:, shown]
-        for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
-            np.add.at(force, (t, end), 0.5 * forces[:, ~shown])
+            result[t, place[own_node]] = found[:, here.mine][:, own_node]
+        for end in corner[~own_node].T:  # what acts in the middle of an edge acts on its ends, half on each
+            np.add.at(force, (t, end), 0.5 * forces[:, ~own_node])
         (opening, slip[t]), (push, shear), size = _parted(jump, normal), _parted(force[t], normal), np.where(area > 0, area, np.inf)
         traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (length * size), apart[t] + length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
-            moved[:, place[shown]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, shown]
+            moved[:, place[own_node]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, own_node]
             along, across = _parted(moved, normal)
             shifts[:, t] = length * along, np.linalg.norm(across, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
@@ -166,10 +167,10 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     nodes, others = ([x[k] for x in (_nodes(scene, i) for i in chosen)] for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
-        np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets, at_corners(nodes), at_corners(others),
-        joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)),
-        np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area,
-        at_corners([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
+        np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets, at_shown(nodes), at_shown(others),
+        joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
+        np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]), normal, area,
+        at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own,
         *(() if shifts is None else shifts))
 
@@ -213,28 +214,43 @@ def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *fields: np.ndarray) -> None:
-    """Give nodes that carry no point, and corners of the same surface, what the points have that took over their share.
+    """Give nodes that carry no point, and those of the same surface that are shown, what the points have that took over their share.
 
     points : (n, 3) the interface's nodes
-    status : (T, c) at its corners; fields : (T, c) or (T, c, 3), all set in place
+    status : (T, c) at those shown; fields : (T, c) or (T, c, 3), all set in place
     """
-    mortar, corners = interface.mortar, interface.corners
-    own = np.searchsorted(corners, mortar.points)
-    rest = np.setdiff1d(np.arange(len(corners)), own)
+    mortar, shown = interface.mortar, interface.shown
+    own = np.searchsorted(shown, mortar.points)
+    rest = np.setdiff1d(np.arange(len(shown)), own)
     if not len(rest) or interface.moving is not None:  # what slides on has its points everywhere
         return
-    shares = sp.csr_array(mortar.first[::3, ::3].T @ sp.diags_array(mortar.area))[corners[rest]]
+    if interface.amid:
+        shares = _beside(interface, points)[shown[rest]]
+    elif interface.triangles.shape[1] == 6:  # a corner's function there has no share: its integral over a face is 0
+        shares = sp.csr_array((len(rest), len(own)))
+    else:
+        shares = sp.csr_array(mortar.first[::3, ::3].T @ sp.diags_array(mortar.area))[shown[rest]]
     from scipy.spatial import cKDTree  # only scenes of several parts need it
 
-    nearest = cKDTree(points[mortar.points]).query(points[corners[rest]])[1]
-    if interface.triangles.shape[1] == 6:  # a corner's function there has no share: its integral over a face is 0
-        shares = sp.csr_array(shares.shape)
-    empty = np.flatnonzero(np.diff(shares.indptr) == 0)
+    nearest, empty = cKDTree(points[mortar.points]).query(points[shown[rest]])[1], np.flatnonzero(np.diff(shares.indptr) == 0)
     shares = shares + sp.csr_array((np.ones(len(empty)), (empty, nearest[empty])), shape=shares.shape)
-    shares = (sp.diags_array(1 / shares.sum(axis=1)) @ shares).toarray()
+    shares = sp.csr_array(sp.diags_array(1 / shares.sum(axis=1)) @ shares)
     status[:, rest] = status[:, own[nearest]]
     for values in fields:
-        values[:, rest] = np.moveaxis(np.tensordot(shares, values[:, own], axes=(1, 1)), 0, 1)
+        there = values.reshape(*values.shape[:2], -1)
+        there[:, rest] = np.stack([times(shares, x) for x in there[:, own].transpose(2, 0, 1)], axis=2)
+
+
+def _beside(interface: Interface, points: np.ndarray) -> sp.csr_array:
+    """(n, p) of a corner and the points in the middle of edges that end there, the area that they have in common: means that laws
+    allow where they allow each."""
+    number = np.full(len(points), -1)
+    number[interface.mortar.points] = np.arange(len(interface.mortar))
+    ends, middles = TRIANGLE_EDGES.ravel(), np.repeat(np.arange(3, 6), 2)
+    corner, middle = interface.triangles[:, ends].ravel(), number[interface.triangles[:, middles]].ravel()
+    area = np.repeat(np.linalg.norm(area_vectors(points, interface.triangles), axis=1), 6)
+    there = middle >= 0
+    return sp.csr_array((area[there], (corner[there], middle[there])), shape=(len(points), len(interface.mortar)))
 
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -243,9 +259,9 @@ def _places(interfaces: list[Interface], start: dict[int, int]) -> tuple[np.ndar
     places, ends = [np.zeros(0, int)], [np.zeros((0, 2), int)]
     for i in interfaces:
         at, of_node = lawful_nodes(i), np.full((len(i.free), 2), -1)
-        places.append(start[i.index] + np.searchsorted(i.corners, at))
-        if not np.isin(at, i.corners).all():
+        places.append(start[i.index] + np.searchsorted(i.shown, at))
+        if not np.isin(at, i.shown).all():
             edge, number = edges_of(i.triangles, TRIANGLE_EDGES)
-            of_node[i.triangles[:, 3:].ravel()] = start[i.index] + np.searchsorted(i.corners, edge[number.ravel()])
+            of_node[i.triangles[:, 3:].ravel()] = start[i.index] + np.searchsorted(i.shown, edge[number.ravel()])
         ends.append(of_node[at])
     return np.concatenate(places), np.concatenate(ends)

@@ -182,9 +182,3 @@ def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
         return point_areas(points, interface)
     area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)
     return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))
-
-
-def lawful_corners(interface: Interface) -> np.ndarray:
-    """(p,) int, ascending, which of the ``lawful_nodes`` are corners."""
-    lawful = lawful_nodes(interface)
-    return lawful[np.isin(lawful, interface.corners)]

@@ -80,15 +80,15 @@ def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray
 
 
 def _turn(scene: Scene, i: Interface) -> np.ndarray:
-    """(c, 3) by how much the other side's unit normals differ from an interface's own, at its corners; 0 where nothing is opposite."""
+    """(c, 3) by how much the other side's unit normals differ from an interface's own, at the nodes shown; 0 where nothing is opposite."""
     one = _normals(scene.side_points(i, 0), i.triangles)
     two = _normals(scene.side_points(i, 1), i.triangles_on(1))
     if i.paired:
-        return (two - one)[i.corners]
+        return (two - one)[i.shown]
     there = unit(i.mortar.second[::3, ::3] @ two)
     result = np.zeros_like(one)
     result[i.mortar.points] = np.where(there.any(axis=1)[:, None], there - one[i.mortar.points], 0.0)
-    return result[i.corners]
+    return result[i.shown]
 
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -11,12 +11,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.interfaces.mortar.paired import means
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import format_point, local_size
@@ -77,14 +75,13 @@ def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.nda
     nodes, s = fields.nodes[own], scene.subdomains[i.subdomains[0]]
     points, displaced = scene.mesh.nodes[i.global_nodes], sides[i.subdomains[0]][:, np.searchsorted(s.nodes, i.global_nodes)]
     at = np.searchsorted(i.global_nodes, nodes)
-    seen = (means(points, i.triangles)[0] if i.weighed else sp.eye_array(len(points), format="csr"))[at]  # as the law sees the gap
     young = min(scene.materials[m].young for m in np.unique(scene.cell_material[i.cells[:, 0]]))
     size = local_size(points, i.triangles)[at]
     pressure, off, force = fields.pressure[:, own], np.zeros(scene.steps), np.zeros((2, scene.steps))
     for t, move in enumerate(moved):
         distance, normal = i.tool.at(move, points + displaced[t])
         push = np.maximum(pressure[t], 0.0)
-        off[t] = np.abs(np.where(push > 0, seen @ distance - fields.gap[t, own], 0.0)).max(initial=0.0)
+        off[t] = np.abs(np.where((push > 0) & (fields.areas[t, own] > 0), distance[at] - fields.gap[t, own], 0.0)).max(initial=0.0)
         weight = (push * fields.areas[t, own])[:, None]
         force[:, t] = np.linalg.norm((weight * (normal[at] + fields.normal[own])).sum(axis=0)), weight.sum()
     worth = (np.maximum(pressure, 0.0) * size / young).max(axis=1)

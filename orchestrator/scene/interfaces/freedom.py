@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
-from orchestrator.scene.interfaces.mortar.paired import means, paired_mortar
+from orchestrator.scene.interfaces.mortar.paired import paired_mortar
 from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
@@ -69,9 +69,12 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
             if interface.tool is None:  # which has normals of its own
                 _curve(interface, points)
-            if interface.weighed:
+            if interface.amid:
                 usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
-                _weigh(interface, points, usual, tuple(fixed[own] for own in numbering.sides(interface)))
+                held = tuple(fixed[own] for own in numbering.sides(interface))
+                apart = np.broadcast_to(interface.law.distance, len(points))
+                interface.mortar = paired_mortar(points, interface.triangles, interface.cells, usual, apart, held)
+                interface.free = ~held[0]
     return kept
 
 
@@ -85,18 +88,6 @@ def _curve(interface: Interface, points: np.ndarray) -> None:
     if sure.any():
         normals = node_normals(points, interface.triangles, known)
         interface.normals = normals if interface.normals is None else np.where(sure[:, None], normals, interface.normals)
-
-
-def _weigh(interface: Interface, points: np.ndarray, normals: np.ndarray, fixed: tuple[np.ndarray, np.ndarray]) -> None:
-    """Give an interface whose nodes are paired points at the corners of its six-node faces; laws there see the mean gap around.
-
-    points, normals : (n, 3) of its nodes; fixed : (n, 3) bool, components prescribed on either side
-    """
-    apart = np.broadcast_to(interface.law.distance, len(points))
-    interface.mortar = paired_mortar(points, interface.triangles, interface.cells, normals, apart, fixed)
-    weights, _ = means(points, interface.triangles)
-    interface.law, interface.law_at_steps = interface.law.averaged(weights), [law.averaged(weights) for law in interface.law_at_steps]
-    interface.free = ~fixed[0]
 
 
 def _number_patches(found: list[Interface]) -> None:

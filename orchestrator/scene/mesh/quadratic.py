@@ -22,6 +22,7 @@ from orchestrator.scene.mesh.mesh import Mesh
 # Ends of the edges behind nodes 4 … 9 of a tet, and behind nodes 3 … 5 of a triangle.
 TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])  # of a triangle of six nodes
 
 # Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
 TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
