@@ -37,6 +37,8 @@ SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results sh
     "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
     "press_fit": ([], 20, lambda s, f: np.abs(f["pressure"] / 200.0 - 1).max() < 1e-5),
     "hertz": ([], 60, lambda s, f: abs(f["pressure"][-1].max() / hertz_pressure(s["reactions"][0][-1][2]) - 1) < 0.03),
+    "rigid_ball": (["mesh.box.cells=[8, 8, 4]"], 60, lambda s, f: abs(s["reactions"][1][0][2] + 800) < 0.1 and statuses(s, "slip")[1] > 0
+                   and statuses(s, "stick")[1] > 0 and -0.12 < s["tools"][0]["displacement"][0][2] < -0.06),
     "assembly_contact": (["mesh.h=10", "method.tolerance.error=1e-3"], 150, lambda s, f: s["interfaces"] == 32 and all(
         700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
         and "nut" in i["name"])),

@@ -57,9 +57,10 @@ def test_a_force_does_what_the_way_does_that_it_makes(element, gap, error):
     higher = {"sphere": {"centre": [0.5, 0.5, 2.5 + gap], "radius": 2.0}}
     pushed = solved(block({**higher, "force": [0, 0, force]}, element, error))
     assert pushed.summary["tools"][0]["displacement"][0] == pytest.approx([0, 0, -0.01 - gap], abs=1e-5)
-    assert pushed.reactions[1, 0] == pytest.approx([0, 0, force], abs=1e-4 * -force)
-    about = np.array(pushed.summary["reaction_moments"]["moments"])[1, 0]
-    assert about == pytest.approx([0.5 * force, -0.5 * force, 0], abs=1e-3 * -force)
+    assert pushed.reactions[1, 0] == pytest.approx(found.reactions[1, 0], abs=1e-4 * -force)  # aside, too: the mesh is not symmetric
+    about, there = (np.array(s.summary["reaction_moments"]["moments"])[1, 0] for s in (pushed, found))
+    assert about == pytest.approx([0.5 * force, -0.5 * force, 0], abs=1e-3 * -force) and about == pytest.approx(there, abs=2e-4 * -force)
+    assert pushed.iterations < 4 * found.iterations
 
 
 def stl(path: Path, points: np.ndarray, triangles: np.ndarray) -> str:

@@ -174,7 +174,7 @@ def _with_tools(config: Config, body: Body, cut: Cut, joints: Joints, boundary: 
     pressed = pressed_tools(body.mesh, body.faces, config.interfaces, config.tools, _times(config, list(config.tools.values())), problems)
     if problems.found:
         return
-    added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, body.materials, pressed, len(boundary))
+    added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, pressed, len(boundary))
     body.mesh, body.faces, body.material, cut.partition, cut.numbering = (
         added.mesh, added.faces, added.material, added.partition, added.numbering)
     joints.interfaces = joints.interfaces + interfaces

@@ -192,7 +192,6 @@ class BoundaryEntry:
     nodes : (p,) int, global ids of all nodes on those faces
     does : what acts there; forces are those of its faces
     drives : name of the rigid tool that it drives; such entries come after those of the YAML, and are none of them
-    matter : (k,) int, material of the ground behind each face; None: as of its tet
     """
 
     index: int
@@ -202,7 +201,6 @@ class BoundaryEntry:
     nodes: np.ndarray
     does: Forces | Prescribed | Ground
     drives: str = ""
-    matter: np.ndarray | None = None
 
     @property
     def name(self) -> str:

@@ -56,7 +56,8 @@ def shares(d: Decomposition, lawful: Lawful, energy: np.ndarray) -> Shares:
     gaps = np.maximum(gaps, 0.0)
     whole = each.sum(axis=1) + gaps.sum(axis=1)
     step, least = int(whole.argmax()), ROUNDING * np.sqrt(energy.sum(axis=1).max())
-    known = np.bincount(body, [d.blackbox.traits(s.code).own_matter for s in d.scene.subdomains], len(names)) == 0
+    foreign = [d.blackbox.traits(s.code).own_matter for s in d.scene.subdomains] | d.scene.stand_ins
+    known = np.bincount(body, foreign, len(names)) == 0
     far, strained = np.sqrt(each.max(axis=0)), np.sqrt(energy.max(axis=0))
     own = {str(names[k]): relative(float(far[k]), float(strained[k])) for k in np.flatnonzero(known & (far > least))}
     total = max(float(whole[step]), np.finfo(float).tiny)

@@ -124,7 +124,8 @@ def matter(run: Stopped) -> Iterator[str]:
 def shape(run: Stopped) -> Iterator[str]:
     """Flat or slender subdomains."""
     scene = run.scene
-    worst = float(slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes).max(initial=1.0))
+    own = [s.nodes for s, without in zip(scene.subdomains, scene.stand_ins) if not without]
+    worst = float(slenderness(own, scene.mesh.nodes).max(initial=1.0))
     if worst < SLENDER:
         return
     extent, count = np.ptp(scene.mesh.nodes, axis=0), len(scene.subdomains)

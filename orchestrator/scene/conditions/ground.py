@@ -32,15 +32,15 @@ class Layer:
 
     name : of the body that it is
     triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each
-    material : (k,) int, of its tets; None: as of these
     whole : it is one interface with each body, in however many patches
+    thickness : over the size of its faces
     """
 
     name: str
     triangles: np.ndarray
     cells: np.ndarray
-    material: np.ndarray | None = None
     whole: bool = False
+    thickness: float = THICKNESS
 
 
 @dataclass(frozen=True)
@@ -72,13 +72,13 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
     for one in wanted:
         at, local = _local(one.triangles)
         points, count, first = mesh.nodes[at], len(local), sum(map(len, layers))
-        layer = prisms(Facets(points, local, np.ones(count), np.zeros(count), THICKNESS * local_size(points, local)), +1)
+        layer = prisms(Facets(points, local, np.ones(count), np.zeros(count), one.thickness * local_size(points, local)), +1)
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
         nodes.append(slice(first, first + len(layers[-1])))
         volume.append(np.full(len(layer.cells), len(volumes)))
         subdomain.append(np.full(len(layer.cells), len(names)))
-        material.append(np.repeat(cell_material[one.cells] if one.material is None else one.material, 3))
+        material.append(np.repeat(cell_material[one.cells], 3))
         for known in (names, bodies, volumes):
             known.append(one.name)
     whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume), volumes=volumes)
@@ -125,7 +125,7 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
     """
     standing = [entry for entry in boundary if entry.ground and len(entry.triangles)]
     added = add_layers(mesh, partition, cell_material, [
-        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], entry.matter, entry.ground.whole) for entry in standing])
+        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], entry.ground.whole) for entry in standing])
     interfaces = []
     for entry, found in zip(standing, added.interfaces):
         if entry.ground.whole and len(found) > 1:

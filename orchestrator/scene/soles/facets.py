@@ -64,8 +64,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     side : 0 or 1, where the points are taken from; the triangles are outward of the first side anyway
 
     E_S = ratio × E. Where the law makes the sides deform as one, E is the larger modulus of the two: with a
-    contrast across the interface it is the one simple choice that converges well from both sides. A ground does not deform and has the
-    modulus that its sole should see: the smaller, where the body on it is a tool's stiff layer. Elsewhere it is
+    contrast across the interface it is the one simple choice that converges well from both sides. Elsewhere it is
     ``between`` them, near the softer. Under other laws than the perfect one
     the coarse contact problem moves whole bodies only, and the sole has to serve all waves between the mesh
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
@@ -98,7 +97,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     thin = THIN if kind == "springs" else 1.0
     if kind == "springs" and not interface.law.perfect:
         thickness = thickness / stiffer(scene, interface, side)
-    E = young.min(axis=1) if interface.law.on_ground else young.max(axis=1) if interface.law.as_one else between(*young.T)
+    E = young.max(axis=1) if interface.law.as_one else between(*young.T)
     stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
     return Facets(points, triangles, thin * stiffen * ratio * E, nu, thin * stretch * thickness)
 

@@ -2,7 +2,8 @@
 
 Its nodes are copies of the faces' own, so that contact pairs them, with the tool's own normals and gaps: the layer lies on the part,
 wherever the tool is. Where the whole motion is prescribed all of its nodes are; else its back follows a point that is loaded, and the
-layer is so much stiffer than the part that it passes on what its back does.
+layer, of the part's own matter, is so thin that it passes on what its back does. Then it resists nothing but that: what resists along
+it, as a thick layer of stiff matter does, keeps its nodes from finding the point's motion each by itself, for many iterations.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from orchestrator.scene.conditions.ground import Added, Layer, add_layers
 from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface, Material
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition import Partition
 from orchestrator.scene.tools.motion import Driven, Rigid
 from orchestrator.scene.tools.surfaces import Plane, Round, Surface
 from orchestrator.scene.tools.touching import touched_faces
 
 KIND = "tool"
-STIFF = 1000.0  # modulus of a layer that is not prescribed, over the part's: a tenth of an element thick, it gives way by a ten-thousandth
+THIN = 1e-4  # thickness of a layer over the size of its faces, the share of an element's yielding by which it gives way
 
 
 @dataclass(frozen=True)
@@ -83,36 +84,20 @@ def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
     return read_stl(tool.stl, (*path, "stl"))
 
 
-def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.ndarray, materials: list[Material],
-              pressed: Sequence[Pressed], first: int) -> tuple[Added, list[Interface], list[BoundaryEntry]]:
-    """The scene with the tools as bodies; ``materials`` get what layers that are not prescribed are of.
+def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.ndarray, pressed: Sequence[Pressed],
+              first: int) -> tuple[Added, list[Interface], list[BoundaryEntry]]:
+    """The scene with the tools as bodies.
 
     first : how many entries ``boundary`` has already
     Returns the interfaces with the tools as well, with their laws, and what moves or loads each
     """
-    layers = []
-    for one in pressed:
-        cells = faces.owner[one.faces]
-        stiff = None if one.tool.driven.prescribed.all() else _stiffened(cell_material[cells], materials)
-        layers.append(Layer(one.tool.name, faces.triangles[one.faces], cells, stiff))
+    layers = [Layer(one.tool.name, faces.triangles[one.faces], faces.owner[one.faces], thickness=THIN) for one in pressed]
     added, entries = add_layers(mesh, partition, cell_material, layers), []
     for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
         for interface in interfaces:
             _in_contact(interface, one, added.mesh.nodes[interface.global_nodes])
-        entries.append(_driven(added, one, nodes, layer, cell_material[layer.cells], first + number))
+        entries.append(_driven(added, one, nodes, len(np.unique(layer.triangles)), first + number))
     return added, [interface for own in added.interfaces for interface in own], entries
-
-
-def _stiffened(own: np.ndarray, materials: list[Material]) -> np.ndarray:
-    """(k,) int, of parts' matter (k,) the matter of the layer on them, which widens nowhere when it is pressed."""
-    kinds, which = np.unique(own, return_inverse=True)
-    number = []
-    for kind in kinds:
-        matter = Material(STIFF * materials[kind].young, 0.0)
-        if matter not in materials:
-            materials.append(matter)
-        number.append(materials.index(matter))
-    return np.array(number)[which]
 
 
 def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
@@ -124,22 +109,16 @@ def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
     interface.entry, interface.tool = one.index, one.tool
 
 
-def _driven(added: Added, one: Pressed, nodes: slice, layer: Layer, behind: np.ndarray, index: int) -> BoundaryEntry:
+def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
     """What moves a layer: on all its faces, or on those of its back where it is loaded.
 
-    There the ground has the part's modulus, not the layer's. Through the layer the back feels what the part does, and a sole of the
-    layer's own modulus takes two to three times the iterations.
-
-    nodes : of the layer, those on the part first; behind : (k,) int, material of the part behind each of its faces
+    front : how many of its nodes lie on the part
     """
     outer = added.faces.outer
     own = outer[(added.faces.triangles[outer] >= nodes.start).all(axis=1) & (added.faces.triangles[outer] < nodes.stop).all(axis=1)]
-    does, matter = one.tool.driven.told, None
+    does = one.tool.driven.told
     if does is one.tool.driven:
-        front = len(np.unique(layer.triangles))
         own = own[(added.faces.triangles[own] >= nodes.start + front).all(axis=1)]
-        stiff, first = np.unique(layer.material, return_index=True)
-        matter = behind[first[np.searchsorted(stiff, added.material[added.faces.owner[own]])]]
     triangles = added.faces.triangles[own]
     return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles), does,
-                         one.tool.name, matter)
+                         one.tool.name)
