@@ -10,8 +10,9 @@ true ones, of the mesh and of the iterations together, relative; ``true_errors``
 
 Methods: FreeFEM in one piece with CHOLMOD, the quickest of its direct solvers (study ``large``); the paper's settings
 (a one-sided sole after its eq. 15, relaxation, no acceleration) at three values of its indicator, at most 70
-iterations; our defaults at two fixed tolerances and at ``error: auto``. With contact the direct solution is left out:
-FreeFEM's direct solvers are linear.
+iterations; our defaults at two fixed tolerances and at ``error: auto``; and ``accuracy``, which makes its meshes by itself from the
+coarsest, all of them counted, files too. With contact two are left out: FreeFEM's direct solvers are linear, and the mesh that stands
+for the exact solution contains no graded ones.
 """
 
 from __future__ import annotations
@@ -23,20 +24,26 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, RED, panels, plain_ticks
+from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, panels, plain_ticks
 from benchmarks.kit.study import Case, Study
 from benchmarks.kit.true_errors import Exact, direct, extrapolated, finer
 from benchmarks.problems.cases import CUT, paper, paper_contact
 from benchmarks.problems.error_cases import MODELS, Model
 from orchestrator import InputError, Solution, build_scene, config_from, solve
+from orchestrator.accuracy.loop import run as refined
+from orchestrator.config.load import Loaded
+from orchestrator.run import Means
 
 TOLERANCES = (1e-3, 1e-6, "auto")
 INDICATORS = (1e-3, 1e-4, 1e-5)
 FINE = 1e-6  # tolerance of the reference with contact
+ASKED = {"P1": (0.1, 0.05), "P2": (0.05, 0.02, 0.01, 0.005)}  # by ``accuracy``
 DIRECT, PAPER, FIXED, AUTO = "FreeFEM, undecomposed", "paper's settings", "defaults", "defaults, error: auto"
-COLOURS = {DIRECT: ORANGE, PAPER: RED, FIXED: BLUE, AUTO: GREEN}
+ASKED_FOR = "accuracy asked for"
+COLOURS = {DIRECT: ORANGE, PAPER: RED, FIXED: BLUE, AUTO: GREEN, ASKED_FOR: PURPLE}
 DEFLECTION, FASTER = 0.01, 10.0  # accuracy of the beam's deflection, P2 over P1
 ADDED = 0.02  # error that ``error: auto`` may add to the mesh's
+MOST = {"P1": 100_000, "P2": 20_000}  # tets of an accuracy that is asked for
 LARGEST_PAPER = 60_000  # dofs from which the paper's 70 iterations are left out
 LABELS = ("case", "element", "k", "method", "tolerance")
 
@@ -63,6 +70,8 @@ def run(study: Study, models: Mapping[str, Model] = MODELS) -> None:
                     for row in study.rows:
                         if (row["case"], row["element"], row["k"]) == (name, element, k):
                             row["stress_error"] = math.nan
+            if not contact:
+                _asked(study, folder, name, model, element, exact)
         _auto(study, name)
     if "beam in bending" in models:
         _deflection(study)
@@ -98,6 +107,23 @@ def _compare(study: Study, folder: Any, name: str, model: Model, element: str, k
     for tolerance in TOLERANCES:
         method = AUTO if tolerance == "auto" else FIXED
         _solve(study, case(method, tolerance, {"tolerance": {"error": tolerance}}), exact)
+
+
+def _asked(study: Study, folder: Any, name: str, model: Model, element: str, exact: Exact) -> None:
+    """Accuracies asked for on the coarsest mesh, each as a row."""
+    k, found = model.sizes[element][0], []
+    for asked in ASKED[element]:
+        method = {"accuracy": {"error": asked, "elements": MOST[element]}}
+        case = Case(_problem(model, folder, k, element, method), dict(zip(LABELS, (name, element, k, ASKED_FOR, asked))))
+        with study.console.status(str(case)):
+            begin = time.perf_counter()
+            refined(Loaded(config_from(dict(case.config))), output=folder / "asked", quiet=True,
+                    means=Means(judge=lambda solution: found.append(solution) or solution))
+            solved = found[-1]
+            _add(study, case, solved, exact, {"iterations": solved.iterations, "stop_reason": solved.stop_reason,
+                                              "estimate": solved.summary["accuracy"]["reached"], "seconds": time.perf_counter() - begin})
+        if not solved.summary["accuracy"]["met"]:
+            return  # nor would a smaller one be
 
 
 def _solve(study: Study, case: Case, exact: Exact) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
-from orchestrator.accuracy.measured import TRUSTED, energies, told
+from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
@@ -118,9 +118,10 @@ class _Refinement:
         found = estimator(solution.sides)
         now = energies(solution, estimator, found) if solution.converged else None
         share = told(self.passes.before, now)
+        bonded = all(i.law.perfect for i in solution.scene.interfaces)
+        believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before = now
         summary, bound, mesh = solution.summary, solution.error_bound, solution.scene.mesh
-        bonded = all(i.law.perfect for i in solution.scene.interfaces)
         whole, sure = (_together(found.relative / one, bound, bonded) for one in (share or 1.0, share or TRUSTED))
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), found.relative / (share or 1.0),
                                      bound if math.isfinite(bound) else None, whole, time.perf_counter() - self.since,
@@ -128,7 +129,8 @@ class _Refinement:
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
         self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
-        missed = solution.converged and sure > self.asked.error
+        met = sure <= self.asked.error and believed
+        missed = solution.converged and not met
         if missed:
             self._decide(solution, found)
         if self.plan is None and missed:
@@ -136,7 +138,7 @@ class _Refinement:
             summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}{beside}"
         summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
-        summary["accuracy"] = {"asked": self.asked.error, "reached": whole, "met": bool(sure <= self.asked.error),
+        summary["accuracy"] = {"asked": self.asked.error, "reached": whole, "met": bool(met),
                                "meshes": [vars(done) for done in self.passes.done]}
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
@@ -163,7 +165,8 @@ class _Refinement:
         count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf, in_time)
         if count < LEAST_GROWTH * len(mesh.cells):
             short = (f"{asked.seconds:g} seconds, of which {spent:.0f} are spent," if count == in_time else f"{asked.elements:,} elements")
-            self.why = f"{short} are too few: about {enough:,.0f} elements are needed"
+            more = max(enough, LEAST_GROWTH * len(mesh.cells))
+            self.why = f"{short} are too few: about {more:,.0f} elements are needed"
             return
         followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
         plan = wanted(self.config, mesh, found.cells, count / followed, self.passes.maps, least)

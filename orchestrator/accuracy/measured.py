@@ -78,3 +78,11 @@ def told(before: Energies | None, now: Energies | None) -> float | None:
     if fallen <= 0 or closer <= 0 or unsure > CLEAR * closer:
         return None
     return min(math.sqrt(fallen / closer), 1.0)
+
+
+def explained(before: Energies | None, now: Energies | None) -> bool:
+    """Whether the energies of two meshes differ by no more than the errors that are estimated; as far as it is known.
+
+    A mesh that is much coarser than a place of contact finds other contact than there is, of which estimates know nothing.
+    """
+    return before is None or now is None or abs(before.potential - now.potential) <= before.estimated / TRUSTED**2
