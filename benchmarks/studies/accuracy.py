@@ -174,8 +174,7 @@ def _asked(study: Study, name: str, element: str, asked: float, true: Callable, 
                     "estimated": done["error"], "true_error": error, "effectivity": done["error"] / error,
                     "seconds": round(done["seconds"], 2)},
                    f"{name}, {element}, {asked:.0%}, mesh {number}: estimated {done['error']:.2%}, true {error:.2%}")
-    beside, foreseen = _seconds(uniform, error)
-    told = f"true {error:.2%} in {seconds:.1f} s; uniform {'about ' * foreseen}{beside:.1f} s"
+    told = f"true {error:.2%} in {seconds:.1f} s; uniform {_seconds(uniform, error)}"
     met = bool(found[-1].summary["accuracy"]["met"])
     if met:
         study.target(f"{name}, {element}, {asked:.0%}", f"true error {LEAST * asked:.2%} to {asked:.0%}", told,
@@ -197,12 +196,13 @@ def _rate(study: Study, name: str, element: str) -> None:
                  0.7 <= min(shares) and max(shares) <= 1.5)
 
 
-def _seconds(uniform: list[tuple[float, float]], error: float) -> tuple[float, bool]:
-    """Of a uniform mesh with this true error, by powers between and beyond those that were solved on; whether it is beyond."""
+def _seconds(uniform: list[tuple[float, float]], error: float) -> str:
+    """Of a uniform mesh with this true error, by powers between those that were solved on; else the best of them."""
+    best, longest = min(uniform)
+    if error < best:
+        return f"{best:.1%} in {longest:.1f} s"
     errors, seconds = np.log(np.array(sorted(uniform))).T
-    k = int(np.clip(np.searchsorted(errors, math.log(error)), 1, len(errors) - 1))
-    slope = (seconds[k] - seconds[k - 1]) / (errors[k] - errors[k - 1])
-    return float(np.exp(seconds[k - 1] + slope * (math.log(error) - errors[k - 1]))), bool(math.log(error) < errors[0])
+    return f"the same in {np.exp(np.interp(math.log(error), errors, seconds)):.1f} s"
 
 
 def _picture(study: Study, settings: Settings):
