@@ -543,10 +543,10 @@ def test_certified_scenes_are_drawn_again_alike():
 
 
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
-    asked = ["scenes=2", "first=2", "held=1", "code=in-process", "follow=false"]
+    asked = ["scenes=1", "first=2", "held=1", "code=in-process", "follow=false"]
     run_study("certified", tmp_path, asked)
     rows = rows_of(tmp_path / "table.csv")
-    assert [row["scene"] for row in rows] == ["2", "3", "held-2"] and all(row["stop_reason"] == "converged" for row in rows)
+    assert [row["scene"] for row in rows] == ["2", "held-2"] and all(row["stop_reason"] == "converged" for row in rows)
     assert all(float(row["true_error"]) <= float(row["asked"]) for row in rows if row["error_kind"] == "guaranteed")
     assert is_drawn(tmp_path / "certified.png", saved_figures[-1])
     run_study("certified", tmp_path, asked, resume=True)
@@ -554,13 +554,13 @@ def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
 
 
 def test_intervals_are_kept_and_judged(tmp_path, capsys, saved_figures):
-    wanted = ["scenes=2", "first=2", "code=in-process"]
+    wanted = ["scenes=1", "first=3", "code=in-process"]
     run_study("intervals", tmp_path, wanted)
     shown = capsys.readouterr().out
-    assert "all of 8" in shown and "0 of 94, 2 scenes" in shown
+    assert "all of 4" in shown and "0 of 50, 1 scenes" in shown
     assert is_drawn(tmp_path / "intervals.png", saved_figures[-1])
     run_study("intervals", tmp_path, wanted, resume=True)
-    assert "0 of 94, 2 scenes" in capsys.readouterr().out
+    assert "0 of 50, 1 scenes" in capsys.readouterr().out
 
 
 def test_targets_of_certified_scenes(tmp_path):

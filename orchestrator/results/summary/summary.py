@@ -7,10 +7,10 @@ import math
 import os
 import platform
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 import orchestrator
 from orchestrator.errors import wrong
@@ -84,7 +84,7 @@ def jsonable(value: object) -> object:
 def versions(blackbox: Mapping[str, str] | None = None) -> dict[str, str]:
     """Versions of Python, numpy, scipy and this package, then those of the black box, e.g. {"freefem": "4.11"}."""
     return {"orchestrator": orchestrator.__version__, "python": platform.python_version(),
-            "numpy": np.__version__, "scipy": metadata.version("scipy"), **(blackbox or {})}
+            "numpy": np.__version__, "scipy": scipy.__version__, **(blackbox or {})}
 
 
 def memory_peak_mb(pid: int | str = "self") -> float:
