@@ -91,7 +91,7 @@ def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: ob
     loaded = load_config(config, overrides)
     with artist_for(loaded.config.output.figures) as artist:  # before the run's imports: it has as much to import
         from orchestrator.run import Means, Ranks, run as solve
-        if loaded.config.method.accuracy is not None:
+        if loaded.config.refines:
             from orchestrator.accuracy.loop import run as solve
 
         try:

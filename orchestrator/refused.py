@@ -40,6 +40,9 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "certified stress in own matter": (
         ("output", "probes"), "certified: true at {name}, a stress or a force in a part whose code has matter of its own",
         "a stress or a force in matter of the YAML's young and poisson: of the other displacements are known", "remove certified there"),
+    "dual problem": (
+        ("output", "probes"), "accuracy {why}", "a scene in which the answer to a small load is linear and known: bonds, contact of bodies "
+        "that are held, springs", "remove accuracy there; method.accuracy asks for the whole field's"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

@@ -17,6 +17,8 @@ from orchestrator.config.model import Config
 from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.dual import check_duals
+from orchestrator.method.delivery.quantities import quantities
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
@@ -96,6 +98,9 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
                         "on several", "remove accuracy here")
+        if config.accuracies and team.size > 1:
+            raise wrong(("output", "probes"), f"accuracy on {team.size} ranks", "one process",
+                        "start it without mpiexec, or remove accuracy")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if scene is None and team.rank == 0:
@@ -126,8 +131,8 @@ class _Solving:
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
-        self.wanted: Wanted = team.share(None if team.rank else Wanted.of(
-            self.whole, *_certified(config), config.output.moments_about))
+        self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
+            self.whole, *_certified(config), config.output.moments_about), balanced=bool(config.accuracies)))
         self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
     def solution(self) -> Solution | Piece:
@@ -187,6 +192,8 @@ class _Solving:
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
             self.wanted.check(d.own, blackbox)
+            if self.config.accuracies:
+                check_duals(d)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")
@@ -203,6 +210,9 @@ class _Solving:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
             delivered = deliver(d, chosen, self.cases, iterated, watch, self.wanted)
+            if asked := self.config.accuracies:
+                with watch("bound"):
+                    delivered = replace(delivered, quantities=quantities(d, delivered, asked, method, watch))
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
         return delivered, d.made.sweeps, spent

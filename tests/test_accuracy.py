@@ -12,6 +12,7 @@ from orchestrator.accuracy.passes import GOOD
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
 from orchestrator.errors import BlackBoxError, InputError
+from orchestrator.method.delivery import quantities
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.scene.mesh.bisection import bisected
@@ -151,6 +152,13 @@ def test_a_mesh_that_is_not_solved_on_leaves_the_last_result(tmp_path, monkeypat
 
 
 def test_what_is_refused():
+    for probe, message in (({"at": [5, 5, 5], "quantity": "stress"}, "beside stress"), ({"on": "xmax", "quantity": "max"}, "beside max")):
+        with pytest.raises(InputError, match=message):
+            config_from({**bent(0.05), "output": {"probes": [{**probe, "accuracy": 0.1}]}})
+    with pytest.raises(InputError, match="limits without an accuracy"):
+        config_from(bent({"elements": 600}))
+    with pytest.raises(InputError, match="tightened"):
+        solve(config_from(pushed(50.0, "pretension", force=10.0)))
     with pytest.raises(InputError, match="beside accuracy"):
         config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"law": 1e-3}}})
     config_from({**bent(0.05), "method": {"accuracy": 0.05, "tolerance": {"error": 1e-3}}})
@@ -163,3 +171,59 @@ def test_what_is_refused():
         config_from({**bent(0.05), "blackbox": {"code": "freefem", "form": "mine.idp"}})
     with pytest.raises(InputError, match="orchestrator run"):
         solve(config_from(bent(0.05)))
+
+
+def pushed(shear, law="contact", **more):
+    """Two blocks, the upper one pushed and shifted, with ``shear`` on a side. Probes of all kinds."""
+    probes = [{"at": [0.6, 0.5, 1.5]}, {"on": "zmin", "quantity": "resultant"}, {"section": {"plane": "z", "at": 0.5}}]
+    return {
+        "name": "pushed", "mesh": {"box": {"size": [1, 1, 2], "cells": [3, 3, 6]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
+        "materials": [{"young": 1000.0, "poisson": 0.3}], "interfaces": [{"law": law, **more}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [0.3, 0.1, -0.3]},
+                     {"on": {"box": [[1, 0, 1], [1, 1, 2]]}, "traction": [shear, 0.5 * shear, 0]}],
+        "output": {"figures": False, "probes": [{"accuracy": 0.5, **probe} for probe in probes]},
+        "method": {"tolerance": {"error": 1e-8}, "max_iterations": 1000}}
+
+
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"friction": 0.0}, {"friction": 0.1}], ids=["bonded", "free", "slips"])
+def test_duals_tell_what_small_loads_do(law, monkeypatch):
+    """Beside differences of two solutions; with friction it is nodes that slip and the direction they do it in that the slopes know."""
+    found = []
+
+    def kept(*given):
+        found.append((real(*given), given))
+        return found[-1][0]
+
+    real = quantities.solve_duals
+    monkeypatch.setattr(quantities, "solve_duals", kept)
+    monkeypatch.setattr("orchestrator.method.delivery.dual.LEFT", 1e-7)
+    step = 1e-4
+    one, other = (solve(config_from(pushed(shear, **law))) for shear in (50.0, 50.0 * (1 + step)))
+    (duals, _), loads = found[0], [s.loads[0] for s in one.scene.subdomains]
+    told = step * np.array([sum(np.vdot(p, z[k]) for p, z in zip(loads, duals)) for k in range(3)])
+    changed = np.array([b.value[0] - a.value[0] for a, b in zip(one.quantities, other.quantities)])
+    assert told == pytest.approx(changed, rel=2e-3)
+
+
+def test_a_quantity_that_is_zero_has_no_accuracy(tmp_path):
+    cut = {"name": "cut", "on": "ymin", "quantity": "resultant", "accuracy": 0.1}
+    problem = bent({"elements": 2000}, output={"figures": False, "probes": [cut]})
+    code, summary = refined(problem, tmp_path)
+    assert code == 1 and "cut is zero but for rounding" in summary["stop_reason"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "contact", "friction": 0.2}], ids=["bonded", "contact"])
+def test_quantities_to_their_accuracy(law, tmp_path):
+    """Beside the same ones to a fifth of it."""
+    found = []
+    for asked in (0.02, 0.004):
+        problem = pushed(50.0, **law)
+        problem["blackbox"] = {**IN_PROCESS, "element": "P2"}
+        problem["output"]["probes"] = [{**probe, "accuracy": asked} for probe in problem["output"]["probes"]]
+        problem["method"] = {"max_iterations": 1000}
+        code, summary = refined(problem, tmp_path / str(asked))
+        found.append([probe["accuracy"] for probe in summary["probes"]])
+        assert code == 0 and all(one["met"] for one in found[-1])
+    for rough, fine in zip(*found):
+        assert abs(rough["value"] / fine["value"] - 1) <= 0.024

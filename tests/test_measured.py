@@ -4,13 +4,13 @@ import math
 
 from test_discretisation import LENGTH, WEIGHT, YOUNG, contact, hanging, solved
 
-from orchestrator.accuracy.loop import estimator_of
 from orchestrator.accuracy.measured import energies, told
+from orchestrator.method.delivery.quantities import estimator_of
 
 
 def weighed(problem):
     run = solved(problem)
-    estimator = estimator_of(run)
+    estimator = estimator_of(run.scene)
     found = estimator(run.sides)
     return energies(run, estimator, found), found.relative
 

@@ -22,8 +22,9 @@ from benchmarks.kit.meshes import session
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from orchestrator import Solution, config_from, solve
-from orchestrator.accuracy.loop import estimator_of, run as refined
+from orchestrator.accuracy.loop import run as refined
 from orchestrator.config.load import Loaded
+from orchestrator.method.delivery.quantities import estimator_of
 from orchestrator.run import Means
 
 MOST = {"P1": 60_000, "P2": 9_000}  # elements for one accuracy
@@ -156,7 +157,7 @@ def _uniform(study: Study, name: str, element: str, asked: float, true: Callable
         made, begin = problem(study.folder, name, element, h), time.perf_counter()
         solution = solve(config_from({**made, "method": {"tolerance": {"error": asked / 10}}}))
         seconds, error = time.perf_counter() - begin, true(solution)
-        told = estimator_of(solution)(solution.sides).relative
+        told = estimator_of(solution.scene)(solution.sides).relative
         done.append((error, seconds))
         study.note({"case": name, "element": element, "asked": None, "mesh": "uniform", "elements": len(solution.scene.mesh.cells),
                     "estimated": told, "true_error": error, "effectivity": told / error,

@@ -1,22 +1,24 @@
-"""``method: {accuracy: 0.02}``: solve, estimate the error, make finer what pays, solve again."""
+"""``method: {accuracy: 0.02}``, or ``accuracy: 0.01`` at a probe: solve, estimate the error, make finer what pays, solve again."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
+from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Accuracy, Tolerance
+from orchestrator.config.model import Config
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
+from orchestrator.method.delivery.quantities import estimator_of
 from orchestrator.method.monitors.mesh_error import LEAST
-from orchestrator.method.stopping.discretisation import Estimate, Estimator
-from orchestrator.method.stopping.element_problems import ElementProblems
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
@@ -27,13 +29,12 @@ from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.timing import EXPONENT
 
-ITERATIONS = 0.1  # share of the iterations in what is asked for
-AIM = 0.9  # what a mesh is made for, of what is asked for: sizes are followed within some tenths, and counts of elements even out
 STALLED = 0.9  # two meshes, one after the other, that leave this much of the error or more: it does not fall
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
 
-UNMEASURED = f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what the estimate tells"
+UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, of a probe's {TRUSTED**2:.0%}, since no energies measure what the "
+              "estimate tells")
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False, means: one.Means = one.Means(),
@@ -45,7 +46,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, qui
         solved on; the folder then has what the last mesh gave that converged
     InputError, BlackBoxError, KeyboardInterrupt : as there; ``resume`` goes on in the midst of the mesh that was solved on
     """
-    if loaded.config.method.accuracy is None:
+    if not loaded.config.refines:
         return one.run(loaded, output=output, resume=resume, quiet=quiet, means=means, **options)
     if means.ranks.team.size > 1:
         raise wrong(("method", "accuracy"), f"accuracy on {means.ranks.team.size} ranks", "one process",
@@ -56,6 +57,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, qui
 class _Refinement:
     """The runs of one configuration, all in one folder.
 
+    tolerance : of the iterations on the mesh that is solved on, or will be next; as given, or such that they leave a small share
     plan : the next mesh, as the last solution asks for it; None where no other is needed
     why : why no finer mesh is tried, though the error is too large
     unsolved : why the iterations on the last mesh have stopped without converging
@@ -63,14 +65,11 @@ class _Refinement:
 
     def __init__(self, loaded: Loaded, output: Path | None, quiet: bool, means: one.Means):
         config = loaded.config
-        self.asked: Accuracy = config.method.accuracy
-        given = "tolerance" in config.method.model_fields_set
-        tolerance = config.method.tolerance if given else Tolerance(error=max(ITERATIONS * self.asked.error, LEAST))
-        self.config = config.model_copy(update={"method": config.method.model_copy(update={"tolerance": tolerance})})
-        plain = self.config.model_copy(update={
-            "method": self.config.method.model_copy(update={"accuracy": None}),
-            "output": config.output.model_copy(update={"figures": False})})
-        self.loaded, self.quiet, self.means = replace(loaded, config=plain), quiet, means
+        self.asked = config.method.accuracy or Accuracy()
+        self.given = "tolerance" in config.method.model_fields_set
+        every = [*config.accuracies.values(), *([self.asked.error] if self.asked.error else [])]
+        self.tolerance = config.method.tolerance if self.given else Tolerance(error=max(ITERATIONS * min(every), LEAST))
+        self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
         self.passes, self.plan, self.why, self.unsolved = Passes(), None, "", ""
@@ -78,6 +77,8 @@ class _Refinement:
     def run(self, resume: bool, **options: bool) -> int:
         if resume:
             self.passes = Passes.read(self.path)
+            if self.passes.tolerance:
+                self.tolerance = Tolerance(error=self.passes.tolerance)
         else:
             Passes.forget(self.path)
         folder = ResultsFolder(self.path)
@@ -86,7 +87,7 @@ class _Refinement:
         while True:
             self.since = time.perf_counter()
             try:
-                code = one.run(self.loaded, output=self.path, resume=resume and saved(folder), quiet=True, means=self._means(), **options)
+                code = one.run(self._plain(), output=self.path, resume=resume and saved(folder), quiet=True, means=self._means(), **options)
             except OrchestratorError as error:
                 fault = isinstance(error, InternalError) and error.exit_code != BLACKBOX_FAILED
                 if fault or not put_back(folder):
@@ -99,9 +100,27 @@ class _Refinement:
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
             set_aside(folder)
+            tolerance = 0.0 if self.given else self.tolerance.error
             self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept,
-                                 self.passes.before)
+                                 self.passes.before, tolerance)
             self.passes.write(self.path)
+
+    @property
+    def config(self) -> Config:
+        """What was asked for, with the tolerance that follows from it."""
+        config = self.loaded.config
+        return config.model_copy(update={"method": config.method.model_copy(update={"tolerance": self.tolerance})})
+
+    @property
+    def follows(self) -> bool:
+        """Whether a mesh may be solved on with a smaller tolerance than the one before."""
+        return not self.given and self.tolerance.error > LEAST
+
+    def _plain(self) -> Loaded:
+        """For one mesh: quantities are still estimated, see ``method.delivery.quantities``."""
+        config = self.config
+        return replace(self.loaded, config=config.model_copy(update={
+            "method": config.method.model_copy(update={"accuracy": None}), "output": config.output.model_copy(update={"figures": False})}))
 
     def _means(self) -> one.Means:
         sizes: dict[int, dict] = {}
@@ -114,52 +133,58 @@ class _Refinement:
         if solution.fields.believed is not None:
             raise wrong(("method", "accuracy"), "accuracy beside a code whose matter is its own", "matter of the YAML's young and poisson: "
                         "of other matter stresses are not known", "remove accuracy")
-        estimator = estimator_of(solution)
+        estimator, summary, mesh = estimator_of(solution.scene), solution.summary, solution.scene.mesh
         found = estimator(solution.sides)
         now = energies(solution, estimator, found) if solution.converged else None
         share = told(self.passes.before, now)
         bonded = all(i.law.perfect for i in solution.scene.interfaces)
         believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before = now
-        summary, bound, mesh = solution.summary, solution.error_bound, solution.scene.mesh
-        whole, sure = (_together(found.relative / one, bound, bonded) for one in (share or 1.0, share or TRUSTED))
-        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), found.relative / (share or 1.0),
-                                     bound if math.isfinite(bound) else None, whole, time.perf_counter() - self.since,
-                                     self.passes.refined, self.passes.kept, share))
+        energy, *quantities = criteria(solution, found, share, self.asked.error)
+        every = [one for one in (energy, *quantities) if one.asked]
+        bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
+        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
+                                     time.perf_counter() - self.since, self.passes.refined, self.passes.kept, share, known))
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
         self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
-        met = sure <= self.asked.error and believed
+        met = believed and all(one.met for one in every)
         missed = solution.converged and not met
         if missed:
-            self._decide(solution, found)
+            self._decide(solution, every)
         if self.plan is None and missed:
             beside = "" if share else UNMEASURED
             summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}{beside}"
         summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
-        summary["accuracy"] = {"asked": self.asked.error, "reached": whole, "met": bool(met),
+        summary["accuracy"] = {"asked": self.asked.error, "reached": energy.error, "met": met,
                                "meshes": [vars(done) for done in self.passes.done]}
+        for probe in summary["probes"]:
+            if probe["name"] in known:
+                probe["accuracy"] = known[probe["name"]]
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
         judged = replace(solution, summary=summary, fields=solution.fields.with_error(found.cells / (share or 1.0)))
         return judged if self.means.judge is None else self.means.judge(judged)
 
-    def _decide(self, solution: Solution, found: Estimate) -> None:
+    def _decide(self, solution: Solution, every: Sequence[Criterion]) -> None:
         """The next mesh, or why there is none."""
-        asked, done = self.asked, self.passes.done
+        asked, done, mesh = self.asked, self.passes.done, solution.scene.mesh
         least = asked.smallest or 0.0
-        goal = AIM * asked.error - (done[-1].error - done[-1].mesh_error)
-        if goal <= 0:
-            self.why = f"the iterations alone leave {done[-1].iterations_error:.1e}"
-            return
-        if len(done) > 2 and done[-1].estimated > STALLED * done[-2].estimated > STALLED**2 * done[-3].estimated:
-            self.why = (f"the error has stayed above {STALLED:.0%} of the mesh's before, twice"
-                        + (f", with elements no smaller than {least:g}" if least else ""))
-            return
-        mesh = solution.scene.mesh
+        for one in every:
+            of, errors = f" of {one.name}" * bool(one.name), [before.estimated_of(one.name) for before in done]
+            if math.isinf(one.error):
+                self.why = f"{one.name} is zero but for rounding: no error is small beside it"
+            elif one.goal(self.follows) <= 0:
+                self.why = f"the iterations alone leave {one.iterations:.1e}{of}"
+            elif not one.met and len(done) > 2 and errors[-1] > STALLED * errors[-2] > STALLED**2 * errors[-3]:
+                self.why = (f"the error{of} has stayed above {STALLED:.0%} of the mesh's before, twice"
+                            + (f", with elements no smaller than {least:g}" if least else ""))
+            if self.why:
+                return
         order = 2 if mesh.cells.shape[1] == 10 else 1
-        enough = needed([p.elements for p in done], [p.estimated for p in done], goal * done[-1].share, order)
+        enough = max(needed([p.elements for p in done], [p.estimated_of(one.name) ** (1 / one.power) for p in done],
+                            one.goal(self.follows) ** (1 / one.power), order) for one in every)
         spent = time.perf_counter() - self.begun
         in_time = len(mesh.cells) * (max((asked.seconds or math.inf) - spent, 0.0) / done[-1].seconds) ** (1 / EXPONENT)
         count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf, in_time)
@@ -169,11 +194,18 @@ class _Refinement:
             self.why = f"{short} are too few: about {more:,.0f} elements are needed"
             return
         followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
-        plan = wanted(self.config, mesh, found.cells, count / followed, self.passes.maps, least)
+        plan = wanted(self.config, mesh, together(every, self.follows), count / followed, self.passes.maps, least)
         if not plan.refined:
             self.why = f"no elements may be smaller: smallest: {least:g}"
             return
         self.plan = plan
+        self._tighten(every)
+
+    def _tighten(self, every: Sequence[Criterion]) -> None:
+        """Solve the next mesh so well that the iterations leave no more than their share of any quantity."""
+        much = max((one.iterations / (ITERATIONS * one.asked) for one in every if one.name and math.isfinite(one.iterations)), default=0.0)
+        if self.follows and much > 1:
+            self.tolerance = Tolerance(error=max(self.tolerance.error / much, LEAST))
 
     def _ended(self, code: int, why: str) -> int:
         """The last of the summary, figures, the screen."""
@@ -191,16 +223,3 @@ class _Refinement:
         if not self.quiet:
             print_summary(summary, self.path, verbose=self.means.verbose)
         return code
-
-
-def estimator_of(solution: Solution) -> Estimator:
-    """Of the error of its mesh: of ten-node tets by a problem in each, of four-node ones by recovered stresses."""
-    scene = solution.scene
-    return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
-
-
-def _together(mesh: float, iterations: float, bonded: bool) -> float:
-    """Both errors: of bonds the legs of a right-angled triangle; with contact no more than their sum."""
-    if not math.isfinite(iterations):
-        return mesh
-    return math.hypot(mesh, iterations) if bonded else mesh + iterations

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.accuracy.measured import TRUSTED, Energies
+from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.sizes import Maps
 from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
+from orchestrator.results.summary.words import quantity_text
 from orchestrator.scene.mesh.size_map import SizeMap
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
@@ -30,6 +31,7 @@ class Pass:
         more than one, None where it is not measured
     iterations_error : bound or estimate of the iterations', None where it is not known; error : both
     seconds : wall time; refined : what was meshed anew for it, nothing in the first; kept : what was not
+    quantities : name → what is told of each that an accuracy is asked of, see ``Quantity.told``
     """
 
     elements: int
@@ -41,24 +43,20 @@ class Pass:
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
     told: float | None = None
+    quantities: dict[str, dict] = field(default_factory=dict)
 
-    @property
-    def estimated(self) -> float:
-        """The mesh's error as its estimate tells it by itself."""
-        return self.mesh_error * (self.told or 1.0)
-
-    @property
-    def share(self) -> float:
-        """Of the true error that the estimate tells, or at least does."""
-        return self.told or TRUSTED
+    def estimated_of(self, name: str) -> float:
+        """The mesh's error as its estimate tells it by itself: of the quantity of that name, or of none in the energy norm."""
+        return self.quantities[name]["estimated"] if name else self.mesh_error * (self.told or 1.0)
 
     def line(self, number: int) -> str:
         """For the screen."""
         beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
         how = "estimated" if self.told is None else "measured against the mesh before"
         finer = f"; finer: {_some(self.refined)}" + (f", kept: {_some(self.kept)}" if self.kept else "") if number > 1 else ""
-        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside}), "
-                f"{self.seconds:.1f} s{finer}")
+        quantities = "".join(f"; {quantity_text(name, told)}" for name, told in self.quantities.items())
+        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
+                f"{quantities}, {self.seconds:.1f} s{finer}")
 
 
 @dataclass
@@ -66,7 +64,7 @@ class Passes:
     """All so far, and how the next mesh is made.
 
     maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
-    refined, kept : what these have changed
+    refined, kept : what these have changed; tolerance : of its iterations, 0 where it is the configuration's
     before : energies of the last that was solved on, None where they tell nothing
     """
 
@@ -76,12 +74,13 @@ class Passes:
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
     before: Energies | None = None
+    tolerance: float = 0.0
 
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
         arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
         told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "elements": self.elements,
-                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before)}
+                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before), "tolerance": self.tolerance}
         path = folder / NAME
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(f".{path.name}")
@@ -99,7 +98,7 @@ class Passes:
         maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
         return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"],
-                   told["before"] and Energies(**told["before"]))
+                   told["before"] and Energies(**told["before"]), told["tolerance"])
 
     @staticmethod
     def forget(folder: Path) -> None:

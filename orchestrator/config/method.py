@@ -106,7 +106,8 @@ class Tolerance(Part):
 class Accuracy(Part):
     """What all errors together may be, and what that may cost. A number stands for ``{error: number}``."""
 
-    error: Fraction = Field(description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
+    error: Fraction | None = Field(None, description=(
+        "of mesh and iterations together, relative, in the energy norm, between 0 and 1; none: probes have accuracies of their own"))
     elements: Count | None = Field(None, description="no mesh has more tets than about this; none: as many as memory holds")
     seconds: Positive | None = Field(None, description="meshes are only as fine as will likely be solved on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(

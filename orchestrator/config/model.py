@@ -132,6 +132,16 @@ class Config(Part):
         return {**data, "blackbox": codes if isinstance(given, list) else codes[0]}
 
     @property
+    def accuracies(self) -> dict[str, float]:
+        """Name of a probe → what is asked of it."""
+        return {probe.name or f"probe_{i + 1}": probe.accuracy for i, probe in enumerate(self.output.probes) if probe.accuracy}
+
+    @property
+    def refines(self) -> bool:
+        """Whether one mesh may not be enough."""
+        return self.method.accuracy is not None or bool(self.accuracies)
+
+    @property
     def matter(self) -> list[Material]:
         """The materials in the order in which they are given to volumes, parts' own after the general ones."""
         own = [Material(**part.material.model_dump(), on=[part.name]) for part in self.parts or [] if part.material]

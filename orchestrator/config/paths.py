@@ -64,6 +64,13 @@ def law_of(entry: Any) -> Any:
     return LAWS[name if isinstance(name, str) and name in LAWS else DEFAULT_LAW]
 
 
+def accuracies(data: Any) -> list[tuple[KeyPath, Any]]:
+    """Where accuracies are asked for, of the energy norm and of probes, and which."""
+    asked = get(data, "method", "accuracy")
+    energy = get(asked, "error") if isinstance(asked, dict) else asked
+    return [(("method", "accuracy"), energy)] * (energy is not None) + list(find(data, ("output", "probes", "*", "accuracy")))
+
+
 def dotted(path: KeyPath) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
 

@@ -15,7 +15,7 @@ from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import dotted, find, get, is_number, is_vectors, law_of, shown
+from orchestrator.config.paths import accuracies, dotted, find, get, is_number, is_vectors, law_of, shown
 from orchestrator.config.tools import PLACE, SHAPES, tools_fit
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
@@ -100,25 +100,38 @@ def above_rounding(data: Any) -> Iterator[Problem]:
 
 def accuracy_possible(data: Any) -> Iterator[Problem]:
     """The iterations' error is a part of what is asked for; what has no mesh of ours has no error that is known."""
-    if (asked := get(data, "method", "accuracy")) is None:
+    if not (asked := accuracies(data)):
+        if get(data, "method", "accuracy") is not None:
+            yield Problem(("method", "accuracy"), "limits without an accuracy", "error: a number, or accuracy: at a probe", "write one")
         return
-    asked, tolerance = (get(asked, "error") if isinstance(asked, dict) else asked), get(data, "method", "tolerance")
+    (where, least), tolerance = min(asked, key=lambda one: one[1] if is_number(one[1]) else math.inf), get(data, "method", "tolerance")
     error = get(tolerance, "error")
-    if isinstance(tolerance, dict) and not (is_number(error) and is_number(asked) and error < asked):
+    if isinstance(tolerance, dict) and not (is_number(error) and is_number(least) and error < least):
         yield Problem(("method", "tolerance"), f"{shown(tolerance)} beside accuracy", "error: a number below the accuracy, or nothing: "
                       "a tenth of the accuracy", "remove tolerance")
     for path, part in find(data, ("parts", "*")):
         if kind := next((kind for kind in KINDS if isinstance(part, dict) and part.get(kind) is not None), None):
-            yield Problem((*path, kind), f"{kind} beside method.accuracy", "parts with meshes of this program's: the error of others "
-                          "is not known, nor can they be meshed anew", "remove method.accuracy")
+            yield Problem((*path, kind), f"{kind} beside {dotted(where)}", "parts with meshes of this program's: the error of others "
+                          "is not known, nor can they be meshed anew", f"remove {dotted(where)}")
     for pattern in (("blackbox",), ("blackbox", "*")):
         for path, entry in find(data, pattern):
             if isinstance(entry, dict) and entry.get("form") is not None:
-                yield Problem((*path, "form"), "a form beside method.accuracy", "matter of the YAML's young and poisson: of other matter "
-                              "stresses are not known", "remove method.accuracy")
+                yield Problem((*path, "form"), f"a form beside {dotted(where)}", "matter of the YAML's young and poisson: of other matter "
+                              "stresses are not known", f"remove {dotted(where)}")
     if isinstance(get(data, "parts"), list) and len(data["parts"]) > 1 and not get(data, "interfaces"):
-        yield Problem(("parts",), f"{len(data['parts'])} parts and no interfaces, beside method.accuracy", "an entry for what joins them: "
+        yield Problem(("parts",), f"{len(data['parts'])} parts and no interfaces, beside {dotted(where)}", "an entry for what joins them: "
                       "finer meshes of parts do not match any more", "add interfaces: [{between: auto, law: perfect}], or law: contact")
+    for path, probe in find(data, ("output", "probes", "*")):
+        if not isinstance(probe, dict) or probe.get("accuracy") is None:
+            continue
+        quantity, of = probe.get("quantity") or ("mean" if "on" in probe else ""), probe.get("of")
+        if quantity in ("max", "min") or "stress" in (quantity, of):
+            yield Problem((*path, "accuracy"), f"accuracy beside {quantity}{f' of {of}' if of else ''}", "a displacement at a point, its "
+                          "mean over faces, a resultant or a section", "remove accuracy; method.accuracy has the field's stresses refined")
+    moving = any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*")))
+    if moving and where[0] == "output":
+        yield Problem(where, "accuracy beside pairing: follow", "sides that stay paired: what a small load does is asked of them as they "
+                      "are", "write pairing: fixed")
 
 
 def following(data: Any) -> Iterator[Problem]:

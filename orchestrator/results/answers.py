@@ -59,6 +59,8 @@ class Answers:
                              for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
         found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
+        known = {quantity.name: quantity.told() for quantity in delivered.quantities}
+        found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
                    read_paths(scene, fields.nodal) if scene.probes else [])

@@ -16,6 +16,7 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.results.answers import INTERFACES, Answers
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.fields.fields import Fields
@@ -48,6 +49,7 @@ class Solution:
     piece : this rank's of the fields, where there are several ranks
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     config : what was asked for
+    quantities : what an accuracy is asked of, with its errors
 
     Examples
     --------
@@ -82,6 +84,7 @@ class Solution:
     joints: list[np.ndarray | None] | None = None
     piece: Piece | None = None
     config: Config | None = None
+    quantities: Sequence[Quantity] = ()
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
@@ -90,7 +93,7 @@ class Solution:
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints, piece, config)
+                   delivered.parts, reference, answers, delivered.joints, piece, config, delivered.quantities)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:

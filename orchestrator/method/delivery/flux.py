@@ -16,6 +16,8 @@ last, as among the reactions.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from orchestrator.blackbox.models.matter import Matter
@@ -43,31 +45,46 @@ def cells_of(probe: Section | Surface, copies: Copies) -> list[np.ndarray]:
 
 def flux(probe: Section | Surface, copies: Copies) -> Measured:
     """Force and moment, six components; of a section the force along its normal besides."""
-    scene, label, cells, asked = copies.scene, copies.label, copies.cells, cells_of(probe, copies)
-    if isinstance(probe, Section):
-        behind, front = (np.isin(label, label[cells[side]]) for side in asked)
-        half = np.where((behind & front)[:, None], 0.5, np.zeros(3))
-        factors, more, given = [half, -half], probe.normal[None], np.zeros((scene.steps, 7))
-    else:
-        factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
-        given = _loads(probe, copies, asked[0], factors[0])
+    scene, cells = copies.scene, copies.cells
+    layers = list(_layers(probe, copies))
+    count = len(layers[0][2])
+    given = np.zeros((scene.steps, count)) if isinstance(probe, Section) else _loads(probe, copies, *layers[0][:2])
     found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
-    energy = np.zeros(6 + len(more))
-    for own, factor in zip(asked, factors):
+    energy = np.zeros(count)
+    for own, _, moved in layers:
         used, corners = np.unique(cells[own], return_inverse=True)
         moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[own]]
-        points = scene.mesh.nodes[copies.node[used]]
-        motions = motions_about(points, probe.about, 1.0).transpose(2, 0, 1) * factor[used]
-        motions = np.concatenate([motions, np.einsum("ki,inx->knx", more, motions[:3])]).reshape(len(energy), -1)
+        points, motions = scene.mesh.nodes[copies.node[used]], moved[:, used].reshape(count, -1)
         weight = Matter(points, corners.reshape(len(own), -1), *moduli.T).forces(motions)
         energy += np.einsum("kn,kn->k", motions, weight)
         if isinstance(probe, Section) and scene.thermal is not None:
             given -= _heated(scene, cells, own)[:, used].reshape(scene.steps, -1) @ motions.T
-        weight, whose = weight.reshape(len(energy), -1, 3), np.searchsorted(copies.ends, used, side="right") - 1
+        weight, whose = weight.reshape(count, -1, 3), np.searchsorted(copies.ends, used, side="right") - 1
         for e in np.unique(whose):
             found.setdefault(int(e), []).append((used[whose == e] - copies.ends[e], weight[:, whose == e]))
     weights = {e: (np.concatenate([n for n, _ in each]), np.concatenate([w for _, w in each], axis=1)) for e, each in found.items()}
     return Measured(weights, given, True, energy)
+
+
+def lifted(probe: Section | Surface, copies: Copies) -> tuple[np.ndarray, np.ndarray]:
+    """Tets (k,) int that carry the three components of the force, and χ (3, k, 4 or 10, 3) at their nodes."""
+    layers = list(_layers(probe, copies))
+    return (np.concatenate([own for own, *_ in layers]),
+            np.concatenate([moved[:3, copies.cells[own]] for own, _, moved in layers], axis=1))
+
+
+def _layers(probe: Section | Surface, copies: Copies) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Tets (k,) that are asked, what counts (N, 3) of their nodes, and χ (c, N, 3) of every component."""
+    label, cells, asked = copies.label, copies.cells, cells_of(probe, copies)
+    if isinstance(probe, Section):
+        behind, front = (np.isin(label, label[cells[side]]) for side in asked)
+        half = np.where((behind & front)[:, None], 0.5, np.zeros(3))
+        factors, more = [half, -half], probe.normal[None]
+    else:
+        factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
+    for own, factor in zip(asked, factors):
+        motions = motions_about(copies.scene.mesh.nodes[copies.node], probe.about, 1.0).transpose(2, 0, 1) * factor
+        yield own, factor, np.concatenate([motions, np.einsum("ki,inx->knx", more, motions[:3])])
 
 
 def _on(probe: Surface, copies: Copies) -> np.ndarray:

@@ -32,6 +32,7 @@ class Wanted:
     interfaces : numbers of the interfaces whose forces are
     about : (3,) what moments of reactions are about; length : of the scene
     bolts : name → number of the interface at its cut, and axis (3,)
+    balanced : whether forces are to be in balance to rounding, though nothing is certified: an accuracy is asked for
     """
 
     probes: dict[str, Measured] = field(default_factory=dict)
@@ -42,6 +43,7 @@ class Wanted:
     about: np.ndarray = field(default_factory=lambda: np.zeros(3))
     length: float = 1.0
     bolts: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
+    balanced: bool = False
 
     def __bool__(self) -> bool:
         return bool(self.probes or self.forces or self.reactions or self.interfaces or self.bolts)

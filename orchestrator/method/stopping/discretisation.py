@@ -131,14 +131,24 @@ class Estimator:
         """(m,) ∫ ε : C ε of the cells as they stand, from displacements (n, 3)."""
         return self._squares(self._stress(displacement))[1]
 
-    def _stress(self, displacement: np.ndarray, number: int | None = None) -> np.ndarray:
+    def squares(self, broken: np.ndarray, number: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) η² and energies of the cells as listed, of displacements at their own nodes (m, 4 or 10, 3), which may leap between them.
+
+        number : load step of the scene, whose loads inside the cells count; None: there are none
+        """
+        apart = np.arange(self.cells.size).reshape(self.cells.shape)
+        return self._squares(self._stress(broken.reshape(-1, 3), number, apart), number)
+
+    def _stress(self, displacement: np.ndarray, number: int | None = None, cells: np.ndarray | None = None) -> np.ndarray:
         """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all.
 
         number : load step of the scene, whose thermal strain is without stress; None: all strain has stress
+        cells : on the nodes of the displacement, if these are others
         """
-        ten = self.cells.shape[1] == 10
+        ten, cells = self.cells.shape[1] == 10, self.cells if cells is None else cells
+
         def elastic(at: np.ndarray) -> np.ndarray:
-            epsilon = strain(self.gradients, self.cells, displacement, at)
+            epsilon = strain(self.gradients, cells, displacement, at)
             if self.thermal is not None and number is not None:
                 epsilon[:, :3] -= (self.thermal[number] @ at)[:, None]
             return epsilon

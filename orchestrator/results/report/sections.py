@@ -13,8 +13,8 @@ from orchestrator.results.answers import INTERFACES
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
-from orchestrator.results.summary.words import (ROUNDED, hold_sentences, own_errors, place_sentences, shown_statuses, stabilised_sentences,
-    summary_rows)
+from orchestrator.results.summary.words import (ROUNDED, hold_sentences, own_errors, place_sentences, quantity_text, shown_statuses,
+                                                stabilised_sentences, summary_rows)
 from orchestrator.scene.mesh.geometry import format_point
 
 LARGE = 0.1  # an error that stands out
@@ -137,8 +137,10 @@ def meshes(summary: Mapping[str, object]) -> list[str]:
              "not known" if one["iterations_error"] is None else f"{one['iterations_error']:.1e}", f"{one['error']:.2%}",
              f"{one['seconds']:.1f}", ", ".join(one["refined"]) or "–") for k, one in enumerate(found["meshes"], 1)]
     head = ("mesh", "elements", "its error", "iterations'", "together", "seconds", "meshed anew")
-    told = f"Asked for: {found['asked']:.2%}, reached: {found['reached']:.2%}, estimated."
-    return [heading("Meshes"), told, table(head, rows, numeric=True)]
+    told = (f"Asked for: {found['asked']:.2%}, " if found["asked"] else "") + f"reached: {found['reached']:.2%}, energy norm, estimated."
+    names = found["meshes"][-1]["quantities"]
+    each = [(str(k), *(quantity_text(name, one["quantities"][name]) for name in names)) for k, one in enumerate(found["meshes"], 1)]
+    return [heading("Meshes"), told, table(head, rows, numeric=True), *([table(("mesh", *("" for _ in names)), each)] if names else [])]
 
 
 def reactions(summary: Mapping[str, object]) -> list[str]:

@@ -107,6 +107,15 @@ def _tools(summary: Mapping[str, object]) -> str:
                      for tool in summary.get("tools") or ())
 
 
+def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
+    """The length of a displacement or force with what mesh and iterations leave of error."""
+    if told["error"] is None:
+        return f"|{name}| is zero but for rounding"
+    beside = "not known" if told["iterations"] is None else f"{told['iterations']:.1e}"
+    return (f"|{name}| {told['value']:.6g} ± {told['error'] * told['value']:.1e}{unit} ({told['error']:.2%}: mesh's {told['mesh']:.2%} estimated, "
+            f"iterations' {beside})")
+
+
 def _probes(summary: Mapping[str, object]) -> str:
     """At the last load step."""
     units, texts = units_of(summary), []
@@ -116,6 +125,8 @@ def _probes(summary: Mapping[str, object]) -> str:
         least = ROUNDED * max((abs(values[-1]) for values in probe["values"].values() if values), default=0.0)
         texts.append(f"{probe['name']}: " + (probe.get("why") or kind + ", ".join(
             f"{name} {values[-1] if abs(values[-1]) > least else 0.0:.5g}" for name, values in probe["values"].items()) + unit))
+        if told := probe.get("accuracy"):
+            texts.append(quantity_text(probe["name"], told, unit or units["force"]) + f", asked: {told['asked']:.2%}")
     return "\n".join(texts)
 
 
@@ -134,7 +145,8 @@ def _accuracy(summary: Mapping[str, object]) -> str:
     if not (found := summary.get("accuracy")):
         return ""
     last = found["meshes"][-1]
-    return (f"{found['reached']:.2%} reached, {found['asked']:.2%} asked, of mesh and iterations together; {len(found['meshes'])} meshes, "
+    asked = f", {found['asked']:.2%} asked" if found["asked"] else ""
+    return (f"{found['reached']:.2%} reached{asked}, energy norm, of mesh and iterations together; {len(found['meshes'])} meshes, "
             f"the last of {last['elements']:,} elements")
 
 

@@ -1,0 +1,83 @@
+"""Estimated errors of a quantity q·u: the mesh's, from those of solution u and dual solution z in each tet, and the iterations'.
+
+    Q(u_exact) − Q(u_h) = a(u_exact − u_h, z_exact − z_h),      so that about      |Q(u_exact) − Q(u_h)| ≤ Σ_K η_K(u_h) η_K(z_h)
+
+with η_K as ``discretisation`` or ``element_problems`` has it: no tet's error is set off against another's. For a force χ·(K_C u) it is
+z − χ within the tets C that counts, see ``influence``: it jumps where they end, and is as smooth elsewhere as the solution. The
+iterations leave at most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
+
+R. Becker, R. Rannacher, An optimal control approach to a posteriori error estimation in finite element methods, Acta Numerica 10, 2001,
+1–102; S. Prudhomme, J. T. Oden, On goal-oriented error estimation for elliptic problems: application to the control of pointwise errors,
+Comput. Methods Appl. Mech. Engrg 176, 1999, 313–331.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.stopping.discretisation import Estimator
+
+NOTHING = 1e-9  # of what it would be if all nodes' shares had one sign: a value that rounding and iterations leave of zero
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A displacement or a force, and the estimated error of its length, T load steps.
+
+    name : of the probe; asked : accuracy, relative to the largest length
+    value : (T,) length; most : (T,) what it would be if all nodes' shares had one sign
+    cells : (T, m) what each tet adds to the mesh's error
+    iterations : (T,) the iterations' error, nan where it is not known
+    """
+
+    name: str
+    asked: float
+    value: np.ndarray
+    most: np.ndarray
+    cells: np.ndarray
+    iterations: np.ndarray
+
+    @property
+    def size(self) -> float:
+        """What errors are relative to; 0 where there is nothing."""
+        size = float(self.value.max())
+        return size if size > NOTHING * self.most.max() else 0.0
+
+    @property
+    def mesh(self) -> float:
+        """The mesh's error, relative; infinite where the quantity is zero."""
+        return float(self.cells.sum(axis=1).max()) / self.size if self.size else np.inf
+
+    @property
+    def left(self) -> float:
+        """The iterations' error, relative; nan where it is not known."""
+        return float(self.iterations.max()) / self.size if self.size else np.nan
+
+    @property
+    def error(self) -> float:
+        """Both, relative; the mesh's alone where the iterations' is not known."""
+        return self.mesh + (self.left if np.isfinite(self.left) else 0.0)
+
+    def told(self) -> dict[str, float | None]:
+        """For the summary: its length, errors relative to it, and what is asked for."""
+        known = {"error": self.error, "mesh": self.mesh, "iterations": self.left}
+        return {"value": self.size, **{name: x if np.isfinite(x) else None for name, x in known.items()}, "asked": self.asked}
+
+
+def errors(estimator: Estimator, solution: np.ndarray, duals: np.ndarray,
+           lifted: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
+    """(T, m) η_K(u) η_K(z) of every tet of the mesh, and (T,) ‖z‖, or ‖z − χ‖.
+
+    solution, duals : (T, N, 3), of the estimator's nodes
+    lifted : tets (k,) int and χ (T, k, 4 or 10, 3) at their nodes; None for a displacement
+    """
+    cells, norms, place = np.empty((len(solution), len(estimator.cells))), np.empty(len(solution)), np.argsort(estimator.order)
+    for t, (u, z) in enumerate(zip(solution, duals)):
+        broken = z[estimator.cells]
+        if lifted is not None:
+            np.subtract.at(broken, place[lifted[0]], lifted[1][t])
+        (ours, _), (theirs, energy) = estimator.squares(u[estimator.cells], t), estimator.squares(broken)
+        cells[t, estimator.order], norms[t] = np.sqrt(ours * theirs), np.sqrt(energy.sum())
+    return cells, norms
