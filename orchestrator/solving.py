@@ -33,14 +33,13 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.registry import LAWS
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.ranks import Piece, whole_states
 from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
+from orchestrator.scene.aside import set_aside
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
-from orchestrator.scene.part import set_aside
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Savings, Stopwatch, predicted_cost
 
@@ -142,14 +141,16 @@ class _Solving:
             parts = [Part.handed_out(self.whole, self.rank_of, team)]
         estimate, needed = DiscretisationEstimate(self.whole, self.cases), self.reference or self._follows_mesh
         with set_aside(self.whole, team.size > 1 and not needed):
-            delivered, setup_sweeps, spent = self._part_solved(parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
+            delivered, piece, setup_sweeps, spent = self._part_solved(
+                parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
+            trim()  # of this rank's part nothing is left
         fields = None
         if team.rank == 0:
             with watch("output"):
                 delivered = on_whole(delivered, self.whole)
                 fields = fields_of(self.whole, delivered, spent)
         with watch("bound"):
-            delivered, piece = self._with_error(delivered, fields, estimate)
+            delivered = self._with_error(delivered, piece, estimate)
         if team.rank:
             piece.extremes()
             return piece
@@ -170,13 +171,15 @@ class _Solving:
             return solve_reference(self.whole, whole)
 
     def _part_solved(self, parts: list[Part], estimate: DiscretisationEstimate,
-                     placed: bool) -> tuple[Delivered, float, list[Spent] | None]:
-        """This rank's part: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
+                     placed: bool) -> tuple[Delivered, Piece | None, float, list[Spent] | None]:
+        """This rank's part: what is delivered, its piece of the fields where there are several, back-substitutions in set-up, and on
+        rank 0 what all have spent.
 
         parts : this rank's, taken out of the list so that nobody else holds it
         placed : whether the balance of the ranks is watched
         """
         part, team, method, watch, savings = parts.pop(), self.ranks.team, self.config.method, self.watch, Savings()
+        meeting = part.meeting
         placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)
         if team.rank == 0:
             savings.add(self.cases.switch, "load steps", self.cases.left_out)
@@ -215,7 +218,8 @@ class _Solving:
                     delivered = replace(delivered, quantities=quantities(d, delivered, asked, method, watch))
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
-        return delivered, d.made.sweeps, spent
+        piece = None if meeting is None else Piece.of(d.scene, d.own, delivered.continuous, delivered.sides is not None, meeting)
+        return delivered, piece, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
@@ -232,22 +236,15 @@ class _Solving:
 
         return Placing(self.ranks.team, busy, float(load), time.perf_counter() - self.begun, self.ranks.may_stop)
 
-    def _with_error(self, delivered: Delivered, fields: Fields | None, estimate: DiscretisationEstimate) -> tuple[Delivered, Piece | None]:
-        """The same with the mesh's estimated error, and of several ranks this one's piece of the fields."""
-        team, wanted, pieces = self.ranks.team, self._follows_mesh or self.config.output.fields, None
+    def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
+        """The same with the mesh's estimated error; a rank's piece of the fields learns it."""
+        team, wanted = self.ranks.team, self._follows_mesh or self.config.output.fields
         # what stands for something else has no moduli in fields
         if team.rank == 0 and wanted and (team.size == 1 or self.whole.stand_ins.any()):
             delivered = replace(delivered, discretisation=estimate.estimator(delivered.continuous))
-        if team.size == 1:
-            return delivered, None
-        trim()  # of this rank's part nothing is left
-        if team.rank == 0:
-            known = delivered.discretisation
-            pieces = replace(fields, interfaces=None, believed=None, discretisation_error=known and known.cells)
-        piece, pieces = Piece.handed_out(pieces, self.rank_of, team), None
-        if found := piece.estimate(wanted and team.rank == 0 and delivered.discretisation is None):
+        if team.size > 1 and (found := piece.estimate(wanted, delivered.discretisation)):
             delivered = replace(delivered, discretisation=found)
-        return delivered, piece
+        return delivered
 
 
 def _certified(config: Config) -> tuple[list[str], list[str]]:

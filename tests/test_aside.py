@@ -5,7 +5,7 @@ import pytest
 from ranks_case import CASES
 
 from orchestrator.config.load import config_from
-from orchestrator.scene.part import set_aside
+from orchestrator.scene.aside import set_aside
 from orchestrator.scene.build import build_scene
 
 
@@ -20,6 +20,8 @@ def test_a_scene_comes_back(case):
     assert repr(scene) == repr(other) and (scene.mesh.nodes == other.mesh.nodes).all()
     assert all((a.free == b.free).all() and (a.cells == b.cells).all() for a, b in zip(scene.interfaces, other.interfaces))
     assert np.array_equal(scene.sizes, other.sizes)
+    scene.mesh.nodes[0] += 1.0  # it is its owner's again
+    assert (scene.mesh.nodes[0] == other.mesh.nodes[0] + 1.0).all()
     mesh = scene.mesh
     with set_aside(scene, wanted=False), set_aside(None):
         assert scene.mesh is mesh

@@ -1,7 +1,5 @@
 """Fields that ranks write: a piece each, and what puts the pieces together is what one process writes."""
 
-from dataclasses import replace
-
 import meshio
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ from ranks_case import CASES
 from threads import among
 
 from orchestrator.config.load import config_from
+from orchestrator.method.setup import Part
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
@@ -32,10 +31,13 @@ def test_pieces_make_up_the_whole(case, tmp_path):
     write_fields(ResultsFolder(tmp_path / "one"), fields)
     lost = None if sides is None else scene.cell_subdomain.max() == np.arange(len(scene.subdomains))[None].repeat(scene.steps, axis=0)
     most = extremes(fields.nodal, lost)
+    parts = [displacement[:, s.nodes] for s in scene.subdomains] if sides is None else sides
 
     def write(team):
-        piece = Piece.handed_out(None if team.rank else replace(fields, discretisation_error=None, believed=None),
-                                 np.arange(len(scene.subdomains)) % 3, team)
+        part = Part.handed_out(scene, np.arange(len(scene.subdomains)) % 3, team)
+        own = [part.scene.subdomains[e] for e in part.space.subdomains]
+        known = [u if e % 3 == team.rank else None for e, u in enumerate(parts)]
+        piece = Piece.of(part.scene, own, known, sides is not None, part.meeting)
         found = piece.estimate(team.rank == 0)
         ends = piece.extremes(*(() if team.rank else (believed, lost)))
         if team.rank:

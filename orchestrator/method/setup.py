@@ -35,10 +35,10 @@ from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.convexity import check_convex
-from orchestrator.parallel.team import Team
+from orchestrator.parallel.team import Meeting, Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
-from orchestrator.scene.part import overview, part_of
+from orchestrator.scene.part import meetings, overview, part_of
 from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.timing import Savings, Stopwatch
@@ -51,11 +51,13 @@ class Part:
     scene : own subdomains, their interfaces, and of their neighbours what meets these
     space : numbering of its traces
     carried : rigid motions that go with what is prescribed, of the whole scene
+    meeting : what its fields' nodes are called on all ranks, where there are several, see ``meetings``
     """
 
     scene: Scene
     space: TraceSpace
     carried: Carried
+    meeting: Meeting | None = None
 
     @classmethod
     def of_all(cls, scene: Scene) -> Part:
@@ -73,14 +75,16 @@ class Part:
         """
         if team.size == 1:
             return cls.of_all(scene)
-        whole, known = (None, None) if team.rank else (cls.of_all(scene), overview(scene))
+        if team.rank == 0:
+            whole, known, names = cls.of_all(scene), overview(scene), meetings(scene, rank_of, team.size)
 
         def made(rank: int) -> Part:
             piece = part_of(scene, np.flatnonzero(rank_of == rank), known)
-            return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
+            return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried, names[rank])
 
         part = team.hand_out(made)
         part.space.link.team = team
+        part.meeting = replace(part.meeting, team=team)
         return part
 
 

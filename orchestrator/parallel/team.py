@@ -181,7 +181,7 @@ class Meeting:
 
     label: np.ndarray  # (n,) int, what a node is called on all ranks; nodes of a rank that are one, see ``Fields.joined``, share it
     shared: np.ndarray  # (n,) bool, whether cells of other ranks have it too
-    team: Team
+    team: Team = ALONE
 
     def borders(self, node: np.ndarray, *properties: np.ndarray) -> Borders:
         """Of places at nodes (K,); properties (K,) or (K, …) tell places at a node from each other."""

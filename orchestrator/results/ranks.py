@@ -1,7 +1,6 @@
 """What several ranks have of a solution: each its piece of the fields; rank 0 the states of all, for its subscribers.
 
-What is computed of fields is computed by all ranks, each of its own cells. Rank 0, which has the displacements, hands the pieces out
-one after the other. Nobody holds stresses of the whole.
+What is computed of fields is computed by all ranks, each of its own cells and displacements. Nobody holds stresses of the whole.
 """
 
 from __future__ import annotations
@@ -12,11 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.method.checkpoint import COMMON, Numbers, kind_of
+from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
 from orchestrator.parallel.team import Meeting, Team
 from orchestrator.results.extremes import Extremes, extremes
-from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.fields import Fields, shown_moduli
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass
@@ -33,32 +34,41 @@ class Piece:
     team: Team
 
     @classmethod
-    def handed_out(cls, fields: Fields | None, rank_of: np.ndarray, team: Team) -> Piece:
-        """This rank's own.
+    def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
+        """This rank's own; all ranks make theirs together.
 
-        fields : the whole ones, on rank 0
-        rank_of : (subdomains,) int, the rank of each
+        scene : its part of the scene; ``meeting`` came with it
+        own : the subdomains that are its
+        continuous : per subdomain of the scene (T, n_E, 3), of its own ones at least
+        opens : whether bodies have nodes of their own
         """
-        if team.rank == 0:
-            drawn, owner = fields.opened, rank_of[fields.subdomain]
-            label = np.arange(len(drawn.nodes)) if drawn.joined is None else drawn.joined
-            ranks = np.zeros(int(label.max()) + 1, dtype=np.int16)
-            for rank in range(team.size):
-                ranks[np.unique(label[drawn.cells[owner == rank]])] += 1
+        starts, sides = np.cumsum([0, *(len(s.nodes) for s in own)]), [continuous[s.index] for s in own]
+        chosen = np.sort(np.concatenate([s.cells for s in own]))
+        cells = np.empty((len(scene.mesh.cells), scene.mesh.cells.shape[1]), dtype=int)
+        for s, start in zip(own, starts):
+            cells[s.cells] = s.connectivity + start
+        nodes, cells, joined = np.concatenate([s.nodes for s in own]), cells[chosen], None
+        if opens:
+            joined, displacement = np.unique(meeting.label, return_inverse=True)[1].ravel(), np.concatenate(sides, axis=1)
+        else:
+            nodes, place = np.unique(nodes, return_inverse=True)
+            cells, displacement = place[cells], _mean(np.split(place, starts[1:-1]), sides, meeting)
+        fields = Fields(scene.mesh.nodes[nodes], cells, scene.cell_subdomain[chosen], shown_moduli(scene)[chosen], displacement,
+                        part=scene.mesh.volume[chosen], parts=tuple(scene.mesh.volumes), joined=joined,
+                        thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
+        return cls(fields, scene.cell_number[chosen], meeting.team)
 
-        def made(rank: int) -> tuple:
-            chosen = np.flatnonzero(owner == rank)
-            own = label[np.unique(drawn.cells[chosen])]
-            joined = None if drawn.joined is None else np.unique(own, return_inverse=True)[1].ravel()
-            piece = replace(drawn.some(chosen), joined=joined)
-            return piece, chosen, own, ranks[own] > 1
+    def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
+        """Of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
 
-        piece, chosen, own, shared = team.hand_out(made)
-        return cls(replace(piece, meeting=Meeting(own, shared, team)), chosen, team)
-
-    def estimate(self, wanted: bool) -> Estimate | None:
-        """Of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own."""
-        if not self.team.share(wanted):
+        known : on rank 0, what has been estimated of the whole already
+        """
+        wanted, there = self.team.share((wanted, known is not None))
+        if there:
+            cells = self.team.gather(self.cells)
+            self._know(discretisation_error=self.team.hand_out(lambda rank: known.cells[:, cells[rank]]))
+            return known
+        if not wanted:
             return None
         f = self.fields
         joined = np.arange(len(f.nodes)) if f.joined is None else f.joined
@@ -90,6 +100,15 @@ class Piece:
     def _know(self, **more: np.ndarray) -> None:
         """What is only known later; what was computed without it goes."""
         self.fields = replace(self.fields, **more)
+
+
+def _mean(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], meeting: Meeting) -> np.ndarray:
+    """(T, n, 3) means at a rank's nodes of what all subdomains have there, other ranks' included; parameters as of ``at_nodes``."""
+    count = len(meeting.label)
+    total, copies = at_nodes(nodes, sides, count)
+    sums = np.concatenate([total.transpose(0, 2, 1).reshape(-1, count), copies[None]])
+    sums = meeting.borders(np.arange(count))(sums)
+    return (sums[:-1] / sums[-1]).reshape(len(total), 3, count).transpose(0, 2, 1).copy()
 
 
 def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team) -> Sequence[Subscriber]:

@@ -291,10 +291,10 @@ class Scene:
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
-    thermal : (steps, m, 4) α ΔT at the corners of every cell, of a whole scene; None where nothing is heated
+    thermal : (steps, m, 4) α ΔT at the corners of every cell; None where nothing is heated
     body_force : (steps, m, 3) force/volume, mean of every cell of ten nodes, of a whole scene; None where there is none
     overview : of the whole scene, where this is a part of it
-    number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
+    number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
     """
 
     name: str
@@ -315,6 +315,7 @@ class Scene:
     thermal: np.ndarray | None = None
     overview: Overview | None = None
     number: np.ndarray | None = None
+    cell_number: np.ndarray | None = None
     probes: list = field(default_factory=list)
     element: object = None
     body_force: np.ndarray | None = None

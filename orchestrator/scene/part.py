@@ -7,15 +7,14 @@ laws ask for no more of it. What concerns the whole scene and is a number per bo
 
 from __future__ import annotations
 
-import pickle
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.parallel.team import Meeting
 from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -55,7 +54,23 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                   for i, here in zip(scene.interfaces, touched)]
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
-                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes)
+                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
+                 thermal=None if scene.thermal is None else scene.thermal[:, cells])
+
+
+def meetings(scene: Scene, rank_of: np.ndarray, ranks: int) -> list[Meeting]:
+    """Per rank, what the nodes of its fields are called on all ranks; of a whole scene.
+
+    Where all interfaces are perfect these are the mesh's nodes, ascending; else each own subdomain's, one subdomain after another.
+    """
+    copies = Copies.of(scene)
+    opens = not all(i.law.perfect for i in scene.interfaces)
+    label, rank = copies.label if opens else copies.node, np.repeat(rank_of, np.diff(copies.ends))
+    names = [label[rank == r] for r in range(ranks)]
+    having = np.zeros(int(label.max()) + 1, dtype=np.int16)
+    for own in names:
+        having[np.unique(own)] += 1
+    return [Meeting(own, having[own] > 1) for own in (names if opens else map(np.unique, names))]
 
 
 def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:
@@ -103,26 +118,3 @@ def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) 
     own = b.of(faces)
     return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1),
                    nodes=np.searchsorted(nodes, own.nodes))
-
-
-@contextmanager
-def set_aside(scene: Scene | None, wanted: bool = True) -> Iterator[None]:
-    """While the block runs the scene is empty, for all who hold it; then it is what it was.
-
-    Where the disk has no room it stays as it is.
-    """
-    with tempfile.TemporaryFile() as file:
-        aside = False
-        if wanted and scene is not None:
-            with suppress(OSError):
-                pickle.dump(vars(scene), file, pickle.HIGHEST_PROTOCOL)
-                file.flush()
-                aside = True
-        if aside:
-            vars(scene).clear()
-        try:
-            yield
-        finally:
-            if aside:
-                file.seek(0)
-                vars(scene).update(pickle.load(file))

@@ -99,6 +99,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if lawful is not None and wanted:
         with watch("bound"):
             known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants)
+    iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
                      resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known)
 

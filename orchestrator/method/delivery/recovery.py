@@ -11,6 +11,7 @@ in second order alone. Subdomains whose matter is their code's own are left out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,11 +75,20 @@ def of_all(d: Decomposition, own: list) -> list:
 
 def on_mesh(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:
     """(T, n, 3) on the nodes of the whole mesh the mean of their copies, from the subdomains' (T, n_E, 3)."""
-    total, copies = np.zeros((len(sides[0]), len(scene.mesh.nodes), 3)), np.zeros(len(scene.mesh.nodes))
-    for s, own in zip(scene.subdomains, sides):
-        total[:, s.nodes] += own
-        copies[s.nodes] += 1
+    total, copies = at_nodes([s.nodes for s in scene.subdomains], sides, len(scene.mesh.nodes))
     return total / np.maximum(copies, 1)[:, None]
+
+
+def at_nodes(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(T, count, 3) sums at nodes of what several subdomains (T, n_E, 3) have there, and (count,) how many they are.
+
+    nodes : per subdomain (n_E,) int, which ones are its
+    """
+    total, copies = np.zeros((len(sides[0]), count, 3)), np.zeros(count)
+    for at, own in zip(nodes, sides):
+        total[:, at] += own
+        copies[at] += 1
+    return total, copies
 
 
 def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np.ndarray | None] | None = None) -> list[np.ndarray | None]:

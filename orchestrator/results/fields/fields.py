@@ -64,10 +64,8 @@ class Fields:
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
            believed: np.ndarray | None = None) -> Fields:
         """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
-        joined, lame = None if sides is None else Copies.of(scene).label, scene.lame
-        if scene.stand_ins.any():
-            lame = np.where(scene.stand_ins[scene.cell_subdomain][:, None], 0.0, lame)
-        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, displacement, sides, *others,
+        joined = None if sides is None else Copies.of(scene).label
+        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, shown_moduli(scene), displacement, sides, *others,
                    part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed, thermal=scene.thermal)
 
     @property
@@ -176,3 +174,10 @@ class Fields:
             return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
         corners = self.corner_stress(step)
         return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))
+
+
+def shown_moduli(scene: Scene) -> np.ndarray:
+    """(m, 2) Lamé's λ and μ per cell, as in ``Fields``."""
+    if not scene.stand_ins.any():
+        return scene.lame
+    return np.where(scene.stand_ins[scene.cell_subdomain][:, None], 0.0, scene.lame)

@@ -61,16 +61,16 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     """The faces of tets (m, 4), positively oriented, of a mesh of some nodes; raises ValueError for more than ``MAX_NODES``."""
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
-    triangles = cells[:, LOCAL_FACES].reshape(-1, 3)
-    keys = pack(triangles, nodes)
+    keys = np.stack([pack(cells[:, face], nodes) for face in LOCAL_FACES], axis=1).ravel()
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     start = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
     count = np.diff(np.r_[start, len(keys)])
     first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
-    same_way = (count > 1) & (_even(triangles[first]) == _even(triangles[second]))
-    return Faces(nodes, triangles[first], keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2),
+    triangles, others = (cells[at[:, None] // 4, LOCAL_FACES[at % 4]] for at in (first, second))
+    same_way = (count > 1) & (_even(triangles) == _even(others))
+    return Faces(nodes, triangles, keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2),
                  np.flatnonzero(same_way))
 
 

@@ -30,7 +30,9 @@ def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
     p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[:, :4].T)
-    return np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+    for corner in (q, r, s):  # copies, and large ones
+        corner -= p
+    return np.einsum("ij,ij->i", cross(q, r), s) / 6
 
 
 def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
