@@ -1,10 +1,11 @@
 """Estimated errors of a quantity q·u: the mesh's, from those of solution u and dual solution z in each tet, and the iterations'.
 
-    Q(u_exact) − Q(u_h) = a(u_exact − u_h, z_exact − z_h),      so that about      |Q(u_exact) − Q(u_h)| ≤ Σ_K η_K(u_h) η_K(z_h)
+    Q(u_exact) − Q(u_h) = a(u_exact − u_h, z_exact − z_h),      so that about      |Q(u_exact) − Q(u_h)| ≤ Σ_K |a_K(e, e')|
 
-with η_K as ``discretisation`` or ``element_problems`` has it: no tet's error is set off against another's. For a force χ·(K_C u) it is
-z − χ within the tets C that counts, see ``influence``: it jumps where they end, and is as smooth elsewhere as the solution. The
-iterations leave at most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
+with the errors e and e' in a tet whose energies η_K² ``discretisation`` or ``element_problems`` estimates. They are linear in stresses, so
+that 4 a_K(e, e') = η_K²(u_h + z_h) − η_K²(u_h − z_h). No tet's error is set off against another's. For a force χ·(K_C u) it is z − χ within
+the tets C that counts, see ``influence``: it jumps where they end, and is as smooth elsewhere as the solution. The iterations leave at
+most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
 
 R. Becker, R. Rannacher, An optimal control approach to a posteriori error estimation in finite element methods, Acta Numerica 10, 2001,
 1–102; S. Prudhomme, J. T. Oden, On goal-oriented error estimation for elliptic problems: application to the control of pointwise errors,
@@ -68,16 +69,18 @@ class Quantity:
 
 def errors(estimator: Estimator, solution: np.ndarray, duals: np.ndarray,
            lifted: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
-    """(T, m) η_K(u) η_K(z) of every tet of the mesh, and (T,) ‖z‖, or ‖z − χ‖.
+    """(T, m) |a_K(e, e')| of every tet of the mesh, and (T,) ‖z‖, or ‖z − χ‖.
 
     solution, duals : (T, N, 3), of the estimator's nodes
     lifted : tets (k,) int and χ (T, k, 4 or 10, 3) at their nodes; None for a displacement
     """
     cells, norms, place = np.empty((len(solution), len(estimator.cells))), np.empty(len(solution)), np.argsort(estimator.order)
     for t, (u, z) in enumerate(zip(solution, duals)):
-        broken = z[estimator.cells]
+        ours, theirs = u[estimator.cells], z[estimator.cells]
         if lifted is not None:
-            np.subtract.at(broken, place[lifted[0]], lifted[1][t])
-        (ours, _), (theirs, energy) = estimator.squares(u[estimator.cells], t), estimator.squares(broken)
-        cells[t, estimator.order], norms[t] = np.sqrt(ours * theirs), np.sqrt(energy.sum())
+            np.subtract.at(theirs, place[lifted[0]], lifted[1][t])
+        (one, _), (other, energy) = estimator.squares(ours, t), estimator.squares(theirs)
+        scale = np.sqrt(one.sum() / other.sum()) if one.any() and other.any() else 1.0  # as much of either, lest digits be lost
+        more, less = (estimator.squares(ours + sign * scale * theirs, t)[0] for sign in (1, -1))
+        cells[t, estimator.order], norms[t] = np.abs(more - less) / (4 * scale), np.sqrt(energy.sum())
     return cells, norms
