@@ -74,7 +74,7 @@ _LISTED = {
     "intervals": ("studies.intervals:run",
                   "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "accuracy": ("studies.accuracy:run",
-                 "accuracies that are asked for, beside true errors and uniform meshes: an L, a hole, a punch, P1 and P2"),
+                 "accuracies that are asked for, beside true errors and uniform meshes: L, hole, slit, punch, ball, grains"),
     "gallery": ("studies.gallery:run", "every configuration and tutorial, with a picture: writes docs/gallery.md"),
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),

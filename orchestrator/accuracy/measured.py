@@ -41,11 +41,12 @@ TRUSTED = 0.7  # what an estimate tells at least of the true error, where it is 
 class Energies:
     """Of a solution, at the load step where most error is estimated; all energies are twice what they are.
 
-    step : which one; potential : 2 Π; estimated : η²; iterated : what the iterations may leave in it
+    step : which one; energy : ‖u‖²; potential : 2 Π; estimated : η²; iterated : what the iterations may leave in it
     volume : of all bodies; density : energy/volume where the energy is
     """
 
     step: int
+    energy: float
     potential: float
     estimated: float
     iterated: float
@@ -65,7 +66,7 @@ def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energ
     force = sum(float(np.vdot(s.loads[step], side)) for s, side in zip(scene.subdomains, sides))
     cells = estimator.energies(np.concatenate(sides))
     whole = cells.sum()
-    return Energies(step, whole - 2 * force, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
+    return Energies(step, float(whole), whole - 2 * force, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
                     (cells**2 / estimator.volumes).sum() / (whole or 1.0))
 
 
@@ -81,8 +82,11 @@ def told(before: Energies | None, now: Energies | None) -> float | None:
 
 
 def explained(before: Energies | None, now: Energies | None) -> bool:
-    """Whether the energies of two meshes differ by no more than the errors that are estimated; as far as it is known.
+    """Whether ‖u‖ on two meshes differs by no more than both estimated errors, |‖u₁‖ − ‖u₂‖| ≤ ‖e₁‖ + ‖e₂‖; as far as it is known.
 
     A mesh that is much coarser than a place of contact finds other contact than there is, of which estimates know nothing.
     """
-    return before is None or now is None or abs(before.potential - now.potential) <= before.estimated / TRUSTED**2
+    if before is None or now is None:
+        return True
+    errors = math.sqrt(before.estimated) + math.sqrt(now.estimated)
+    return abs(math.sqrt(before.energy) - math.sqrt(now.energy)) <= errors / TRUSTED
