@@ -17,11 +17,11 @@ setup-tests:
 run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
 	@.venv/bin/orchestrator run $(CONFIG)
 
-test: setup-tests  ## set up CalculiX too, run the tests in two processes
-	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup -m "not long"
+test: setup-tests  ## set up CalculiX too, run the tests in three processes
+	@.venv/bin/python -m pytest -q -n 3 --dist loadgroup -m "not long"
 
 test-all: setup-tests cluster  ## the same with the tests that take long: studies in small, a CAD assembly read anew
-	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
+	@.venv/bin/python -m pytest -q -n 3 --dist loadgroup
 
 docs: setup-tests  ## make pages of docs/ in site/, with a search that needs no network
 	@.venv/bin/python -m sphinx -q -W docs site
