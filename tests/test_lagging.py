@@ -7,6 +7,7 @@ import pytest
 from contact_case import CASES, contact
 from method_case import box_of, prepared
 
+from orchestrator.method.coarse import correction
 from orchestrator.method.monitors import lagging
 from orchestrator.scene.build import build_scene
 
@@ -40,6 +41,14 @@ def test_what_lags_behind_is_solved(eight):
     assert chosen.any() and not chosen.all() and apart[1] <= 1e-5 * apart[0]
     answered, largest = eight.stage(after.fields.s), np.abs(after.fields.f).max()
     assert np.abs(answered.f - after.fields.f).max() <= 1e-9 * largest
+
+
+def test_bodies_without_room_go_on_without(eight, monkeypatch):
+    """From some three hundred bodies on their usual fields alone are all that there is room for."""
+    monkeypatch.setattr(correction, "UNKNOWNS", 5 * eight.coarse.bodies)
+    assert len(eight.coarse.response.U) > 5 and eight.coarse.has_room(eight.coarse.response, 0)
+    s = eight.local(eight.stage(np.zeros((eight.steps, eight.space.size)))).s
+    assert lagging.LaggingPoints(eight.space).judge(evaluated(eight, s)).changes == ()
 
 
 def test_a_resumed_run_has_the_same_fields(eight):

@@ -95,8 +95,8 @@ class CoarseCorrection:
         return int(self.stage.space.team.max(np.bincount(self.stage.space.owner[dofs], minlength=1).max())[0])
 
     def has_room(self, fields: Responses, more: int) -> bool:
-        """Whether each body may have so many fields beside these."""
-        return len(fields.U) + more <= min(MOST, UNKNOWNS / self.bodies)
+        """Whether each body may have so many fields beside these; it may always have none."""
+        return not more or len(fields.U) + more <= min(MOST, UNKNOWNS / self.bodies)
 
     def with_own(self, dofs: np.ndarray) -> CoarseCorrection:
         """The same with trace dofs (q,) of this rank, ascending, as fields of their own, each for its body; ``most`` back-substitutions."""
