@@ -33,6 +33,7 @@ PASSES = 5  # in which weights follow what is within reach
 FREE = 1e-10  # stiffness of a motion, over that of all pairs closed, that counts as none
 PART = 1e-3  # of such a motion, from which a body has no place
 DENSE, SOFT = 1500, 200  # rigid motions of which all modes are found, and how many modes of more
+SWEEPS = 8  # of inverse iteration for these
 
 
 def reach(d: Decomposition, bodies: Bodies, iterated: Iterated, error: np.ndarray) -> np.ndarray:
@@ -150,8 +151,7 @@ class _Springs:
             if size <= DENSE:
                 found = np.linalg.eigh(matrix.toarray())
             else:
-                start = np.modf(np.sin(np.arange(size) * 12.9898 + 1.0) * 43758.5453)[0]
-                found = sla.eigsh(sp.csc_array(matrix), SOFT, sigma=-FREE, v0=start)
+                found = softest_modes(matrix, SOFT)
         values, vectors = team.share(found)
         loose = np.linalg.norm(vectors[:, values <= FREE].reshape(self.bodies.count, -1), axis=1) > PART
         modes = (self.scale[:, None] * vectors / np.sqrt(np.maximum(values, FREE))).reshape(self.bodies.count, RIGID, -1)
@@ -169,3 +169,18 @@ class _Springs:
             softness[RIGID:, RIGID:] += rest[two]
             result[:, part] = np.einsum("kip,ij,kjp->kp", here, softness, here, optimize=True)
         return np.maximum(result, 0.0)
+
+
+def softest_modes(matrix: sp.csr_array, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(count,) about the least eigenvalues of a semidefinite matrix (n, n), from above, and (n, count) their vectors.
+
+    By inverse iteration of as many vectors at once: motions that nothing holds may be hundreds, all with the same eigenvalue, of which
+    Lanczos' method misses some or breaks down.
+    """
+    n = matrix.shape[0]
+    inverse = sla.splu(sp.csc_array(matrix + FREE * sp.eye_array(n)))
+    X = np.modf(np.sin(np.arange(n * count).reshape(n, count) * 12.9898 + 1.0) * 43758.5453)[0]
+    for _ in range(SWEEPS):
+        X = np.linalg.qr(inverse.solve(X))[0]
+    values, turned = np.linalg.eigh(X.T @ (matrix @ X))
+    return values, X @ turned
