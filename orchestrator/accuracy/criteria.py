@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.accuracy.measured import TRUSTED
+from orchestrator.accuracy.measured import FORESEEN, TRUSTED
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.results.solution import Solution
 
@@ -28,6 +28,7 @@ class Criterion:
     name : of the quantity, "" of the energy norm; value : its length
     asked : of mesh and iterations together, None where nothing is
     estimated : the mesh's error as its estimate tells it by itself; share : measured, None where it is not
+    foreseen : the share that the next mesh will be judged by
     iterations : their error, nan where it is not known; legs : both are legs of a right-angled triangle, else they add up
     power : of the size of elements, over their order; cells : (T, m), √Σ cells² = estimated^(1/power) at the worst load step
     """
@@ -37,6 +38,7 @@ class Criterion:
     asked: float | None
     estimated: float
     share: float | None
+    foreseen: float
     iterations: float
     legs: bool
     power: int
@@ -55,7 +57,7 @@ class Criterion:
     @property
     def met(self) -> bool:
         """Whether it is reached, even where the estimate tells as little as it may."""
-        return bool(self._with_iterations(self.estimated / self._trusted) <= self.asked)
+        return bool(self._with_iterations(self.estimated / (self.share or TRUSTED) ** self.power) <= self.asked)
 
     def goal(self, follows: bool) -> float:
         """What may be estimated on the next mesh.
@@ -63,11 +65,7 @@ class Criterion:
         follows : whether the tolerance of the iterations does
         """
         left = self.error - self.mesh
-        return (AIM * self.asked - (min(left, ITERATIONS * self.asked) if follows else left)) * self._trusted
-
-    @property
-    def _trusted(self) -> float:
-        return (self.share or TRUSTED) ** self.power
+        return (AIM * self.asked - (min(left, ITERATIONS * self.asked) if follows else left)) * self.foreseen**self.power
 
     def _with_iterations(self, mesh: float) -> float:
         if not math.isfinite(self.iterations):
@@ -80,14 +78,15 @@ class Criterion:
         return {"value": self.value, **{name: x if math.isfinite(x) else None for name, x in known.items()}, "asked": self.asked}
 
 
-def criteria(solution: Solution, found: Estimate, share: float | None, asked: float | None) -> list[Criterion]:
+def criteria(solution: Solution, found: Estimate, share: float | None, measurable: bool, asked: float | None) -> list[Criterion]:
     """That of the energy norm, asked for or not, then those of quantities.
 
-    found : the estimate in the energy norm; share : that it tells, see ``measured.told``
+    found : the estimate in the energy norm; share : that it tells, see ``measured.told``; measurable : whether the next mesh's will be
     """
+    foreseen = share or (FORESEEN if measurable else TRUSTED)
     bonded = all(i.law.perfect for i in solution.scene.interfaces)
-    return [Criterion("", 0.0, asked, found.relative, share, solution.error_bound, bonded, 1, found.cells), *(
-        Criterion(q.name, q.size, q.asked, q.mesh, share, q.left, False, 2, np.sqrt(q.cells / q.size) if q.size else q.cells)
+    return [Criterion("", 0.0, asked, found.relative, share, foreseen, solution.error_bound, bonded, 1, found.cells), *(
+        Criterion(q.name, q.size, q.asked, q.mesh, share, foreseen, q.left, False, 2, np.sqrt(q.cells / q.size) if q.size else q.cells)
         for q in solution.quantities)]
 
 

@@ -140,7 +140,7 @@ class _Refinement:
         bonded = all(i.law.perfect for i in solution.scene.interfaces)
         believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before = now
-        energy, *quantities = criteria(solution, found, share, self.asked.error)
+        energy, *quantities = criteria(solution, found, share, now is not None, self.asked.error)
         every = [one for one in (energy, *quantities) if one.asked]
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,

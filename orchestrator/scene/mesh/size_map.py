@@ -12,6 +12,8 @@ from orchestrator.scene.mesh.gmsh_session import gmsh
 
 WHOLE = ""  # key of the map of a mesh that is made in one piece
 REGULAR = 6 * np.sqrt(2)  # the cube of a regular tet's edge over its volume
+# Tets that gmsh makes, over as many regular ones as the sizes ask for: .65 at 700 elements to .46 at 80,000, even or graded, measured
+FOLLOWED = 0.55
 
 
 @dataclass(frozen=True)
@@ -26,10 +28,10 @@ class SizeMap:
     size: np.ndarray
 
     def apply(self) -> int:
-        """A field of gmsh's with these sizes, by its tag; what would make elements grow from edges and corners is switched off."""
-        corners = self.nodes[self.cells].transpose(0, 2, 1).reshape(-1, 12)
+        """A field of gmsh's that gives about as many tets, by its tag; what would make them grow from edges and corners is switched off."""
+        corners, size = self.nodes[self.cells].transpose(0, 2, 1).reshape(-1, 12), self.size * np.cbrt(FOLLOWED)
         view = gmsh.view.add("sizes")
-        gmsh.view.addListData(view, "SS", len(corners), np.hstack([corners, self.size[self.cells]]).ravel())
+        gmsh.view.addListData(view, "SS", len(corners), np.hstack([corners, size[self.cells]]).ravel())
         field = gmsh.model.mesh.field.add("PostView")
         gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
