@@ -95,7 +95,10 @@ def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: ob
             from orchestrator.accuracy.loop import run as solve
 
         try:
-            return solve(loaded, means=Means(Ranks(team), artist, verbose=verbose), **options)
+            code = solve(loaded, means=Means(Ranks(team), artist, verbose=verbose), **options)
+            if not team.parted:
+                team.share(None)  # there is nothing more to solve
+            return code
         except (InputError, Elsewhere) as error:
             cause = team.cause(error)
             raise located(cause, loaded) if isinstance(cause, InputError) else error

@@ -21,6 +21,7 @@ from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
+from orchestrator.results.ranks import Piece
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
@@ -71,7 +72,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             with watch("mesh"):
                 scene = build_scene(config, run_programs=True, meshed=means.meshed)
             with Record(folder, config, scene, watch, artist, resume=resume) as record:
-                team.share((config, reference))
+                team.share((config, reference, means.judge is not None))
                 solution = _balanced(config, [*record.subscribers, progress], record, reference, means.ranks)
                 progress.close()
                 if config.output.fields:
@@ -109,15 +110,21 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, refere
 
 
 def follow(team: Team) -> int:
-    """What the other ranks do: their parts of rank 0's scene, without a word. Returns 0; the exit code is rank 0's."""
-    config, reference = team.share(None)
-    ranks = Ranks(team)
+    """What the other ranks do, without a word: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
+    is rank 0's."""
+    while (given := team.share(None)) is not None:
+        config, reference, judged = given
+        piece = _piece_of(config, reference, Ranks(team))
+        if judged:
+            piece.estimate(False)  # as the judge has it
+        if config.output.fields:
+            write_piece(piece)
+    return CONVERGED
+
+
+def _piece_of(config: Config, reference: bool, ranks: Ranks) -> Piece:
     while True:
         try:
-            piece = solve(config, reference=reference, ranks=ranks)
-            break
+            return solve(config, reference=reference, ranks=ranks)
         except Unbalanced as found:
             ranks = replace(ranks, speeds=found.speeds)
-    if config.output.fields:
-        write_piece(piece)
-    return CONVERGED

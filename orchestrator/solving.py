@@ -18,7 +18,7 @@ from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.dual import check_duals
-from orchestrator.method.delivery.quantities import quantities
+from orchestrator.method.delivery.quantities import quantities, unit_answers
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
@@ -97,9 +97,6 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
                         "on several", "remove accuracy here")
-        if config.accuracies and team.size > 1:
-            raise wrong(("output", "probes"), f"accuracy on {team.size} ranks", "one process",
-                        "start it without mpiexec, or remove accuracy")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if scene is None and team.rank == 0:
@@ -132,6 +129,7 @@ class _Solving:
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
             self.whole, *_certified(config), config.output.moments_about), balanced=bool(config.accuracies)))
+        self.asked: Wanted = team.share(None if team.rank else Wanted.of(self.whole, list(config.accuracies), (), np.zeros(3)))
         self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
     def solution(self) -> Solution | Piece:
@@ -141,7 +139,7 @@ class _Solving:
             parts = [Part.handed_out(self.whole, self.rank_of, team)]
         estimate, needed = DiscretisationEstimate(self.whole, self.cases), self.reference or self._follows_mesh
         with set_aside(self.whole, team.size > 1 and not needed):
-            delivered, piece, setup_sweeps, spent = self._part_solved(
+            delivered, piece, answers, setup_sweeps, spent = self._part_solved(
                 parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
             trim()  # of this rank's part nothing is left
         fields = None
@@ -151,6 +149,8 @@ class _Solving:
                 fields = fields_of(self.whole, delivered, spent)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
+            if answers is not None:
+                delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if team.rank:
             piece.extremes()
             return piece
@@ -171,9 +171,9 @@ class _Solving:
             return solve_reference(self.whole, whole)
 
     def _part_solved(self, parts: list[Part], estimate: DiscretisationEstimate,
-                     placed: bool) -> tuple[Delivered, Piece | None, float, list[Spent] | None]:
-        """This rank's part: what is delivered, its piece of the fields where there are several, back-substitutions in set-up, and on
-        rank 0 what all have spent.
+                     placed: bool) -> tuple[Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
+        """This rank's part: what is delivered, its piece of the fields where there are several, on rank 0 answers to unit loads where an
+        accuracy is asked of quantities, back-substitutions in set-up, and on rank 0 what all have spent.
 
         parts : this rank's, taken out of the list so that nobody else holds it
         placed : whether the balance of the ranks is watched
@@ -195,7 +195,7 @@ class _Solving:
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
             self.wanted.check(d.own, blackbox)
-            if self.config.accuracies:
+            if self.asked:
                 check_duals(d)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
@@ -212,14 +212,14 @@ class _Solving:
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
-            delivered = deliver(d, chosen, self.cases, iterated, watch, self.wanted)
-            if asked := self.config.accuracies:
+            delivered, answers = deliver(d, chosen, self.cases, iterated, watch, self.wanted), None
+            if self.asked:
                 with watch("bound"):
-                    delivered = replace(delivered, quantities=quantities(d, delivered, asked, method, watch))
+                    answers = unit_answers(d, delivered, self.asked, method, watch)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
         piece = None if meeting is None else Piece.of(d.scene, d.own, delivered.continuous, delivered.sides is not None, meeting)
-        return delivered, piece, d.made.sweeps, spent
+        return delivered, piece, answers, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""

@@ -8,7 +8,9 @@ from unittest.mock import patch
 import numpy as np
 from in_process import IN_PROCESS
 
-from orchestrator.config.load import config_from, load_config
+from orchestrator.accuracy.loop import run as accuracy
+from orchestrator.config.load import Loaded, config_from, load_config
+from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
@@ -191,6 +193,30 @@ def placed(folder: Path, team: Team) -> None:
         else:
             (folder / f"{PLACED}.yaml").write_text(json.dumps(config))
             run(load_config(folder / f"{PLACED}.yaml", []), output=folder / PLACED, quiet=True, means=Means(Ranks(team)))
+            team.share(None)
+
+
+REFINED = {  # bonds at a cross point, which are guaranteed, and contact beside a bond
+    "refined bonds": {"subdomains": {"grid": [2, 1, 2]}, "interfaces": [{"law": "perfect"}]},
+    "refined contact": {"subdomains": {"slices": {"axis": "z", "count": 3}}, "interfaces": [
+        {"law": "contact", "friction": 0.1}, {"between": ["slice 0", "slice 1"], "law": "perfect"}]}}
+
+
+def refined(name: str, folder: Path, team: Team = ALONE) -> None:
+    """A run on finer and finer meshes until a field, a displacement and two forces are told to accuracies."""
+    if team.rank:
+        follow(team)
+        return
+    probes = [{"at": [0.6, 0.5, 1.5]}, {"on": "zmin", "quantity": "resultant"}, {"section": {"plane": "z", "at": 0.5}}]
+    config = config_from({
+        "name": name, "mesh": {"box": {"size": [1, 1, 2], "cells": [3, 2, 6]}}, **REFINED[name],
+        "materials": [{"young": 1000.0, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [0.3, 0.1, -0.3]},
+                     {"on": {"box": [[1, 0, 1], [1, 1, 2]]}, "traction": [50, 25, 0]}],
+        "output": {"figures": False, "probes": [{"accuracy": 0.1, **probe} for probe in probes]},
+        "method": {"accuracy": {"error": 0.1, "elements": 800}}})
+    assert accuracy(Loaded(config), output=folder, quiet=True, means=Means(Ranks(team))) == NOT_CONVERGED
+    team.share(None)
 
 
 if __name__ == "__main__":
@@ -199,6 +225,9 @@ if __name__ == "__main__":
         for case in sys.argv[2:]:
             if case == PLACED:
                 placed(Path(sys.argv[1]), ranks)
+                continue
+            if case in REFINED:
+                refined(case, Path(sys.argv[1]) / case, ranks)
                 continue
             answer = found(case, ranks)
             if answer is not None:

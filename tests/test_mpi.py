@@ -10,10 +10,11 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from processes import begin, gone
-from ranks_case import CASES, PLACED, found
+from ranks_case import CASES, PLACED, REFINED, found, refined
 from quick import quick
 
 from orchestrator import folders
@@ -94,7 +95,7 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     several = [case for case in CASES if subdomains(case) >= 4]  # one for each rank
     four = several[::2]
     names = {2: [case for case in CASES if case not in four], 3: several[1:2], 4: four}[ranks]  # each by some number of ranks
-    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3))
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *list(REFINED) * (ranks == 2))
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
     for case in names:
@@ -116,11 +117,31 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
                 off = np.abs(together[name] - expected).max()
                 # where springs of stabilisation alone hold a grain, rounding of 1e-16 is ten million times larger
                 assert off <= 1e-10 * np.abs(expected).max() or off <= rounding(case, name), (case, name, off)
+    for name in REFINED if ranks == 2 else ():
+        same_meshes(name, tmp_path)
     if ranks == 3:  # set up again on the way, with other subdomains on every rank: as if nothing had happened
         again, expected = Solution.read(tmp_path / PLACED), alone("contact")
         assert again.converged and "placed anew" in again.summary["warnings"][-1]
         assert again.iterations == expected["iterations"] == len(again.history["iteration"])
         assert np.abs(again.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
+
+
+def same_meshes(name: str, folder: Path) -> None:
+    """A refined run on two ranks is the one of a single process: the sizes of all meshes, errors, and their fields."""
+    refined(name, folder / "alone")
+    one, two = (Solution.read(folder / run) for run in ("alone", name))
+    meshes = [solution.summary["accuracy"]["meshes"] for solution in (one, two)]
+    assert len(meshes[0]) == len(meshes[1]) > 1
+    for ours, theirs in zip(*meshes):
+        assert [ours[key] for key in ("elements", "nodes", "refined")] == [theirs[key] for key in ("elements", "nodes", "refined")]
+        assert theirs["error"] == pytest.approx(ours["error"], rel=1e-9)
+        for probe, told in ours["quantities"].items():
+            other = theirs["quantities"][probe]
+            assert (other["error"], other["value"]) == pytest.approx((told["error"], told["value"]), rel=1e-9)
+    cells = one.fields.discretisation_error
+    assert two.fields.discretisation_error == pytest.approx(cells, rel=1e-8)
+    pieces = [meshio.read(folder / name / f"fields/step_0001_{rank}.vtu").cell_data["discretisation_error"][0] for rank in (0, 1)]
+    assert sum((piece**2).sum() for piece in pieces) == pytest.approx((cells**2).sum())
 
 
 def processes(run: subprocess.Popen, settings: Path) -> dict[int, int]:

@@ -19,6 +19,7 @@ from orchestrator.config.model import Config
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
 from orchestrator.method.delivery.quantities import estimator_of
 from orchestrator.method.monitors.mesh_error import LEAST
+from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
@@ -48,9 +49,6 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, qui
     """
     if not loaded.config.refines:
         return one.run(loaded, output=output, resume=resume, quiet=quiet, means=means, **options)
-    if means.ranks.team.size > 1:
-        raise wrong(("method", "accuracy"), f"accuracy on {means.ranks.team.size} ranks", "one process",
-                    "start it without mpiexec; or take the last mesh's sizes, and run it on ranks without accuracy")
     return _Refinement(loaded, output, quiet, means).run(resume, **options)
 
 
@@ -81,18 +79,20 @@ class _Refinement:
                 self.tolerance = Tolerance(error=self.passes.tolerance)
         else:
             Passes.forget(self.path)
-        folder = ResultsFolder(self.path)
+        folder, team = ResultsFolder(self.path), self.means.ranks.team
         if not resume:
             drop(folder)
         while True:
             self.since = time.perf_counter()
             try:
                 code = one.run(self._plain(), output=self.path, resume=resume and saved(folder), quiet=True, means=self._means(), **options)
-            except OrchestratorError as error:
-                fault = isinstance(error, InternalError) and error.exit_code != BLACKBOX_FAILED
+            except (OrchestratorError, Elsewhere) as error:
+                cause = team.cause(error)
+                fault = not isinstance(cause, OrchestratorError) or isinstance(cause, InternalError) and cause.exit_code != BLACKBOX_FAILED
                 if fault or not put_back(folder):
                     raise
-                return self._ended(NOT_CONVERGED, f"the next mesh cannot be solved on: {error}")
+                team.part(cause)
+                return self._ended(NOT_CONVERGED, f"the next mesh cannot be solved on: {cause}")
             resume = False
             if self.unsolved and put_back(folder):
                 return self._ended(NOT_CONVERGED, f"on mesh {len(self.passes.done)} the iterations have not converged, {self.unsolved}: "
@@ -164,7 +164,10 @@ class _Refinement:
                 probe["accuracy"] = known[probe["name"]]
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
-        judged = replace(solution, summary=summary, fields=solution.fields.with_error(found.cells / (share or 1.0)))
+        cells = found.cells / (share or 1.0)
+        if solution.piece is not None:
+            solution.piece.estimate(True, replace(found, cells=cells))
+        judged = replace(solution, summary=summary, fields=solution.fields.with_error(cells))
         return judged if self.means.judge is None else self.means.judge(judged)
 
     def _decide(self, solution: Solution, every: Sequence[Criterion]) -> None:

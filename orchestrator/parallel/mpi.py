@@ -151,9 +151,10 @@ class Ranks(Team):
         listener.start()
         try:
             yield
-            self._wait(self._world.Ibarrier())
+            if not self.parted:
+                self._wait(self._world.Ibarrier())
         except BaseException as error:
-            self._tell(error)
+            self.part(error)
             raise
         finally:
             over.set()
@@ -182,8 +183,12 @@ class Ranks(Team):
         if not MPI.Is_finalized():
             MPI.Finalize()
 
-    def _tell(self, error: BaseException) -> None:
-        """Let all others know that this rank goes no further; waits for nobody."""
+    @property
+    def parted(self) -> bool:
+        return self._failed
+
+    def part(self, error: BaseException) -> None:
+        """Waits for nobody."""
         if self._failed or self.lost():
             return
         self._failed = True

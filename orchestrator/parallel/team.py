@@ -29,10 +29,12 @@ class Team:
     waited : seconds spent waiting for others
     messages, bytes : sent to others so far; of what all take part in, this rank's own part of it counts as one message
     reductions : of these, sums and maxima over all ranks
+    parted : whether a rank has failed: they work together no more
     """
 
     rank, size = 0, 1
     waited = 0.0
+    parted = False
     messages = bytes = reductions = 0
 
     def both(self, parts: Sequence, largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
@@ -77,6 +79,9 @@ class Team:
     def together(self) -> AbstractContextManager:
         """The block that all ranks run: if one fails, all leave it."""
         return nullcontext()
+
+    def part(self, error: BaseException) -> None:
+        """Have all others end for a failure after which this rank alone goes on."""
 
     def cause(self, error: BaseException) -> BaseException:
         """What ended the run, where another rank's failure may be behind the error."""

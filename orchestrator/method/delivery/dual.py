@@ -20,8 +20,9 @@ from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, BONDED, Points
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import recover
+from orchestrator.method.delivery.recovery import Parts, recover
 from orchestrator.method.interface.pairs import History, Run
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear.loading import Carried, apply_loads
@@ -63,9 +64,10 @@ def check_duals(d: Decomposition) -> None:
 
 
 def solve_duals(d: Decomposition, iterated: Iterated, loads: Sequence[np.ndarray], steps: Sequence[int], method,
-                watch: Stopwatch) -> list[np.ndarray]:
-    """Per subdomain (R, n_E, 3) the answers to loads, per subdomain (R, n_E, 3); all subdomains are this rank's.
+                watch: Stopwatch) -> Parts:
+    """Per subdomain (R, n_E, 3) the answers, None for other ranks'; all ranks call this.
 
+    loads : per own subdomain (R, n_E, 3)
     iterated : the solution; steps : (R,) of it, from 0, at which laws are held, where some are not perfect
     method : ``method`` of the configuration
     Raises Refusal: laws that cannot be held by their slopes; a dual problem that is not solved
@@ -83,14 +85,17 @@ def solve_duals(d: Decomposition, iterated: Iterated, loads: Sequence[np.ndarray
 
 def _left(acceleration: ResidualMinimisation) -> float:
     """The largest ‖F(s) − s‖ / ‖F(s)‖ of any row: their loads are of different units."""
-    left, size = (np.linalg.norm(x, axis=1) for x in (acceleration.r, acceleration.root * acceleration.point[0] + acceleration.r))
+    left, size = np.sqrt(acceleration.team.sum(*(
+        dots(x, x) for x in (acceleration.r, acceleration.root * acceleration.point[0] + acceleration.r))))
     return float(np.max(left / np.where(size > 0, size, 1.0)))
 
 
 def _loaded(d: Decomposition, loads: Sequence[np.ndarray]) -> Decomposition:
-    """The same under loads alone, per subdomain (R, n_E, 3): R load steps."""
-    scene = replace(d.scene, steps=len(loads[0]), subdomains=[
-        replace(s, loads=q, prescribed=np.zeros_like(q)) for s, q in zip(d.scene.subdomains, loads)])
+    """The same under loads alone, per own subdomain (R, n_E, 3): R load steps."""
+    own, steps = dict(zip(d.space.subdomains, loads)), len(loads[0])
+    given = [own.get(s.index, np.zeros((steps, len(s.nodes), 3))) for s in d.scene.subdomains]
+    scene = replace(d.scene, steps=steps, subdomains=[
+        replace(s, loads=q, prescribed=np.zeros_like(q)) for s, q in zip(d.scene.subdomains, given)])
     bodies = Carried(d.made.carried.body, {})
     loading = apply_loads(scene, d.stage.direction, d.made.node_counts, d.made.traces, d.made.rims, d.blackbox, bodies)
     stage, bound = d.stage.under(loading), None

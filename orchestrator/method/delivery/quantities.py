@@ -11,6 +11,7 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.dual import solve_duals
 from orchestrator.method.delivery.flux import lifted
 from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.stopping.element_problems import ElementProblems
 from orchestrator.method.stopping.discretisation import Estimator
@@ -25,30 +26,47 @@ def estimator_of(scene: Scene) -> Estimator:
     return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
 
 
-def quantities(d: Decomposition, delivered: Delivered, asked: Mapping[str, float], method, watch: Stopwatch) -> list[Quantity]:
-    """What is asked of a whole scene on one rank.
+def unit_answers(d: Decomposition, delivered: Delivered, wanted: Wanted, method, watch: Stopwatch) -> np.ndarray | None:
+    """(quantities · T, N, 3) answers z to loads whose work is the length of a quantity, at the nodes of one subdomain after another; on
+    rank 0, which has all of them. Every rank calls this.
 
-    asked : name of a probe → accuracy
+    wanted : of a whole scene
     method : ``method`` of the configuration
     Raises Refusal: see ``solve_duals``
     """
-    scene, wanted = d.scene, Wanted.of(d.scene, list(asked), (), np.zeros(3))
+    team, steps = d.space.team, d.scene.steps
     measured = wanted.probes | wanted.forces
-    values = {name: probe.of(delivered.parts if name in wanted.forces else delivered.continuous)[:, :3] for name, probe in measured.items()}
-    directions = {name: value / np.maximum(np.linalg.norm(value, axis=1), np.finfo(float).tiny)[:, None] for name, value in values.items()}
-    rows = [_loads(s.index, len(s.nodes), scene.steps, measured, directions) for s in scene.subdomains]
-    duals = np.concatenate(solve_duals(d, delivered.iterated, rows, np.tile(np.arange(scene.steps), len(measured)), method, watch), axis=1)
+    directions = team.share(None if team.rank else {
+        name: value / np.maximum(np.linalg.norm(value, axis=1), np.finfo(float).tiny)[:, None]
+        for name, value in _values(delivered, wanted).items()})
+    rows = [_loads(s.index, len(s.nodes), steps, measured, directions) for s in d.own]
+    found = of_all(d, solve_duals(d, delivered.iterated, rows, np.tile(np.arange(steps), len(measured)), method, watch))
+    return None if team.rank else np.concatenate(found, axis=1)
+
+
+def quantities(scene: Scene, delivered: Delivered, wanted: Wanted, answers: np.ndarray, asked: Mapping[str, float]) -> list[Quantity]:
+    """What is asked of a whole scene, on rank 0.
+
+    answers : of ``unit_answers``
+    asked : name of a probe → accuracy
+    """
     copies, estimator, bound = Copies.of(scene), estimator_of(scene), delivered.iterated.bound
     moved, size, found = np.concatenate(delivered.continuous, axis=1), float(np.sqrt(max(bound.energy.max(), 0.0))), []
-    for k, (name, probe) in enumerate(measured.items()):
-        jump, n = None, directions[name]
+    measured = wanted.probes | wanted.forces
+    for duals, (name, value) in zip(answers.reshape(len(measured), scene.steps, -1, 3), _values(delivered, wanted).items()):
+        jump, length = None, np.linalg.norm(value, axis=1)
         if name in wanted.forces:
             tets, chi = lifted(next(p for p in scene.probes if p.name == name), copies)
-            jump = tets, np.einsum("tc,cknx->tknx", n, chi)
-        cells, norms = errors(estimator, moved, duals[k * scene.steps: (k + 1) * scene.steps], jump)
-        found.append(Quantity(name, asked[name], np.linalg.norm(values[name], axis=1), _most(probe, delivered.continuous), cells,
-                              bound.relative * size * norms))
+            jump = tets, np.einsum("tc,cknx->tknx", value / np.maximum(length, np.finfo(float).tiny)[:, None], chi)
+        cells, norms = errors(estimator, moved, duals, jump)
+        found.append(Quantity(name, asked[name], length, _most(measured[name], delivered.continuous), cells, bound.relative * size * norms))
     return found
+
+
+def _values(delivered: Delivered, wanted: Wanted) -> dict[str, np.ndarray]:
+    """Name → (T, 3) what is asked of displacements, or of those in balance."""
+    return {name: probe.of(delivered.parts if name in wanted.forces else delivered.continuous)[:, :3]
+            for name, probe in (wanted.probes | wanted.forces).items()}
 
 
 def _loads(index: int, nodes: int, steps: int, measured: Mapping[str, Measured], directions: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -48,7 +48,7 @@ class BesideRigid:
 def softest(stage: LinearStage, beside: BesideRigid) -> np.ndarray:
     """(S,) a lower bound of σ, to be believed if not to be proved, of each own subdomain that has boundary dofs."""
     space, robin, of, deformed = stage.space, stage.direction.robin, beside.of, beside.deformed
-    x = np.modf(np.sin(space.global_dof * 12.9898 + 1.0) * 43758.5453)[0]  # of the dof alone, whatever the ranks
+    x = np.modf(np.sin(space.link.boundary_number * 12.9898 + 1.0) * 43758.5453)[0]  # of the dof alone, whatever the ranks
     x, vectors, forces = deformed(x), [], []
     alpha, beta = np.zeros((2, STEPS, len(of.starts)))
     for j in range(STEPS):
