@@ -11,11 +11,12 @@ questions to the codes their cores have nothing else to do.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, ExitStack, suppress
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -39,11 +40,13 @@ class Compiled:
 
     def __call__(self, *arguments):
         if self._machine is None:
-            self._machine = self._compiled(cache=True)
+            machine = self._compiled(cache=True)
             try:
-                return self._machine(*arguments)
+                with _one_compiles(self.function):
+                    machine.compile(tuple(need("numba").typeof(argument) for argument in arguments))
             except OSError:  # the disk is full, say
-                self._machine = self._compiled(cache=False)
+                machine = self._compiled(cache=False)
+            self._machine = machine
         return self._machine(*arguments)
 
     @property
@@ -64,6 +67,21 @@ class Compiled:
 
 
 _PLACE = threading.Lock()  # numba's setting, which is for all of the process
+
+
+@contextmanager
+def _one_compiles(function: Callable[..., Any]) -> Iterator[None]:
+    """Other processes that want the same function at the same time, as ranks do, wait and find its machine code.
+
+    Where no file can be locked, each compiles for itself."""
+    if function is not _nothing.function:
+        _nothing(0)  # what the compiler does first, each process does for itself
+    with ExitStack() as stack:
+        with suppress(OSError):
+            kept_in().mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(open(kept_in() / f"{function.__module__}.{function.__name__}.lock", "w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def kept_in() -> Path:
