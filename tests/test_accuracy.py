@@ -1,10 +1,16 @@
 """An accuracy that is asked for: meshes that are refined where it pays."""
 
 import json
+import signal
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from accuracy_case import PLACES, bent
 from in_process import IN_PROCESS
+from processes import begin
+from quick import quick
 
 from orchestrator import run as one
 from orchestrator.accuracy.loop import run
@@ -15,6 +21,7 @@ from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.method.delivery import quantities
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
+from orchestrator.results.summary.summary import read_summary
 from orchestrator.scene.mesh.bisection import bisected
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.mesh import checked
@@ -22,15 +29,7 @@ from orchestrator.scene.mesh.size_map import SizeMap, edge_lengths
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.solving import solve
 
-
-def bent(accuracy, **more):
-    """A short cantilever: stresses without limit along its clamped edges."""
-    return {
-        "name": "bent", "mesh": {"beam": {"size": [20, 10, 10], "h": 5}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
-        "materials": [{"young": 200e3, "poisson": 0.3}], "output": {"figures": False}, "blackbox": {**IN_PROCESS, "element": "P2"},
-        "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 10]}],
-        "method": {"accuracy": accuracy}, **more,
-    }
+HERE = Path(__file__).parent
 
 
 def refined(problem, path, resume=False):
@@ -63,8 +62,15 @@ def test_sizes():
     assert needed([1000, 1100], [0.04, 0.05], 0.025, 2) == pytest.approx(1100 * 2**6)  # no worse than at a crack without grading
 
 
-def test_asked_and_reached(tmp_path):
-    code, summary = refined(bent(0.07), tmp_path)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run that nobody disturbs: its folder, code and summary."""
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, *refined(bent(0.07), folder)
+
+
+def test_asked_and_reached(whole):
+    folder, code, summary = whole
     found = summary["accuracy"]
     assert code == 0 and summary["converged"] and found["met"] and len(found["meshes"]) > 1
     first, last = found["meshes"][0], found["meshes"][-1]
@@ -72,7 +78,7 @@ def test_asked_and_reached(tmp_path):
     assert summary["error_bound"] <= 0.007 and last["refined"] == ["bent"]
     assert summary["config"]["method"]["accuracy"]["error"] == 0.07
     assert config_from(summary["config"]).method.accuracy.error == 0.07
-    cells = read_npz(tmp_path).discretisation_error
+    cells = read_npz(folder).discretisation_error
     assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
 
 
@@ -88,26 +94,20 @@ def test_limits(tmp_path):
     assert code == 1 and "0.001 seconds, of which" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
 
 
-@pytest.mark.long
-def test_resumed_on_the_mesh_that_was_solved_on(tmp_path, monkeypatch):
-    problem, real, calls = bent(0.07), one.run, []
+def beside_seconds(code, summary):
+    meshes = [{key: value for key, value in mesh.items() if key != "seconds"} for mesh in summary["accuracy"]["meshes"]]
+    return code, meshes, summary["peak_stress"], summary["converged"]
 
-    def interrupted(*given, **options):
-        calls.append(given)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return real(*given, **options)
 
-    monkeypatch.setattr(one, "run", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        refined(problem, tmp_path / "a")
-    monkeypatch.setattr(one, "run", real)
-    _, again = refined(problem, tmp_path / "a", resume=True)
-    _, whole = refined(problem, tmp_path / "b")
-    for kept in (again, whole):
-        for mesh in kept["accuracy"]["meshes"]:
-            mesh.pop("seconds")
-    assert again["accuracy"] == whole["accuracy"]
+@pytest.mark.parametrize("place", quick(PLACES, "in the solve"))
+def test_a_killed_run_goes_on(place, tmp_path, whole):
+    assert begin(sys.executable, str(HERE / "accuracy_case.py"), place, str(tmp_path)).wait() == -signal.SIGKILL
+    if place == "in the mesher":
+        left = read_summary(tmp_path)
+        assert not left["converged"] and "--resume goes on" in left["stop_reason"] and (tmp_path / "fields.npz").is_file()
+    again = refined(bent(0.07), tmp_path, resume=True)
+    assert beside_seconds(*again) == beside_seconds(*whole[1:])
+    assert not any(path.name.startswith(Path(GOOD).name) for path in tmp_path.rglob("*"))
 
 
 def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch):
@@ -149,6 +149,9 @@ def test_a_mesh_that_is_not_solved_on_leaves_the_last_result(tmp_path, monkeypat
     assert len(read_npz(tmp_path).discretisation_error[0]) == summary["accuracy"]["meshes"][0]["elements"]
     assert len(read_history(tmp_path)["iteration"]) == summary["iterations"]
     assert not (tmp_path / GOOD).exists()
+    if dies:  # and so once more
+        code, again = refined(bent(0.07), tmp_path, resume=True)
+        assert code == 1 and again == summary | {"timing": again["timing"]} and (tmp_path / "fields.npz").is_file()
 
 
 def test_what_is_refused():

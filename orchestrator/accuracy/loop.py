@@ -11,7 +11,7 @@ from pathlib import Path
 from orchestrator import run as one
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
-from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside
+from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside, set_aside_again
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Accuracy, Tolerance
@@ -32,6 +32,7 @@ from orchestrator.timing import EXPONENT
 
 STALLED = 0.9  # two meshes, one after the other, that leave this much of the error or more: it does not fall
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
+BETWEEN = "the next mesh has not been made yet; --resume goes on"
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
 
 UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, of a probe's {TRUSTED**2:.0%}, since no energies measure what the "
@@ -73,14 +74,15 @@ class _Refinement:
         self.passes, self.plan, self.why, self.unsolved = Passes(), None, "", ""
 
     def run(self, resume: bool, **options: bool) -> int:
+        folder, team = ResultsFolder(self.path), self.means.ranks.team
         if resume:
             self.passes = Passes.read(self.path)
+            self.begun -= sum(done.seconds for done in self.passes.done)
             if self.passes.tolerance:
                 self.tolerance = Tolerance(error=self.passes.tolerance)
+            set_aside_again(folder)
         else:
             Passes.forget(self.path)
-        folder, team = ResultsFolder(self.path), self.means.ranks.team
-        if not resume:
             drop(folder)
         while True:
             self.since = time.perf_counter()
@@ -104,6 +106,7 @@ class _Refinement:
             self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept,
                                  self.passes.before, tolerance)
             self.passes.write(self.path)
+            self._told(folder, BETWEEN)  # until the next mesh is there these are the results
 
     @property
     def config(self) -> Config:
@@ -210,13 +213,19 @@ class _Refinement:
         if self.follows and much > 1:
             self.tolerance = Tolerance(error=max(self.tolerance.error / much, LEAST))
 
-    def _ended(self, code: int, why: str) -> int:
-        """The last of the summary, figures, the screen."""
-        folder, summary = ResultsFolder(self.path), read_summary(self.path)
-        drop(folder)
-        if why and summary.get("converged"):
+    def _told(self, folder: ResultsFolder, why: str) -> dict[str, object]:
+        """The summary, which says why the accuracy is not reached, where it is not; what was decided of its mesh is in it already."""
+        summary = read_summary(self.path)
+        if why and why != self.why:
             summary |= {"converged": False, "stop_reason": f"accuracy: {why}"}
             write_summary(folder, summary)
+        return summary
+
+    def _ended(self, code: int, why: str) -> int:
+        """The last of the summary, figures, the screen."""
+        folder = ResultsFolder(self.path)
+        drop(folder)
+        summary = self._told(folder, why)
         if self.config.output.figures:
             written = Solution.read(self.path)
             try:

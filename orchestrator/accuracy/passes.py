@@ -16,10 +16,12 @@ from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
+from orchestrator.results.summary.summary import NAME as SUMMARY, read_summary
 from orchestrator.results.summary.words import quantity_text
 from orchestrator.scene.mesh.size_map import SizeMap
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
+UNFINISHED_GOOD = f"{GOOD}.new"
 
 
 @dataclass
@@ -107,7 +109,7 @@ class Passes:
 
 def set_aside(folder: ResultsFolder) -> None:
     """Keep a copy of the results that are in a folder, for ``put_back``; whole or not at all."""
-    unfinished = folder / f"{GOOD}.new"
+    unfinished = folder / UNFINISHED_GOOD
     with folder.guarded("a copy of the last good results"):
         shutil.rmtree(unfinished, ignore_errors=True)
         for name in list(folder.manifest.owned()):
@@ -129,9 +131,16 @@ def put_back(folder: ResultsFolder) -> bool:
     return bool(kept)
 
 
+def set_aside_again(folder: ResultsFolder) -> None:
+    """Keep a copy of the results that an earlier run has ended with, unless it was killed, which leaves one."""
+    if not (folder / GOOD).exists() and (folder / SUMMARY).is_file() and read_summary(folder.path).get("accuracy"):
+        set_aside(folder)
+
+
 def drop(folder: ResultsFolder) -> None:
     """What was set aside goes."""
-    shutil.rmtree(folder / GOOD, ignore_errors=True)
+    for name in (GOOD, UNFINISHED_GOOD):
+        shutil.rmtree(folder / name, ignore_errors=True)
 
 
 def _some(names: list[str]) -> str:
