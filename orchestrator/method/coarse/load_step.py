@@ -5,7 +5,7 @@
 Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part is affine, and summed
 once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
 
-Among ranks, what belongs to an interface is formed by the rank of its first side. ρ is summed.
+Among ranks, what belongs to an interface is formed by one that touches it, see ``dealing``. ρ is summed.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
+from orchestrator.method.coarse.dealing import dealt
 from orchestrator.method.coarse.elimination import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History
@@ -61,7 +62,7 @@ class Bodies:
     @classmethod
     def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
         """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank."""
-        counts = np.isin(fields.ends[:, 0], own)
+        counts = dealt(team, own, fields)
         counted, theirs = np.flatnonzero(counts), np.repeat(counts, np.diff(fields.pairs.bounds))
         mine = [fields.pairs.interfaces[i] for i in counted]
         everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])

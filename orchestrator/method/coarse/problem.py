@@ -12,8 +12,8 @@ ones where bodies have come to rest, and so on: proximal points yⱼ₊₁ of th
 
 (Rockafellar, SIAM J. Control Optim. 14, 1976), which converge the faster the weaker springs become.
 
-Among ranks, what belongs to a body is formed by its rank; every Newton matrix goes to rank 0, which solves for all:
-right for some thousands of bodies.
+Among ranks, what belongs to a body is formed by its rank, and interfaces are dealt out (``dealing``); every Newton matrix goes to
+rank 0, which solves for all: right for some thousands of bodies.
 """
 
 from __future__ import annotations
