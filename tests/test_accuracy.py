@@ -17,6 +17,7 @@ from orchestrator.accuracy.loop import run
 from orchestrator.accuracy.passes import GOOD
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
+from orchestrator.config.mesh import Mesh
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.method.delivery import quantities
 from orchestrator.results.fields.npz import read_npz
@@ -24,9 +25,10 @@ from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.scene.mesh.bisection import bisected
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
+from orchestrator.scene.mesh.gmsh_session import gmsh, session
 from orchestrator.scene.mesh.mesh import checked
-from orchestrator.scene.mesh.size_map import SizeMap, edge_lengths
-from orchestrator.scene.mesh.sources import bricks
+from orchestrator.scene.mesh.size_map import REGULAR, SizeMap, edge_lengths
+from orchestrator.scene.mesh.sources import bricks, make_mesh
 from orchestrator.solving import solve
 
 HERE = Path(__file__).parent
@@ -49,6 +51,23 @@ def test_tets_are_halved_until_they_fit():
     length, distance = edge_lengths(finer.nodes, finer.cells), np.linalg.norm(finer.nodes[finer.cells].mean(axis=1), axis=1)
     assert length[distance.argmin()] < 0.5 * length.max()
     assert dihedral_range(finer.nodes, finer.cells)[0] > 30  # 45 degrees in bricks cut alike
+
+
+def test_a_solid_without_sizes_keeps_its_mesh(tmp_path):
+    """Beside one that is meshed finer than the curvature's ``min``."""
+    path = tmp_path / "two.brep"
+    with session():
+        for x in (0, 3):
+            gmsh.model.occ.addBox(x, 0, 0, 2, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    source = Mesh.model_validate({"step": str(path), "h": {"max": 1.0, "min": 0.5, "curvature": 8}, "conforming": False})
+    before = make_mesh(source)[0]
+    used, cells = np.unique(before.cells[before.volume == 0], return_inverse=True)
+    finer = make_mesh(source, sizes={"solid_1": SizeMap(before.nodes[used], cells.reshape(-1, 4), np.full(len(used), 0.25))})[0]
+    assert (finer.volume == 0).sum() == pytest.approx(2 * REGULAR / 0.25**3, rel=0.35)
+    kept = [mesh.nodes[mesh.cells[mesh.volume == 1]] for mesh in (before, finer)]
+    assert kept[0].shape == kept[1].shape and (kept[0] == kept[1]).all()
 
 
 def test_sizes():

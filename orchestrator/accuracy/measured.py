@@ -17,7 +17,7 @@ Estimates are raised by that, never lowered: the shares of two meshes differ by 
 
 Contact without friction minimises Π among displacements that do not penetrate, and ½ ‖e‖² is less than the difference by the work of
 pressures along gaps. With friction, springs, or forces on rigid tools there is more to the energy, and nothing is measured; nor where
-bodies have changed with the mesh, as those with curved faces do, by more than their energy allows.
+bodies or loads on them have changed with the mesh, as those with curved faces do, by more than their energy allows.
 
 The identity: R. Verfürth, A Posteriori Error Estimation Techniques for Finite Element Methods, 2013, §1.
 """
@@ -44,6 +44,7 @@ class Energies:
 
     step : which one; energy : ‖u‖²; potential : 2 Π; estimated : η²; iterated : what the iterations may leave in it
     volume : of all bodies; density : energy/volume where the energy is
+    work : f · u; loads : (12,) Σ fᵢ ⊗ xᵢ and Σ fᵢ times the whole's length, the same on all meshes of planes
     """
 
     step: int
@@ -53,6 +54,8 @@ class Energies:
     iterated: float
     volume: float
     density: float
+    work: float
+    loads: list[float]
 
 
 def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energies | None:
@@ -64,11 +67,14 @@ def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energ
     squares = (found.cells**2).sum(axis=1)
     step, size = int(squares.argmax()), found.size**2
     sides = [side[step] for side in solution.sides]
-    force = sum(float(np.vdot(s.loads[step], side)) for s, side in zip(scene.subdomains, sides))
+    work = sum(float(np.vdot(s.loads[step], side)) for s, side in zip(scene.subdomains, sides))
+    low, high = scene.mesh.nodes.min(axis=0), scene.mesh.nodes.max(axis=0)
+    places = np.insert(scene.mesh.nodes - (low + high) / 2, 3, np.linalg.norm(high - low), axis=1)
+    loads = sum(s.loads[step].T @ places[s.nodes] for s in scene.subdomains)
     cells = estimator.energies(np.concatenate(sides))
     whole = cells.sum()
-    return Energies(step, float(whole), whole - 2 * force, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
-                    (cells**2 / estimator.volumes).sum() / (whole or 1.0))
+    return Energies(step, float(whole), whole - 2 * work, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
+                    (cells**2 / estimator.volumes).sum() / (whole or 1.0), work, loads.ravel().tolist())
 
 
 def told(before: Energies | None, now: Energies | None) -> float | None:
@@ -76,7 +82,9 @@ def told(before: Energies | None, now: Energies | None) -> float | None:
     if before is None or now is None or before.step != now.step:
         return None
     fallen, closer = before.estimated - now.estimated, before.potential - now.potential
-    unsure = before.iterated + now.iterated + abs(before.volume - now.volume) * max(before.density, now.density)
+    loads, changed = np.linalg.norm(now.loads), np.linalg.norm(np.subtract(before.loads, now.loads))
+    unsure = (before.iterated + now.iterated + abs(before.volume - now.volume) * max(before.density, now.density)
+              + 2 * abs(now.work) * changed / (loads or 1.0))
     if fallen <= 0 or closer <= 0 or unsure > CLEAR * closer:
         return None
     return min(math.sqrt(fallen / closer), 1.0)

@@ -79,7 +79,7 @@ class Sizing:
         """Tells gmsh.
 
         per_circle : elements on a full circle that an attempt has at least
-        finest : the smallest size that some face is refined to
+        finest : the smallest size that is asked for somewhere, None where none is
         """
         least = 0.0 if self.least is None else min(self.least, self.least if finest is None else finest)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22 if self.largest is None else self.largest)
@@ -145,8 +145,18 @@ def refined_faces(refine: Sequence[Any], faces: Mapping[str, int]) -> dict[float
     return found
 
 
-def apply_refinement(refined: Mapping[float, list[int]], sizes: SizeMap | None = None) -> None:
-    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow from there; and follow a map."""
+def apply_refinement(refined: Mapping[float, list[int]], sizes: SizeMap | None = None) -> float | None:
+    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow from there; and follow a map.
+
+    Nothing is left of what has been asked of the solid before. With a map elements do not grow from edges and corners.
+    Returns the smallest size that is asked for, None where none is
+    """
+    for tag in gmsh.model.mesh.field.list():
+        gmsh.model.mesh.field.remove(tag)
+    for tag in gmsh.view.getTags():
+        gmsh.view.remove(tag)
+    for option in ("ExtendFromBoundary", "FromPoints"):
+        gmsh.option.setNumber(f"Mesh.MeshSize{option}", sizes is None)
     fields = [] if sizes is None else [sizes.apply()]
     for size, tags in refined.items():
         fields.append(gmsh.model.mesh.field.add("Constant"))
@@ -157,3 +167,4 @@ def apply_refinement(refined: Mapping[float, list[int]], sizes: SizeMap | None =
         both = gmsh.model.mesh.field.add("Min")
         gmsh.model.mesh.field.setNumbers(both, "FieldsList", fields)
         gmsh.model.mesh.field.setAsBackgroundMesh(both)
+    return min([*refined, *([] if sizes is None else [float(sizes.size.min())])], default=None)

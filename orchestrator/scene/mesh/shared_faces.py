@@ -26,8 +26,7 @@ def conforming(path: Path, mesh: Any, sizes: Sizes) -> Mesh:
         with session():
             names, owner = joined(path, mesh, sizing)
             refined = refined_faces(getattr(mesh, "refine", None) or [], outer_faces(names, owner))
-            apply_refinement(refined, sizes.get(WHOLE))
-            sizing.apply(per_circle, min(refined, default=None))
+            sizing.apply(per_circle, apply_refinement(refined, sizes.get(WHOLE)))
             gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
             try:
                 gmsh.model.mesh.generate(3)

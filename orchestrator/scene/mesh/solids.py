@@ -80,10 +80,10 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Size
             gmsh.option.setNumber("Mesh.MeshOnlyVisible", 1)
             gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
             for solid in left:
-                apply_refinement(refined, sizes.get(visible(solid.name), sizes.get(WHOLE)))
+                finest = apply_refinement(refined, sizes.get(visible(solid.name), sizes.get(WHOLE)))
                 gmsh.model.setVisibility(everything, 0)
                 gmsh.model.setVisibility([(3, solid.tag)], 1, recursive=True)
-                solid.size.apply(per_circle, min(refined, default=None))
+                solid.size.apply(per_circle, finest)
                 solid.complaint = _mesh_visible(solid)
                 gmsh.model.mesh.clear()
     bad = {solid.name: Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {solid.complaint}",
