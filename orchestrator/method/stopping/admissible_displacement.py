@@ -12,14 +12,15 @@ Where pairs share nodes, one step of Newton's method from there has to do: with 
     v = ū − D⁻¹Bᵀ(λ⁺ − λ̂ + y),     B v = d⁺ + (1 − a)/(a k) y     in the directions in which A stretches by a > 0
 
 Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is held as well. What is at odds with the
-rest, where several interfaces meet in a node, gives way for its price. Rows are added, or softened once, so that this ends; any v that
-breaks nothing serves, the best is the sharpest. Laws that cannot price what they give way by (``Law.duality_gap``) are kept to the letter.
+rest, where several interfaces meet in a node, and what pulls with more than it costs gives way for its price (``held_jumps``), until v
+costs hardly less for it; any v that breaks nothing serves, the best is the sharpest. Laws that cannot price what they give way by
+(``Law.duality_gap``) are kept to the letter.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,42 +28,14 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.stopping.continuity import Constraint, Continuity
+from orchestrator.method.stopping.held_jumps import Charges, Held
 
 RIGID = 1 - 1e-9  # a from which a direction is held
 FELT = 1e-9  # a from which it counts
 EXACT = 1e-12  # of the jumps, what is broken by rounding alone
-PASSES = 20  # in which what v breaks is held
+PASSES = 20  # in which what v breaks is held, and what is dear gives way
+GAINS = 0.9  # of what v costs, that a pass has to come below where another is to follow
 FREE = 1e4  # over the softest point, how soft pairs that move together are where they do
-HARDLY = 1e-3  # of how soft a point is: what gives way as it is at odds with others
-
-
-@dataclass(frozen=True)
-class Held:
-    """Directions in which laws hold jumps, r of them.
-
-    at : (r,) int, pairs; directions : (r, 3) unit vectors
-    goals : (r,) what the jumps there have to be
-    soft : (r,) how far they give way under a unit force
-    priced : (r,) bool, whether they may give way further
-    """
-
-    at: np.ndarray
-    directions: np.ndarray
-    goals: np.ndarray
-    soft: np.ndarray
-    priced: np.ndarray
-
-    def some(self, chosen: np.ndarray) -> Held:
-        """Those that are chosen, (r,) bool or places."""
-        return Held(*(getattr(self, field.name)[chosen] for field in fields(self)))
-
-    def and_then(self, other: Held) -> Held:
-        """These, and the others behind."""
-        return Held(*(np.concatenate([getattr(held, field.name) for held in (self, other)]) for field in fields(self)))
-
-    def of(self, jump: np.ndarray) -> np.ndarray:
-        """(r,) jumps (3, P) in these directions."""
-        return np.einsum("ri,ir->r", self.directions, jump[:, self.at])
 
 
 @dataclass(frozen=True)
@@ -133,21 +106,34 @@ class AdmissibleDisplacement:
         lawful, change = pairs.compliance(there - told.force), np.where(self.prices, told.force - force, 0.0)
         mean = mean - self.linked.moved(np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
         held, together = self._held(told, self.mine, lawful), self._together(told, lawful)
+        broken, charge = (partial(f, force, before=before, number=number) for f in (self._broken, self._charge))
+        laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal, scale, EXACT * scale,
+                       FREE * self.linked.matrix.diagonal().max(initial=0.0))
+        best, least = None, np.inf
         for _ in range(PASSES):
-            v = self._nearest(mean, known, held, *together)
+            v, pulls, yields = self._nearest(mean, known, held, *together)
             jump = self._jumps(v, known)
-            odd = (held.soft == 0) & (np.abs(held.of(jump) - held.goals) > EXACT * scale)
-            broken, gives = self._broken(force, jump, before, number, EXACT * scale), odd & held.priced
-            wrong, more = team.max(float(odd.any() or len(broken.at)), float(gives.any() or len(broken.at)))
-            if not more:
+            gap, more = charge(jump), broken(jump, laws.rounding)
+            odd = (held.soft == 0) & ~held.priced & (np.abs(held.of(jump) - held.goals) > laws.rounding)
+            soft = held.softened(pulls, yields, jump, laws)
+            costs, = team.sum(self.continuity.size(v - mean) + 2 * gap.sum())
+            wrong, changes = team.max(float(odd.any() or len(more.at)), float((soft != held.soft).any() or len(more.at)))
+            worth = wrong or costs < GAINS * least
+            if best is None or not wrong and costs < least:
+                best, least = Placed(self.continuity.of_means(v)[0], jump, gap, not wrong), np.inf if wrong else costs
+            if not (changes and worth):
                 break
-            softer = HARDLY * self.linked.matrix.diagonal().max(initial=0.0)
-            held = replace(held, soft=np.where(gives, softer, held.soft)).and_then(broken)
-        gap = self.pairs.duality_gap(force, jump, before, number)
-        return Placed(self.continuity.of_means(v)[0], jump, gap, not wrong)
+            held = replace(held, soft=soft).and_then(more)
+        return best
 
-    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: Held, joint: Held, common: sp.csr_array) -> np.ndarray:
-        """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held jointly but for common jumps (r, groups)."""
+    def _charge(self, force: np.ndarray, jump: np.ndarray, before: History, number: int) -> np.ndarray:
+        """(P,) γ of jumps (3, P) beside λ̂ (3, P)."""
+        return self.pairs.duality_gap(force, jump, before, number)
+
+    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: Held, joint: Held,
+                 common: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held jointly but for common jumps (r, groups);
+        forces (r,) that hold, and how far a unit force moves what it holds (r,)."""
         both, count, ties = held.and_then(joint), len(self.own), np.arange(self.ties)
         column = np.arange(3) * count + np.searchsorted(self.own, both.at)[:, None]
         ends = np.concatenate([3 * np.arange(len(both.at) + 1), 3 * len(both.at) + 1 + ties])
@@ -161,16 +147,18 @@ class AdmissibleDisplacement:
         if common.shape[1]:
             rest = FREE * self.linked.matrix.diagonal().max() * (common @ common.T)
             soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest, sp.csr_array((self.ties,) * 2)])
-        return mean - self.linked.some(pick, sp.csr_array(soft))(lack[None])
+        chosen, count = self.linked.some(pick, sp.csr_array(soft)), len(held.at)
+        change, forces = chosen.held(lack[None])
+        return mean - change, forces[0, :count], chosen.matrix.diagonal()[chosen.mine][:count] - held.soft
 
-    def _broken(self, force: np.ndarray, jump: np.ndarray, before: History, number: int, least: float) -> Held:
+    def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History, number: int) -> Held:
         """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside λ̂ (3, P) where they have no price."""
         pairs, force = self.beside, np.where(self.prices, 0.0, force)
         there = pairs.force(force + pairs.points.stiffness(jump), before, number, derivative=True)
         lacks = pairs.compliance(force - there.force)
         broken = self._held(there, self.mine & (np.abs(lacks).max(axis=0) > least), jump + lacks)
-        along = np.abs(broken.of(pairs.points.normal)) > 0.5
-        broken = broken.some((broken.soft == 0) & (np.abs(broken.of(lacks)) > least) & (along | ~self.slips[broken.at]))
+        kept = broken.along(pairs.points.normal) | ~self.slips[broken.at]
+        broken = broken.some((broken.soft == 0) & (np.abs(broken.of(lacks)) > least) & kept)
         return replace(broken, priced=np.zeros(len(broken.at), dtype=bool))
 
     def _jumps(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
@@ -197,7 +185,7 @@ class AdmissibleDisplacement:
         priced = self.prices[at]
         gives = priced & (size < RIGID)
         soft = np.divide(1 - size, size * self.beside.points.stiff_n[at], out=np.zeros_like(size), where=gives)
-        held = Held(at, ways[pair, :, which], np.zeros(len(at)), soft, priced)
+        held = Held(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
         return replace(held, goals=held.of(goal))
 
     def _together(self, answer: Answer, goal: np.ndarray) -> tuple[Held, sp.csr_array]:

@@ -54,6 +54,10 @@ class Continuity:
         """(T, classes) the weighted means of boundary displacements (T, B) over the copies of each node."""
         return self.space.class_sums(self.weight * u) / self.class_weight
 
+    def size(self, mean: np.ndarray) -> float:
+        """This rank's part of ‖v‖²_D of means v (1, classes)."""
+        return float(self.weight @ self.of_means(mean)[0] ** 2)
+
     def of_means(self, mean: np.ndarray) -> np.ndarray:
         """(T, B) boundary displacements of means (T, classes)."""
         return mean.take(self.space.label, axis=1)
@@ -163,9 +167,13 @@ class Constraint:
 
     def __call__(self, lack: np.ndarray) -> np.ndarray:
         """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T, r'), this rank's."""
+        return self.held(lack)[0]
+
+    def held(self, lack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and the forces (T, r') of this rank's rows that take it."""
         left = self._of_all(lack)
         total = np.zeros_like(left)
         for _ in range(REFINED):
             found = self.solve(left)
             total, left = total + found, left - times(self.matrix, found)
-        return times(self.spread.T, total)
+        return times(self.spread.T, total), total[:, self.mine]
