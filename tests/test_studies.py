@@ -276,7 +276,7 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     assert float(table[0]["efficiency"]) == 1 and 0.5 <= float(table[1]["balance"]) <= 1
     assert all(float(r["over_floor"]) > 1 and 0 < float(r["idle"]) < 1 for r in table)
     text = (tmp_path / "prediction.md").read_text()
-    assert "100,000 subdomains" in text and "macro problem: borders" in text
+    assert "100,000 subdomains" in text and "macro problem: borders" in text and "iterations: linear stage" in text
     assert is_drawn(tmp_path / "scaling.png", saved_figures[-1])
     assert bars(saved_figures[-1]) == pytest.approx([float(row["efficiency"]) for row in table], rel=1e-5)
 
@@ -303,7 +303,7 @@ def test_floor_of_small_runs(tmp_path, monkeypatch, saved_figures):
 
 
 def test_prediction_adds_up():
-    costs = prediction.Costs(start=1, scene=0.01, hand_out=0.001, bytes=1e6, prepare=0.5, factorise=2, solve=0.1, message=0.01,
+    costs = prediction.Costs(start=1, scene=0.01, hand_out=0.001, bytes=1e6, prepare=0.5, factorise=2, solve=0.1,
                              own=0.02, results=0.03, iterations=10, sweeps=12, trace=300)
     macro = prediction.MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), rigid_factorise=(1e-7, 1.5),
                        rigid_solve=(1e-7, 1.0), border=(1e-12, 1e-10))
@@ -331,7 +331,15 @@ def test_prediction_adds_up():
     count = prediction.limit(costs, macro)
     mine = [sum(s for part in prediction.predict(costs, macro, n).values() for what, s in part.items() if what.startswith("macro problem"))
             for n in (0.8 * count, 1.2 * count)]
-    assert mine[0] < 2 + 54 * 0.11 + 1.2 < mine[1]
+    assert mine[0] < 2 + 54 * 0.1 + 1.2 < mine[1]
+    wall, cpu = zip(*(prediction.on_cores(costs, macro, 8, ranks, 2) for ranks in (1, 2, 4)))
+    assert wall[0] == cpu[0] == pytest.approx(1 + 0.08 + 8 * (0.5 + 2 + 2.7 + 1.2 + 0.2 + 0.03), rel=1e-3)
+    scene = 8 * (0.01 + 0.001 + 1e6 / 1e10)  # of one rank, handed out
+    assert cpu[1] - scene == pytest.approx(2 * (wall[1] - scene)) and cpu[2] - scene == pytest.approx(2 * (wall[2] - scene))
+    of_two = {"subdomains": 8, "iterations": 10, "workload": {
+        period: {"ranks": [{"cpu": seconds, "messages": 50}] * 2} for period, seconds in (("set_up", 2.5), ("iterations", 1.0))}}
+    two = costs.apart(of_two, 1.5)
+    assert (two.prepare_rank, two.prepare, two.own_rank, two.own, two.messages) == pytest.approx((1.0, 0.375, 0.04, 0.015, 5.0))
 
 
 @pytest.mark.long

@@ -6,9 +6,12 @@ many, one that MUMPS spreads over the ranks: the macro problem of as many subdom
 interface. The repositioning of the error bound is solved on every rank for all subdomains. More subdomains to a rank mean smaller borders
 and more work for each rank: the best number is sought for every N.
 
-Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to pack it for
-another rank; the macro problem and the repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed:
-the network, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they were not measured.
+Measured: what one subdomain costs the code and the orchestrator, and what a rank costs whatever it has, on runs of this study
+with one and two ranks; what it takes to pack it for another rank; the macro problem and the repositioning, on matrices of their pattern;
+the borders, on a dense matrix. Assumed: the network, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they
+were not measured. All are CPU seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
+
+``on_cores`` says the same of runs that can be made here, so that the model can be held against such as it has not seen.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import math
 import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,34 +28,39 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
+from benchmarks.kit.commands import codes_seconds
 from orchestrator import Scene
 from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.method.interface.spread import SPREAD
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES, RIGID = 9, 6, 6  # affine fields on a plane interface; interfaces of a cube; rigid motions
-REDUCTIONS = 6  # per iteration: macro resultants, indicator, bound, jumps and imbalances, acceleration
+MESSAGES = 13  # of a rank per iteration, sums over the ranks among them, where no two ranks were measured; see docs/parallel.md
 GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are measured: some seconds
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
 SIDES = range(1, 17)  # subdomains along the side of a rank's block
+PERIODS = ("set_up", "iterations")  # of a run, as its summary has them
+BY_ONE = ("scene, on one rank", "handing out parts, by one rank")
 
 
 @dataclass(frozen=True)
 class Costs:
-    """Seconds of one subdomain on one core.
+    """CPU seconds of one subdomain.
 
     Parameters
     ----------
-    start : of Python and the code's process
+    start : of a rank: Python, MPI and the code's process
     scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
     hand_out : packing a subdomain for its rank, which one rank does for all; bytes : of the package
-    prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
+    prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads; prepare_rank : of a rank beside that
     factorise : assembling and factorising
-    solve : one back-substitution; message : what is on the way to the code and back
-    own : the orchestrator in one iteration: local stage, acceleration, error measures
+    solve : one back-substitution
+    own : the orchestrator in one iteration: messages to the code, local stage, acceleration, error measures; own_rank : of a rank
+        beside that
     results : the orchestrator after the iterations, which each rank does for its own: delivery, guards, summary
     iterations, sweeps : of a run; back-substitutions of a subdomain in all iterations
     trace : dofs on one face
+    messages : of a rank in one iteration
     """
 
     start: float
@@ -62,40 +70,55 @@ class Costs:
     prepare: float
     factorise: float
     solve: float
-    message: float
     own: float
     results: float
     iterations: int
     sweeps: float
     trace: float
+    messages: float = MESSAGES
+    prepare_rank: float = 0.0
+    own_rank: float = 0.0
 
     @classmethod
-    def of(cls, summary: Mapping[str, Any], scene: Scene) -> Costs:
-        """Of a run with one rank and one worker, and its scene.
+    def of(cls, summary: Mapping[str, Any], cpu: float, start: float, made: Callable[[], Scene]) -> Costs:
+        """Of a run with one rank and one worker.
 
-        Where the orchestrator computes, the lesser of wall and CPU seconds counts: others' work makes the first longer, work
-        on several cores the second.
+        cpu : seconds of the whole command; start : of one with next to nothing to do
+        made : makes its scene
         """
-        count, sweeps, iterations, timing = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"], summary["timing"]
-        periods = [summary["workload"][period] for period in ("set_up", "iterations")]
-        (setup,), (loop,) = (period["workers"] for period in periods)
-        cpu = [period["ranks"][0]["cpu"] for period in periods]
-        known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles")) + sum(p["seconds"] for p in periods)
+        count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
+        (setup,), (loop,) = (summary["workload"][period]["workers"] for period in PERIODS)
+        prepare, own = orchestrators(summary)
         begin = time.process_time()
+        scene = made()
+        done = time.process_time()
         packed = len(pickle.dumps(scene))
-        return cls(
-            start=timing["startup"] + timing["start"], scene=timing["mesh"] / count,
-            hand_out=(time.process_time() - begin) / count, bytes=packed / count,
-            prepare=(timing["soles"] + min(setup["idle"], cpu[0])) / count,
-            factorise=(setup["assemble"] + setup["factorise"]) / count, solve=loop["solve"] / (count * sweeps),
-            message=min(max(loop["messages"], 0.0), cpu[1]) / (count * sweeps), own=min(loop["idle"], cpu[1]) / (count * iterations),
-            results=max(timing["total"] - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
-            trace=3 * summary["interface_nodes"] / summary["interfaces"])
+        known = start + done - begin + prepare + own + codes_seconds(summary)
+        return cls(start=start, scene=(done - begin) / count, hand_out=(time.process_time() - done) / count, bytes=packed / count,
+                   prepare=prepare / count, factorise=(setup["assemble"] + setup["factorise"]) / count,
+                   solve=loop["solve"] / (count * sweeps), own=own / (count * iterations),
+                   results=max(cpu - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
+                   trace=3 * summary["interface_nodes"] / summary["interfaces"])
 
     @classmethod
     def least(cls, found: Sequence[Costs]) -> Costs:
         """Of repetitions of one run, the least of each cost: what else the machine does only adds to them."""
         return cls(**{f.name: min(getattr(costs, f.name) for costs in found) for f in fields(cls)})
+
+    def apart(self, two: Mapping[str, Any], start: float) -> Costs:
+        """With what a rank costs whatever it has told from what its subdomains cost, by a run with two ranks; start : of one of these."""
+        count, given = two["subdomains"], (self.prepare, self.iterations * self.own)
+        alone = [min(max(2 * half - count * each, 0.0), half) for half, each in zip(orchestrators(two), given)]
+        prepare, own = ((count * each - rank) / count for each, rank in zip(given, alone))
+        messages = max(rank["messages"] for rank in two["workload"]["iterations"]["ranks"]) / two["iterations"]
+        return replace(self, start=start, prepare=prepare, own=own / self.iterations, prepare_rank=alone[0],
+                       own_rank=alone[1] / self.iterations, messages=messages)
+
+
+def orchestrators(summary: Mapping[str, Any]) -> tuple[float, float]:
+    """CPU seconds of the mean rank, the codes' not among them: in set-up, and in the iterations."""
+    first, second = (float(np.mean([rank["cpu"] for rank in summary["workload"][period]["ranks"]])) for period in PERIODS)
+    return first, second
 
 
 @dataclass(frozen=True)
@@ -193,20 +216,31 @@ def _of_blocks(coupled: sp.sparray, size: int) -> sp.csr_array:
 
 
 def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, float]]:
-    """Seconds of ``count`` subdomains on as many cores, with the best number of them to a rank.
+    """Seconds of ``count`` subdomains on as many cores, with the best number of them to a rank, each with a worker of its own.
 
     Returns
     -------
     {"set_up" | "iterations" | "end": {what: seconds}} of a whole run
     """
-    return min((_of_ranks(costs, macro, count, side**3) for side in SIDES if side**3 <= count),
-               key=lambda parts: sum(sum(part.values()) for part in parts.values()))
+    return min((_of_ranks(costs, macro, count, side**3, 1) for side in SIDES if side**3 <= count), key=_total)
+
+
+def on_cores(costs: Costs, macro: MacroCosts, count: int, ranks: int, cores: int) -> tuple[float, float]:
+    """Wall and CPU seconds of ``count`` subdomains over ranks with a worker each, which have so many cores to themselves."""
+    parts = _of_ranks(costs, macro, count, count / ranks, count / ranks)
+    once = sum(parts["set_up"][what] for what in BY_ONE)
+    every = _total(parts) - once
+    return once + every * max(1.0, ranks / cores), once + every * ranks
+
+
+def _total(parts: Mapping[str, Mapping[str, float]]) -> float:
+    return sum(sum(part.values()) for part in parts.values())
 
 
 def ranks_of(costs: Costs, macro: MacroCosts, count: int) -> tuple[int, float, float]:
     """Subdomains to a rank in the best of cases, unknowns on the borders between ranks, and GB of the matrix of these on each."""
     each = min((side**3 for side in SIDES if side**3 <= count),
-               key=lambda m: sum(sum(part.values()) for part in _of_ranks(costs, macro, count, m).values()))
+               key=lambda m: _total(_of_ranks(costs, macro, count, m, 1)))
     unknowns = _border(count, each)
     return each, unknowns, 8e-9 * (unknowns if unknowns < SPREAD else _own(each)) ** 2
 
@@ -231,7 +265,8 @@ def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple
             macro.at("solve", ranks) * more**2 / faster + 2 * 8 * _own(each) / BANDWIDTH)
 
 
-def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[str, dict[str, float]]:
+def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: float) -> dict[str, dict[str, float]]:
+    """With ``each`` subdomains to a rank, of which a worker has ``turns``."""
     ranks, border, own = count / each, max(_border(count, each), 0.0), _own(each)
     levels = math.ceil(math.log2(max(ranks, 2)))
     summing, factorising, solving = _between(macro, border, each, ranks)
@@ -241,9 +276,9 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
             "start": costs.start,
             "scene, on one rank": costs.scene * count,
             "handing out parts, by one rank": 0.0 if alone else (costs.hand_out + costs.bytes / BANDWIDTH) * count,
-            "prepare": costs.prepare * each,
-            "factorise": costs.factorise,
-            "macro columns": FIELDS * FACES * (costs.solve + costs.message),
+            "prepare": costs.prepare_rank + costs.prepare * each,
+            "factorise": costs.factorise * turns,
+            "macro columns": FIELDS * 3 * min(count ** (1 / 3) - 1, 2) * costs.solve * turns,  # of a subdomain with the most neighbours
             "macro problem: inside a rank": macro.at("factorise", each) + (0 if alone else own * macro.at("solve", each)),
             "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + summing,
             "macro problem: borders": 0.0 if alone else factorising,
@@ -251,11 +286,10 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
                 0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
         },
         "iterations": {
-            "solve": costs.sweeps * costs.solve,
-            "messages to the code": costs.sweeps * costs.message * each,
-            "orchestrator": costs.iterations * costs.own * each,
+            "solve": costs.sweeps * costs.solve * turns,
+            "orchestrator": costs.iterations * (costs.own_rank + costs.own * each),
             "traces to neighbours": costs.iterations * FACES * (LATENCY + 16 * costs.trace * each ** (2 / 3) / BANDWIDTH),
-            "reductions": costs.iterations * (REDUCTIONS + 1) * levels * LATENCY,
+            "reductions": 0.0 if alone else costs.iterations * costs.messages * levels * LATENCY,
             "macro problem: inside a rank": costs.iterations * (1 if alone else 2) * macro.at("solve", each),
             "macro problem: borders": 0.0 if alone else costs.iterations * (levels * LATENCY + solving),
             "repositioning, on every rank": costs.iterations * (
