@@ -27,6 +27,7 @@ from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.setup import Part, prepare
+from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds, check_bounded
 from orchestrator.optional import check_there
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
@@ -97,6 +98,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
                         "on several", "remove accuracy here")
+        if config.output.mesh_bound and team.size > 1:
+            raise wrong(MESH_BOUND, f"mesh_bound on {team.size} ranks", "one process", "start it without mpiexec, or remove mesh_bound")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if scene is None and team.rank == 0:
@@ -125,6 +128,8 @@ class _Solving:
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
         team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
+        if config.output.mesh_bound:
+            check_bounded(self.whole)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
@@ -149,6 +154,8 @@ class _Solving:
                 fields = fields_of(self.whole, delivered, spent)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
+            if self.config.output.mesh_bound:
+                delivered = replace(delivered, mesh_bound=MeshBounds(self.whole)(delivered.continuous))
             if answers is not None:
                 delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if team.rank:
@@ -191,7 +198,7 @@ class _Solving:
         with watch("start"):
             blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
         with blackbox:
-            check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
+            check_codes(self.codes, placement.codes, blackbox, method, self.reference, team, self.config.output.mesh_bound)
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
             self.wanted.check(d.own, blackbox)

@@ -191,7 +191,7 @@ def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry
 def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
             problems: Problems) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
     """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated;
-    (steps, m, 3) the mean body force of every cell, of ten-node tets, None where there is none.
+    (steps, m, 3) the mean body force of every cell, None where there is none.
 
     plain : without grounds, on which nothing acts
     """
@@ -211,9 +211,8 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
             thermal[:, cells] += made.values
         elif made is not None:
             made.add_to(loads, cut.numbering.corners[cells])
-            if mesh.cells.shape[1] == 10:
-                body_force = np.zeros((count, len(body.mesh.cells), 3)) if body_force is None else body_force
-                body_force[:, cells] += made.per_element / where.volume[:, None]
+            body_force = np.zeros((count, len(body.mesh.cells), 3)) if body_force is None else body_force
+            body_force[:, cells] += made.per_element / where.volume[:, None]
     if thermal is not None:
         thermal_loads(body.mesh, thermal, body.materials, body.material, cut.numbering.corners, loads)
     return loads, thermal, body_force

@@ -23,6 +23,7 @@ from orchestrator.method.stopping.backward import Backward, Solved, backward_err
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
+from orchestrator.method.stopping.mesh_bound import MeshBound
 from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.scene.model import Scene
@@ -55,6 +56,7 @@ class Delivered:
     joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     discretisation: Estimate | None = None  # its estimated error, if asked for
+    mesh_bound: MeshBound | None = None  # if asked for
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 

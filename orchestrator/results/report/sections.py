@@ -20,7 +20,8 @@ from orchestrator.scene.mesh.geometry import format_point
 LARGE = 0.1  # an error that stands out
 MOST = 40  # rows of a table; of more, the largest
 _SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
-_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "loads", "error bound", "true error", "law residual", "mesh's error")
+_ANSWER = ("run", "result", "peak stress", "peak displ.", "reactions", "loads", "error bound", "true error", "law residual", "mesh's error",
+           "mesh bound")
 _OF_BOLTS = ("force", "shear", "bending", "torsion", "shortening")
 _BESIDE = ("on", "part", "history", "name")  # keys of an entry that are not what it prescribes
 # quantity, its formula, what it tells; measures of the laws follow
@@ -30,6 +31,8 @@ _QUANTITIES = [
      "guaranteed upper bound, mostly an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
     ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
      "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
+    ("mesh_bound", "‖σ − σ(u_D)‖ / (‖½(u_D + C⁻¹σ)‖ − ½‖σ − σ(u_D)‖), σ a stress in balance everywhere (Prager–Synge)",
+     "guaranteed upper bound of the error of mesh and iterations together, ‖u_D − u‖ / ‖u‖, on the bodies as they are meshed"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
     ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
      "eq. 16: distance of the linear from the local stage; a squared ratio, no measure of accuracy"),

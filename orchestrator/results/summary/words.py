@@ -141,6 +141,13 @@ def _mesh(summary: Mapping[str, object]) -> str:
     return text + (f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it" if text and asked.get("error") == "auto" else "")
 
 
+def _mesh_bound(summary: Mapping[str, object]) -> str:
+    if "mesh_bound" not in summary or not ((summary.get("config") or {}).get("output") or {}).get("mesh_bound"):
+        return ""
+    return _numbers(summary, "mesh_bound", "{:.2e}  (guaranteed, mesh and iterations, relative energy norm)") or \
+        "larger than the solution: nothing is guaranteed on so coarse a mesh"
+
+
 def _accuracy(summary: Mapping[str, object]) -> str:
     if not (found := summary.get("accuracy")):
         return ""
@@ -323,7 +330,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
-    ("mesh's error", _mesh), ("accuracy", _accuracy), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
+    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
     ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
     ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),

@@ -1,0 +1,184 @@
+"""Guaranteed bound of the error of mesh and iterations together, by a stress in balance (Prager and Synge).
+
+For displacements v that are continuous and meet the supports, and any stress σ in balance with body forces and tractions everywhere,
+
+    ‖v − u‖² + ‖σ − σ(u)‖² = E² = ‖σ − σ(v)‖²      with C⁻¹ for stresses.
+
+u is on the sphere of which v and the strain of σ are opposite ends, and nowhere on it is ‖v − u‖ / ‖u‖ larger than
+
+    E ‖v‖ / a(v, C⁻¹σ),      a(v, C⁻¹σ) the work of loads and reactions in v, where that is positive.
+
+u is the exact solution on the bodies as they are meshed: E knows nothing of curved faces that straight tets cut short. σ is that of
+``equilibrated``, from the loads as they act on faces and in cells; supports carry what they have to.
+
+W. Prager, J. L. Synge, Approximations in elasticity based on the concept of function space, Quart. Appl. Math. 5, 1947, 241–269.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.errors import InputError, Problem, wrong
+from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.equilibrated import Equilibration
+from orchestrator.method.stopping.stress_element import FACES
+from orchestrator.scene.elasticity import strain, stress
+from orchestrator.scene.loads.temperature import thermal_loads
+from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
+from orchestrator.scene.model import BoundaryEntry, Scene
+
+KEY = ("output", "mesh_bound")
+KNOWN = 1e-9  # of the largest, up to which two ways to the same numbers agree
+BALANCED = 1e-9  # of the largest force on a face, what rounding may leave of balance
+
+
+@dataclass(frozen=True)
+class MeshBound:
+    """T load steps.
+
+    errors : (T,) E, an energy norm
+    relative : max_t ‖v − u‖ / max_t ‖u‖, at most; infinite where E is not small beside ‖u‖
+    unbalanced : what rounding leaves of the balance of a tet, over the largest force on a face
+    """
+
+    errors: np.ndarray
+    relative: float
+    unbalanced: float
+
+
+def check_bounded(scene: Scene) -> None:
+    """Raises InputError: the scene has something that stresses in balance are not known for."""
+    why = next(_unknown(scene), None)
+    if why is not None:
+        raise wrong(KEY, why, "four-node tets of isotropic linear elastic parts, bonded where their meshes match, with loads that are "
+                    "linear on faces and constant in cells", "remove mesh_bound: discretisation_error is estimated all the same")
+
+
+def _unknown(scene: Scene):
+    """What stands in the way."""
+    if scene.mesh.cells.shape[1] != 4:
+        yield "a bound of the mesh's error on ten-node tets"
+    if scene.stand_ins.any() or any(s.remembers for s in scene.subdomains):
+        yield "a bound of the mesh's error beside grounds, rigid tools, nonlinear matter, or parts of other programs"
+    for i in scene.interfaces:
+        if not i.law.perfect:
+            yield f"a bound of the mesh's error where {i.name} has the law {i.law.name}"
+        if not i.matching:
+            yield f"a bound of the mesh's error where the meshes of {i.name} do not match"
+    for entry in scene.boundary:
+        if entry.prescribed and (entry.cells[:, 1] >= 0).any():
+            yield f"a bound of the mesh's error where {entry.name} holds faces inside of the mesh"
+        if entry.prescribed and not _linear(scene, entry):
+            yield f"a bound of the mesh's error where displacements of {entry.name} are not linear on faces"
+    if not np.allclose(_loads(scene), scene.loads, rtol=0, atol=KNOWN * np.abs(scene.loads).max(initial=0.0)):
+        yield "a bound of the mesh's error where body forces vary within cells (spin), or a code's own model has loads"
+
+
+def _linear(scene: Scene, entry: BoundaryEntry) -> bool:
+    """Whether displacements that are prescribed are linear on every face."""
+    corners = scene.mesh.nodes[entry.triangles[:, :3]]
+    ends = corners[:, TRIANGLE_EDGES]
+    amid, at = (entry.prescribed.at(points.reshape(-1, 3)) for points in (ends.mean(axis=2), ends))
+    mean = at.reshape(len(at), -1, 2, 3).mean(axis=2)
+    return bool(np.abs(amid - mean).max(initial=0.0) <= KNOWN * np.abs(at).max(initial=0.0))
+
+
+def _loads(scene: Scene) -> np.ndarray:
+    """(T, n, 3) nodal forces, from those on faces and in cells."""
+    mesh, loads = scene.mesh, np.zeros_like(scene.loads)
+    for entry in scene.boundary:
+        if entry.forces:
+            entry.forces.add_to(loads, entry.triangles)
+    if scene.body_force is not None:
+        quarters = np.abs(tet_volumes(mesh.nodes, mesh.cells))[:, None] * scene.body_force / 4
+        for nodes in mesh.cells.T:
+            np.add.at(loads, (slice(None), nodes), quarters)
+    if scene.thermal is not None:
+        thermal_loads(mesh, scene.thermal, scene.materials, scene.cell_material, mesh.cells, loads)
+    return loads
+
+
+class MeshBounds:
+    """Bounds on one mesh.
+
+    Raises InputError: see ``check_bounded``
+    """
+
+    def __init__(self, scene: Scene):
+        check_bounded(scene)
+        self.scene, self.estimator = scene, Estimator.of(scene)
+        e = self.estimator
+        points = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
+        self.balance = Equilibration(points, e.cells[:, :4], e.joined, e.lame, e.gradients, e.volumes)
+        self.place = np.argsort(e.order)
+
+    def __call__(self, sides: Sequence[np.ndarray]) -> MeshBound:
+        """The bound of displacements, per subdomain (T, n_E, 3), continuous over interfaces."""
+        displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
+        errors, sizes, works, unbalanced = *np.zeros((3, len(displacement))), 0.0
+        for t, u in enumerate(displacement):
+            sigma = np.stack([stress(self._elastic(u, t, at), e.lame) for at in np.eye(4)], axis=1)
+            body = None if scene.body_force is None else scene.body_force[t, e.order]
+            found = self.balance(np.take_along_axis(sigma, self.balance.turn[:, :, None], 1), body, *self._given(t))
+            errors[t], sizes[t] = np.sqrt(found.energies.sum()), np.sqrt(e.energies(u).sum())
+            works[t] = self._work(u, t, body, found.moments)
+            unbalanced = max(unbalanced, found.unbalanced)
+        if unbalanced > BALANCED:
+            raise InputError(Problem(KEY, f"forces that leave {unbalanced:.1e} of balance", f"{BALANCED:.0e} at most", "remove mesh_bound"))
+        return MeshBound(errors, _relative(errors, sizes, works), unbalanced)
+
+    def _work(self, u: np.ndarray, step: int, body: np.ndarray | None, moments: np.ndarray) -> float:
+        """a(u, C⁻¹σ + thermal strain), from the tractions of σ."""
+        e, volumes = self.estimator, np.abs(self.estimator.volumes)
+        own = np.take_along_axis(u[e.cells], self.balance.turn[:, :, None], 1)
+        work = np.vdot(moments, own[:, FACES])
+        if body is not None:
+            work += np.vdot(volumes[:, None] * body, own.mean(axis=1))
+        if self.scene.thermal is not None:
+            dilation = strain(e.gradients, e.cells, u)[:, :3].sum(axis=1)
+            work += np.vdot(volumes * (3 * e.lame[:, 0] + 2 * e.lame[:, 1]) * dilation, self.scene.thermal[step, e.order].mean(axis=1))
+        return float(work)
+
+    def _elastic(self, u: np.ndarray, step: int, at: np.ndarray) -> np.ndarray:
+        e = self.estimator
+        epsilon = strain(e.gradients, e.cells, u, at)
+        if self.scene.thermal is not None:
+            epsilon[:, :3] -= (self.scene.thermal[step, e.order] @ at)[:, None]
+        return epsilon
+
+    def _given(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """(f, 3) bool, components of tractions that are known, and (f, 3, 3) their moments at a load step."""
+        known = np.repeat(self.balance.outer[:, None], 3, axis=1)
+        given = np.zeros((len(known), 3, 3))
+        for entry in self.scene.boundary:
+            if not len(entry.triangles):
+                continue
+            face, corner = self._faces(entry)
+            if entry.prescribed:
+                known[np.ix_(face, np.flatnonzero(entry.prescribed.fixed))] = False
+            elif entry.forces:
+                forces = entry.forces
+                moments = np.einsum("mc,mkpc->kpc", forces.amounts[step] + np.zeros(3), forces.shapes + np.zeros(3))
+                np.add.at(given, face, np.take_along_axis(moments, corner[:, :, None], 1))
+        return known, given
+
+    def _faces(self, entry: BoundaryEntry) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) faces of an entry, and (k, 3) which of its triangles' corners theirs are."""
+        e, cell = self.estimator, self.place[entry.cells[:, 0]]
+        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell], :4], self.balance.turn[cell], 1)
+        same = corners[:, :, None] == entry.triangles[:, None, :3]  # (k, 4, 3)
+        local = np.argmin(same.any(axis=2), axis=1)
+        return self.balance.face[cell, local], np.take_along_axis(same, FACES[local][:, :, None], 1).argmax(axis=2)
+
+
+def _relative(errors: np.ndarray, sizes: np.ndarray, works: np.ndarray) -> float:
+    """max_t ‖v − u‖ / max_t ‖u‖ at most, from E, ‖v‖ and a(v, C⁻¹σ) of load steps (T,)."""
+    if not errors.any():
+        return 0.0
+    each = np.divide(errors * sizes, works, out=np.full(len(errors), np.inf), where=works > 0)
+    least = (sizes - errors).max()
+    return float(np.minimum(each, errors / least if least > 0 else np.inf).max())
