@@ -25,6 +25,12 @@ def saved(tmp_path_factory):
         gmsh.model.mesh.generate(3)
         for ending in ("msh", "unv", "bdf", "inp", "med"):
             gmsh.write(str(folder / f"a.{ending}"))
+        for binary in (0, 1):
+            gmsh.option.setNumber("Mesh.Binary", binary)
+            gmsh.model.mesh.partition(3)
+            gmsh.write(str(folder / f"cut{binary}.msh"))
+            gmsh.model.mesh.unpartition()
+        gmsh.option.setNumber("Mesh.Binary", 0)
         gmsh.model.mesh.setOrder(2)
         for ending in ("msh", "unv", "inp", "med"):
             gmsh.write(str(folder / f"q.{ending}"))
@@ -51,6 +57,19 @@ def test_names_survive_every_format(saved, name):
     mesh = read(saved / name)
     check(mesh)
     assert bool(mesh.remarks) == name.startswith("q") and "bend" not in str(mesh.remarks)
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_partitions_are_volumes(saved, binary):
+    """Of either box, with the nodes and tets that the file in one piece has."""
+    whole, mesh = read(saved / "a.msh"), read(saved / f"cut{binary}.msh")
+    assert len(mesh.nodes) == len(whole.nodes) and len(mesh.cells) == len(whole.cells) and len(mesh.volumes) > 3
+    assert "in partitions" in str(mesh.remarks) and len(mesh.remarks) == 1
+    sizes = tet_volumes(mesh.nodes, mesh.cells)
+    for box in ("left", "right"):
+        pieces = [i for i, name in enumerate(mesh.volumes) if name in {f"{box}_{k}" for k in (1, 2, 3)}]
+        assert sizes[np.isin(mesh.volume, pieces)].sum() == pytest.approx(1.0) and len(pieces) >= 1
+    assert len(mesh.surfaces["clamp"]) == len(whole.surfaces["clamp"])
 
 
 def test_nastran_has_numbers_for_names(saved):

@@ -201,10 +201,14 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
                            "check that the ending fits the content, or save it as .msh")
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                return meshio.read(target)
+                found = meshio.read(target)
         except (Exception, SystemExit):  # meshio prints its complaint and ends the program
             raise bad_file(path, "cannot be read: gmsh finds no mesh in it", "nodes and elements",
                            "save the mesh again, with its volume elements") from None
+    if b"\n$PartitionedEntities" in path.read_bytes():
+        found.info = {"remarks": ["the file is in partitions: each is a volume of its own, and what joins two of them is an interface as "
+                                  "all others; subdomains: groups takes them as they are"]}
+    return found
 
 
 def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
