@@ -78,7 +78,7 @@ class Held:
         pressed = np.isin(self.at, laws.broken(kept + _as_long_as(laws.scale, self._jumps(wish, count))))
         wish = np.where(pressed & self.along(laws.normal), 0.0, wish)
         there = kept + _as_long_as(laws.scale, self._jumps(wish, count))
-        price = np.maximum(laws.charge(there) - laws.charge(kept), 0.0)[self.at] / laws.scale
+        price = np.maximum(laws.charge(there) - laws.charge(kept), 0.0)[self.at] / max(laws.scale, np.finfo(float).tiny)
         far, pull = (np.linalg.norm(self._jumps(x * (wish != 0), count), axis=0)[self.at] for x in (wish, pulls))
         far = np.where(gone, far, far * np.maximum(1 - price / np.maximum(pull, np.finfo(float).tiny), 0.0))
         soft = np.divide(far, price, out=np.full_like(far, laws.softest), where=far < laws.softest * price)
