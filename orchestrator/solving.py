@@ -27,7 +27,7 @@ from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.setup import Part, prepare
-from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds, check_bounded
+from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds
 from orchestrator.optional import check_there
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
@@ -128,8 +128,7 @@ class _Solving:
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
         team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
-        if config.output.mesh_bound:
-            check_bounded(self.whole)
+        self.bounds = MeshBounds(self.whole) if config.output.mesh_bound else None
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
@@ -154,8 +153,8 @@ class _Solving:
                 fields = fields_of(self.whole, delivered, spent)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
-            if self.config.output.mesh_bound:
-                delivered = replace(delivered, mesh_bound=MeshBounds(self.whole)(delivered.continuous))
+            if self.bounds is not None:
+                delivered = replace(delivered, mesh_bound=self.bounds(delivered.continuous))
             if answers is not None:
                 delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if team.rank:

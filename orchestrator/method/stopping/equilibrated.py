@@ -26,9 +26,9 @@ from orchestrator.method.stopping.stress_element import FACES, TENSOR, StressEle
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import skew
 
-LARGEST = 3_000  # tets of a part
+LARGEST = 10_000  # tets of a part: some .4 GB
 DIVISIONS = 3
-GAIN = 0.01  # of the energy, below which another iteration is not worth while
+GAIN = 0.005  # of the energy, below which another iteration is not worth while
 MOST = 60  # iterations
 REFINEMENTS = 4
 
@@ -39,12 +39,13 @@ class Balanced:
 
     energies : (m,) ‖σ − σ_h‖² of every tet, with C⁻¹
     unbalanced : what is left of forces and moments of a tet, over the largest force on a face
-    moments : (m, 4, 3, 3) of its tractions, see ``StressElements``
+    moments : (m, 4, 3, 3) of its tractions, see ``StressElements``; faces : (f, 3, 3) the same of faces, along their axes
     """
 
     energies: np.ndarray
     unbalanced: float
     moments: np.ndarray
+    faces: np.ndarray
 
 
 class Equilibration:
@@ -55,7 +56,7 @@ class Equilibration:
     gradients, volumes : of the cells' linear functions
 
     turn : (m, 4) int, the corners of every cell in the order of their labels
-    face : (m, 4) int, the face opposite to each of these
+    face : (m, 4) int, the face opposite to each of these; halves : (f, 2) int, where a face is among them, −1 where nothing is behind it
     """
 
     def __init__(self, points: np.ndarray, cells: np.ndarray, labels: np.ndarray, lame: np.ndarray, gradients: np.ndarray,
@@ -65,15 +66,25 @@ class Equilibration:
         gradients, volumes = np.take_along_axis(gradients, self.turn[:, :, None], 1), np.abs(volumes)
         self.elements = StressElements(gradients, volumes, lame)
         corners = labels[cells][:, FACES].reshape(-1, 3)
-        _, first, face, count = np.unique(corners, axis=0, return_index=True, return_inverse=True, return_counts=True)
-        self.face, self.outer = face.reshape(-1, 4), count == 1
+        _, first, face = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+        self.face, self.halves = face.reshape(-1, 4), np.stack([first, np.full(len(first), -1)], axis=1)
+        others = np.flatnonzero(first[face.ravel()] != np.arange(face.size))
+        self.halves[face.ravel()[others], 1] = others
+        self.outer = self.halves[:, 1] < 0
         self.sign = np.where(first[self.face] == np.arange(face.size).reshape(-1, 4), 1.0, -1.0)
+        self.axes: np.ndarray | None = None
         self.normals = -3 * volumes[:, None, None] * gradients  # as long as the face's area
-        areas = np.einsum("mfi,mfi->mf", self.normals, self.normals)
-        self.weight = self._onto((volumes / lame[:, 1])[:, None] / areas)
+        self.weight = self._onto(self.elements.weights())
         self.points = points[cells]
         self.centre, self.length = self.points.mean(axis=1), np.cbrt(volumes)
         self.volumes, self.forces = volumes, self._forces()
+
+    def turn_to(self, faces: np.ndarray, axes: np.ndarray) -> None:
+        """Have tractions on some faces (k,) told along axes (k, 3, 3) of their own, a row each; the others' are x, y and z."""
+        self.axes = np.tile(np.eye(3), (len(self.outer), 1, 1))
+        self.axes[faces] = axes
+        blocks = np.repeat(self.axes.swapaxes(1, 2), 3, axis=0)
+        self.forces = sp.csr_array(self.forces @ sp.bsr_array((blocks, np.arange(len(blocks)), np.arange(len(blocks) + 1))))
 
     def __call__(self, sigma: np.ndarray, body_force: np.ndarray | None, known: np.ndarray, given: np.ndarray) -> Balanced:
         """The stress in balance.
@@ -98,7 +109,7 @@ class Equilibration:
             x = within.balanced(self._lowered(x, sigma, within), loads.ravel())
         left = np.abs(self.forces @ x.ravel() + loads.ravel()).max() / max(np.abs(x).max(), np.finfo(float).tiny)
         moments = self._of_cells(x)
-        return Balanced(self.elements.products(moments, sigma)[1], float(left), moments)
+        return Balanced(self.elements.products(moments, sigma)[1], float(left), moments, x)
 
     def _tractions(self, sigma: np.ndarray) -> np.ndarray:
         """(m, 4, 3, 3) moments of the tractions of a stress (m, 4, 6)."""
@@ -153,12 +164,10 @@ class Equilibration:
     @cached_property
     def _beside(self) -> np.ndarray:
         """(m, 4) int, the cell behind every face, the own one where there is none."""
-        cell = np.broadcast_to(np.arange(len(self.face))[:, None], self.face.shape)
-        both = np.stack([np.full(len(self.outer), -1)] * 2)
-        for side, sign in zip(both, (1, -1)):
-            side[self.face[self.sign == sign]] = cell[self.sign == sign]
-        other = np.where(self.sign > 0, both[1][self.face], both[0][self.face])
-        return np.where(other < 0, cell, other)
+        own = np.arange(self.face.size).reshape(-1, 4)
+        both = self.halves[self.face]
+        other = np.where(both[..., 0] == own, both[..., 1], both[..., 0])
+        return np.where(other < 0, own, other) // 4
 
     def _forces(self) -> sp.csr_array:
         """(6 m, 9 f) R: forces on every cell, and moments about its centre over its length."""
@@ -172,12 +181,14 @@ class Equilibration:
 
     def _of_cells(self, x: np.ndarray) -> np.ndarray:
         """(m, 4, 3, 3) tractions of the cells from those of faces (f, 3, 3)."""
+        x = x if self.axes is None else x @ self.axes
         return self.sign[:, :, None, None] * x[self.face]
 
     def _sum(self, moments: np.ndarray) -> np.ndarray:
         """(f, 3, 3) the transpose of that."""
         signed = (self.sign[:, :, None, None] * moments).reshape(-1, 9)
-        return np.stack([np.bincount(self.face.ravel(), one, len(self.outer)) for one in signed.T], axis=1).reshape(-1, 3, 3)
+        result = np.stack([np.bincount(self.face.ravel(), one, len(self.outer)) for one in signed.T], axis=1).reshape(-1, 3, 3)
+        return result if self.axes is None else result @ self.axes.swapaxes(1, 2)
 
     def _onto(self, values: np.ndarray) -> np.ndarray:
         """(f,) sums of (m, 4)."""

@@ -2,11 +2,12 @@
 
 For displacements v that are continuous and meet the supports, and any stress σ in balance with body forces and tractions everywhere,
 
-    ‖v − u‖² + ‖σ − σ(u)‖² = E² = ‖σ − σ(v)‖²      with C⁻¹ for stresses.
+    ‖v − u‖² + ‖σ − σ(u)‖² ≤ E² = ‖σ − σ(v)‖² + 2 ∫ p g(v)      with C⁻¹ for stresses,
 
-u is on the sphere of which v and the strain of σ are opposite ends, and nowhere on it is ‖v − u‖ / ‖u‖ larger than
+the last term where bodies touch, see ``pressed_faces``. So u is in the ball about the middle m of v and C⁻¹σ with the radius
+ρ² = E²/2 − ‖v − C⁻¹σ‖²/4, and ‖v − u‖² / ‖u‖² at most the least q with
 
-    E ‖v‖ / a(v, C⁻¹σ),      a(v, C⁻¹σ) the work of loads and reactions in v, where that is positive.
+    ‖m − v‖² + ρ² + 2 ρ ‖m − v − q m‖ ≤ q (‖m‖² + ρ²).
 
 u is the exact solution on the bodies as they are meshed: E knows nothing of curved faces that straight tets cut short. σ is that of
 ``equilibrated``, from the loads as they act on faces and in cells; supports carry what they have to.
@@ -21,18 +22,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, wrong
+from orchestrator.errors import wrong
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.method.stopping.equilibrated import Equilibration
+from orchestrator.method.stopping.equilibrated import Balanced, Equilibration
+from orchestrator.method.stopping.pressed_faces import CLOSED, INSIDE, PressedFaces, alike, flat, touching
 from orchestrator.method.stopping.stress_element import FACES
 from orchestrator.scene.elasticity import strain, stress
 from orchestrator.scene.loads.temperature import thermal_loads
+from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 from orchestrator.scene.model import BoundaryEntry, Scene
 
 KEY = ("output", "mesh_bound")
+EXPECTED = ("four-node tets of isotropic linear elastic parts, bonded or in contact without friction on plane faces where their "
+            "meshes match, with loads that are linear on faces and constant in cells")
+CURE = "remove mesh_bound: discretisation_error is estimated all the same"
 KNOWN = 1e-9  # of the largest, up to which two ways to the same numbers agree
+TRIES = 12  # stresses, with fewer faces free to be pressed each
 BALANCED = 1e-9  # of the largest force on a face, what rounding may leave of balance
 
 
@@ -54,8 +61,7 @@ def check_bounded(scene: Scene) -> None:
     """Raises InputError: the scene has something that stresses in balance are not known for."""
     why = next(_unknown(scene), None)
     if why is not None:
-        raise wrong(KEY, why, "four-node tets of isotropic linear elastic parts, bonded where their meshes match, with loads that are "
-                    "linear on faces and constant in cells", "remove mesh_bound: discretisation_error is estimated all the same")
+        raise wrong(KEY, why, EXPECTED, CURE)
 
 
 def _unknown(scene: Scene):
@@ -65,10 +71,13 @@ def _unknown(scene: Scene):
     if scene.stand_ins.any() or any(s.remembers for s in scene.subdomains):
         yield "a bound of the mesh's error beside grounds, rigid tools, nonlinear matter, or parts of other programs"
     for i in scene.interfaces:
-        if not i.law.perfect:
-            yield f"a bound of the mesh's error where {i.name} has the law {i.law.name}"
+        smooth = i.law.slips and i.law.convex and not i.law.follows  # contact without friction
+        if not i.law.perfect and not smooth:
+            yield f"a bound of the mesh's error where {i.name} has friction, or a law other than contact"
         if not i.matching:
             yield f"a bound of the mesh's error where the meshes of {i.name} do not match"
+        elif not alike(scene, i) or not i.law.perfect and not flat(scene, i):
+            yield f"a bound of the mesh's error where the sides of {i.name} are curved, or their faces differ"
     for entry in scene.boundary:
         if entry.prescribed and (entry.cells[:, 1] >= 0).any():
             yield f"a bound of the mesh's error where {entry.name} holds faces inside of the mesh"
@@ -113,23 +122,50 @@ class MeshBounds:
         self.scene, self.estimator = scene, Estimator.of(scene)
         e = self.estimator
         points = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
-        self.balance = Equilibration(points, e.cells[:, :4], e.joined, e.lame, e.gradients, e.volumes)
+        self.balance = Equilibration(points, e.cells, self._meeting(), e.lame, e.gradients, e.volumes)
         self.place = np.argsort(e.order)
+        places = {i.index: self._faces(i.cells[:, 0], scene.side_nodes(i, 0)[i.triangles]) for i in touching(scene)}
+        for entry in scene.boundary:
+            if not self.balance.outer[self._faces(entry.cells[:, 0], entry.triangles)[0]].all():
+                raise wrong(KEY, f"a bound of the mesh's error where {entry.name} acts on faces that another body meets", EXPECTED, CURE)
+        self.pressed = PressedFaces(scene, self.balance, np.take_along_axis(e.joined[e.cells], self.balance.turn, 1), places)
+
+    def _meeting(self) -> np.ndarray:
+        """(n,) int, labels of nodes, equal where bonds or contact pair them."""
+        offsets, interfaces = np.cumsum([0, *(len(s.nodes) for s in self.scene.subdomains)]), self.scene.interfaces
+        one, two = (np.concatenate([np.empty(0, int), *(offsets[i.subdomains[side]] + i.nodes[side] for i in interfaces)])
+                    for side in (0, 1))
+        return components(one, two, len(self.estimator.joined))[1]
 
     def __call__(self, sides: Sequence[np.ndarray]) -> MeshBound:
         """The bound of displacements, per subdomain (T, n_E, 3), continuous over interfaces."""
         displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
-        errors, sizes, works, unbalanced = *np.zeros((3, len(displacement))), 0.0
+        errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
             sigma = np.stack([stress(self._elastic(u, t, at), e.lame) for at in np.eye(4)], axis=1)
             body = None if scene.body_force is None else scene.body_force[t, e.order]
-            found = self.balance(np.take_along_axis(sigma, self.balance.turn[:, :, None], 1), body, *self._given(t))
-            errors[t], sizes[t] = np.sqrt(found.energies.sum()), np.sqrt(e.energies(u).sum())
+            found, gaps[t] = self._nearest(np.take_along_axis(sigma, self.balance.turn[:, :, None], 1), body, u, t)
+            errors[t], sizes[t] = np.sqrt(found.energies.sum() + 2 * gaps[t]), np.sqrt(e.energies(u).sum())
             works[t] = self._work(u, t, body, found.moments)
             unbalanced = max(unbalanced, found.unbalanced)
-        if unbalanced > BALANCED:
-            raise InputError(Problem(KEY, f"forces that leave {unbalanced:.1e} of balance", f"{BALANCED:.0e} at most", "remove mesh_bound"))
-        return MeshBound(errors, _relative(errors, sizes, works), unbalanced)
+        return MeshBound(errors, np.inf if unbalanced > BALANCED else relative(errors, sizes, works, gaps), unbalanced)
+
+    def _nearest(self, sigma: np.ndarray, body: np.ndarray | None, u: np.ndarray, step: int) -> tuple[Balanced, float]:
+        """The stress in balance, and ∫ p g(v); infinite where sides are inside each other, or every stress found would pull."""
+        pressed, (known, given) = self.pressed, self._given(step)
+        gaps, size = pressed.gaps(u, step), np.abs(u).max(initial=0.0)
+        closed = (gaps <= CLOSED * size).all(axis=1)
+        touch = np.where(closed[:, None], np.maximum(gaps, 0.0), 0.0)
+        known[pressed.faces] = True
+        known[pressed.faces[closed], 0] = False
+        for _ in range(TRIES):
+            found = self.balance(sigma, body, known, given)
+            pulled, moments = pressed.pulling(found, closed)
+            if not pulled.any():
+                return found, np.inf if (gaps < -INSIDE * size).any() else float(np.vdot(moments, touch))
+            closed &= ~pulled
+            known[pressed.faces[pulled], 0], given[pressed.faces[pulled], :, 0] = True, -moments[pulled]
+        return found, np.inf
 
     def _work(self, u: np.ndarray, step: int, body: np.ndarray | None, moments: np.ndarray) -> float:
         """a(u, C⁻¹σ + thermal strain), from the tractions of σ."""
@@ -157,7 +193,7 @@ class MeshBounds:
         for entry in self.scene.boundary:
             if not len(entry.triangles):
                 continue
-            face, corner = self._faces(entry)
+            face, corner = self._faces(entry.cells[:, 0], entry.triangles)
             if entry.prescribed:
                 known[np.ix_(face, np.flatnonzero(entry.prescribed.fixed))] = False
             elif entry.forces:
@@ -166,19 +202,26 @@ class MeshBounds:
                 np.add.at(given, face, np.take_along_axis(moments, corner[:, :, None], 1))
         return known, given
 
-    def _faces(self, entry: BoundaryEntry) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) faces of an entry, and (k, 3) which of its triangles' corners theirs are."""
-        e, cell = self.estimator, self.place[entry.cells[:, 0]]
-        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell], :4], self.balance.turn[cell], 1)
-        same = corners[:, :, None] == entry.triangles[:, None, :3]  # (k, 4, 3)
+    def _faces(self, cells: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) faces of cells (k,) with corners (k, 3) on the mesh, and (k, 3) which of these corners theirs are."""
+        e, cell = self.estimator, self.place[cells]
+        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell]], self.balance.turn[cell], 1)
+        same = corners[:, :, None] == triangles[:, None]  # (k, 4, 3)
         local = np.argmin(same.any(axis=2), axis=1)
         return self.balance.face[cell, local], np.take_along_axis(same, FACES[local][:, :, None], 1).argmax(axis=2)
 
 
-def _relative(errors: np.ndarray, sizes: np.ndarray, works: np.ndarray) -> float:
-    """max_t ‖v − u‖ / max_t ‖u‖ at most, from E, ‖v‖ and a(v, C⁻¹σ) of load steps (T,)."""
-    if not errors.any():
-        return 0.0
-    each = np.divide(errors * sizes, works, out=np.full(len(errors), np.inf), where=works > 0)
-    least = (sizes - errors).max()
-    return float(np.minimum(each, errors / least if least > 0 else np.inf).max())
+def relative(errors: np.ndarray, sizes: np.ndarray, works: np.ndarray, gaps: np.ndarray) -> float:
+    """max_t ‖v − u‖ / max_t ‖u‖ at most, from E, ‖v‖, a(v, C⁻¹σ) and ∫ p g(v) of load steps (T,)."""
+    if not errors.any() or not np.isfinite(errors).all():
+        return float(errors.max(initial=0.0))
+    apart = errors**2 - 2 * gaps  # ‖v − C⁻¹σ‖²
+    middle, radius = works + apart / 4, errors**2 / 2 - apart / 4  # squares
+    away = middle - (sizes**2 + works) / 2  # a(m, m − v)
+    # the larger root of (|m|² − ρ²)² q² − 2 half q + rest = 0
+    most, half = apart / 4 + radius, (apart / 4 + radius) * (middle + radius) - 4 * radius * away
+    rest, square = most**2 - radius * apart, (middle - radius) ** 2
+    outside = middle > radius
+    share = np.divide(half + np.sqrt(np.maximum(half**2 - square * rest, 0.0)), square, out=np.full(len(errors), np.inf), where=outside)
+    least = np.where(outside, np.sqrt(np.maximum(middle, 0.0)) - np.sqrt(radius), sizes - errors).max()
+    return float(np.minimum(np.sqrt(np.maximum(share, 0.0)), errors / least if least > 0 else np.inf).max())

@@ -57,7 +57,15 @@ def _reference() -> np.ndarray:
     return np.linalg.solve(np.vstack(rows), np.vstack(given))
 
 
+def _traces(stresses: np.ndarray) -> np.ndarray:
+    """(4, 6·6, 3·3) Σ over the corners of a face of means of products of stresses' components, of moments in two directions there."""
+    own = stresses.reshape(4, 4, 6, 4, 3, 3)
+    both = own + own.sum(axis=1, keepdims=True)
+    return np.einsum("pkafcx,pkbfcy->fabxy", own, both / 80, optimize=True).reshape(4, 36, 9)
+
+
 _STRESSES = _reference()
+_TRACES = _traces(_STRESSES)
 
 
 class StressElements:
@@ -72,6 +80,11 @@ class StressElements:
         self.along = edges / np.sqrt(6 * volumes)[:, None, None]  # a stress s of the unit tet becomes a sᵀa
         metric, (first, second) = self.along.swapaxes(1, 2) @ self.along, lame.T
         self.compliance = _compliance(metric, first / (3 * first + 2 * second)) * (volumes / (2 * second))[:, None, None]
+
+    def weights(self) -> np.ndarray:
+        """(m, 4) sums of the energies of a face's nine unit moments."""
+        metric = self.slopes @ self.slopes.swapaxes(1, 2)
+        return np.einsum("ma,fab,mb->mf", self.compliance.reshape(-1, 36), _TRACES, metric.reshape(-1, 9), optimize=True)
 
     def stresses(self, moments: np.ndarray) -> np.ndarray:
         """(m, 4, 4, 6) at the corners of the four parts of every tet, behind face after face; the centroid is the last of the corners."""
