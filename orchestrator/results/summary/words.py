@@ -144,7 +144,7 @@ def _mesh(summary: Mapping[str, object]) -> str:
 def _mesh_bound(summary: Mapping[str, object]) -> str:
     if "mesh_bound" not in summary or not ((summary.get("config") or {}).get("output") or {}).get("mesh_bound"):
         return ""
-    return _numbers(summary, "mesh_bound", "{:.2e}  (guaranteed, mesh and iterations, relative energy norm)") or \
+    return _numbers(summary, "mesh_bound", "{:.2e}  (guaranteed, mesh and iterations, energy norm)") or \
         "none: the mesh is too coarse for one, or sides are inside each other"
 
 
