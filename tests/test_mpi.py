@@ -315,3 +315,8 @@ def test_ranks_get_equal_cost_and_neighbours():
         owner = owners(np.ones(n), chain, dofs, 2)
         assert owner[np.argmin(dofs)] == 0 and owner[np.argmax(dofs)] == 1
     assert sorted(owners([1.0, 5.0, 1.0], np.array([[0, 1], [1, 2]]), [10, 10], 3)) == [0, 1, 2]
+    block, speeds = np.arange(48).reshape(4, 4, 3), np.array([2, 1, 2, 2]) / 7  # one is half as fast as the others
+    beside = [np.column_stack([block.take(range(m - 1), axis).ravel(), block.take(range(1, m), axis).ravel()])
+              for axis, m in enumerate(block.shape)]
+    owner = owners(np.ones(48), np.concatenate(beside), np.ones(104, dtype=int), 4, speeds)
+    assert (np.bincount(owner, minlength=4) / speeds).max() <= 1.05 * 48

@@ -75,8 +75,9 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     one, two = np.asarray(pairs).reshape(-1, 2).T
     graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])), shape=(n, n)).tocsr()
     weights = np.maximum(1, np.rint(UNITS * costs / costs.sum())).astype(int)
+    # by halves, unless ranks get unequal shares: what each cut misses of these would add up
     found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices), vweights=weights.tolist(),
-                               eweights=graph.data.astype(int).tolist(), recursive=True,
+                               eweights=graph.data.astype(int).tolist(), recursive=speeds is None,
                                tpwgts=None if speeds is None else (speeds * (1 - 1e-6)).tolist())  # METIS takes no sum above 1
     owner = np.asarray(found.vertex_part, dtype=int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains

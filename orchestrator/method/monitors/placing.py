@@ -3,7 +3,8 @@
 Predicted cost says who gets what, see ``parallel.placement``. Where the machine says otherwise, for whatever reason (a slower
 node, another program on it, a prediction that is wrong), the run stops after an iteration, all is set up again on ranks whose
 share is their measured speed, and goes on where it stood, as resumed runs do. That is once, and only where the seconds saved in
-the iterations to come outweigh those of a set-up: factors are made anew on every rank.
+the iterations to come outweigh those of a set-up: factors are made anew on every rank. Each rank counts with the least seconds that a
+request has taken it: what else the machine does for a moment makes some of them longer, what makes a rank slow makes all.
 
 Every rank knows all ranks' seconds, and all decide alike.
 """
@@ -19,9 +20,9 @@ from orchestrator.parallel.team import Team
 from orchestrator.timing import STAGES
 
 IMBALANCE = 1.3  # seconds of the slowest rank over the mean
-LEAST = 3  # requests before that is judged: the first answers take longer
+LEAST = 3  # requests before that is judged
 NOTICED = 1.0  # seconds that are to be saved at least: below that the clock tells noise
-CERTAIN = 2.0  # times the set-up's seconds that are to be saved: on a machine with others seconds repeat no better than that
+CERTAIN = 1.0  # times the set-up's seconds that are to be saved
 
 
 class Unbalanced(Exception):
@@ -46,7 +47,7 @@ class Placing(Monitor):
 
     def __init__(self, team: Team, busy: Callable[[], float], load: float, set_up: float, possible: Callable[[], bool] | None):
         self._team, self._busy, self._load, self._set_up, self._possible = team, busy, load, set_up, possible
-        self._before, self._requests = busy(), 0
+        self._before, self._requests, self._least = busy(), 0, np.inf
 
     @classmethod
     def of(cls, case: Case) -> Placing | None:
@@ -60,14 +61,17 @@ class Placing(Monitor):
         if now.verdict.reason:
             return Verdict()
         self._requests += 1
-        table = np.zeros((4, self._team.size))  # this rank's column
+        table, before = np.zeros((4, self._team.size)), self._before  # this rank's column
+        self._before = self._busy()
+        if self._before > before:  # a state of zeros asks for nothing
+            self._least = min(self._least, self._before - before)
         sound = self._possible is not None and self._possible()
-        table[:, self._team.rank] = self._busy() - self._before, self._load, self._set_up, sound
+        table[:, self._team.rank] = self._least if np.isfinite(self._least) else 0.0, self._load, self._set_up, sound
         busy, load, set_up, sound = self._team.sum(table)[0]
         if self._requests < LEAST or not sound.any() or busy.min() <= 0 or busy.max() <= IMBALANCE * busy.mean():
             return Verdict()
         speeds = load / busy
-        gain = (busy.max() - load.sum() / speeds.sum()) / self._requests * max(STAGES - self._requests, self._requests + 1)
+        gain = (busy.max() - load.sum() / speeds.sum()) * max(STAGES - self._requests, self._requests + 1)
         if gain > max(NOTICED, CERTAIN * set_up.max()):
             raise Unbalanced(speeds / speeds.sum(), float(busy.max() / busy.mean()), now.number)
         return Verdict()
