@@ -71,8 +71,7 @@ def _unknown(scene: Scene):
     if scene.stand_ins.any() or any(s.remembers for s in scene.subdomains):
         yield "a bound of the mesh's error beside grounds, rigid tools, nonlinear matter, or parts of other programs"
     for i in scene.interfaces:
-        smooth = i.law.slips and i.law.convex and not i.law.follows  # contact without friction
-        if not i.law.perfect and not smooth:
+        if not i.law.perfect and not all(law.unilateral for law in i.laws(scene.steps)):
             yield f"a bound of the mesh's error where {i.name} has friction, or a law other than contact"
         if not i.matching:
             yield f"a bound of the mesh's error where the meshes of {i.name} do not match"
@@ -138,17 +137,27 @@ class MeshBounds:
         return components(one, two, len(self.estimator.joined))[1]
 
     def __call__(self, sides: Sequence[np.ndarray]) -> MeshBound:
-        """The bound of displacements, per subdomain (T, n_E, 3), continuous over interfaces."""
+        """The bound of displacements, per subdomain (T, n_E, 3); infinite where they are not continuous over bonds, or miss supports."""
         displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
             sigma = np.stack([stress(self._elastic(u, t, at), e.lame) for at in np.eye(4)], axis=1)
             body = None if scene.body_force is None else scene.body_force[t, e.order]
+            if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
+                return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
             found, gaps[t] = self._nearest(np.take_along_axis(sigma, self.balance.turn[:, :, None], 1), body, u, t)
             errors[t], sizes[t] = np.sqrt(found.energies.sum() + 2 * gaps[t]), np.sqrt(e.energies(u).sum())
             works[t] = self._work(u, t, body, found.moments)
             unbalanced = max(unbalanced, found.unbalanced)
         return MeshBound(errors, np.inf if unbalanced > BALANCED else relative(errors, sizes, works, gaps), unbalanced)
+
+    def _astray(self, u: np.ndarray, step: int) -> float:
+        """How far displacements are from being continuous over bonds and from what is prescribed."""
+        joined, scene = self.estimator.joined, self.scene
+        count = np.bincount(joined)
+        mean = np.stack([np.bincount(joined, one) / np.maximum(count, 1) for one in u.T], axis=1)[joined]
+        fixed, given = (np.concatenate(x) for x in zip(*((s.fixed, s.prescribed[step]) for s in scene.subdomains)))
+        return float(max(np.abs(u - mean).max(initial=0.0), np.abs(u - given)[fixed].max(initial=0.0)))
 
     def _nearest(self, sigma: np.ndarray, body: np.ndarray | None, u: np.ndarray, step: int) -> tuple[Balanced, float]:
         """The stress in balance, and ∫ p g(v); infinite where sides are inside each other, or every stress found would pull."""

@@ -62,7 +62,11 @@ class PressedFaces:
         self.scene, self.balance, self.places = scene, balance, places
         corners = joined[:, FACES].reshape(-1, 3)
         inner = np.flatnonzero(~balance.outer)
-        self.faces = inner[(corners[balance.halves[inner, 0]] != corners[balance.halves[inner, 1]]).any(axis=1)]
+        between = np.zeros(len(balance.outer), dtype=bool)
+        between[inner] = (corners[balance.halves[inner, 0]] != corners[balance.halves[inner, 1]]).any(axis=1)
+        for face, _ in places.values():  # a rim may be bonded all round
+            between[face] = True
+        self.faces = np.flatnonzero(between)
         normals = balance.normals.reshape(-1, 3)[balance.halves[self.faces, 0]]
         self.areas = np.linalg.norm(normals, axis=1)
         self.at = np.full(len(balance.outer), -1)

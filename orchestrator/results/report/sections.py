@@ -31,7 +31,7 @@ _QUANTITIES = [
      "guaranteed upper bound, mostly an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
     ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
      "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
-    ("mesh_bound", "‖σ − σ(u_D)‖ / (‖½(u_D + C⁻¹σ)‖ − ½‖σ − σ(u_D)‖), σ a stress in balance everywhere (Prager–Synge)",
+    ("mesh_bound", "E² = ‖σ − σ(u_D)‖² + 2 ∫ p g, over what ‖u‖ is at least, σ a stress in balance everywhere (Prager–Synge)",
      "guaranteed upper bound of the error of mesh and iterations together, ‖u_D − u‖ / ‖u‖, on the bodies as they are meshed"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
     ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
