@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -146,6 +146,16 @@ class BlackBoxError(OrchestratorError):
 
     def __reduce__(self):
         return BlackBoxError, self._given
+
+
+def told_from(where: str, error: BaseException) -> BaseException:
+    """The error as others tell it: where it was met, another machine say, comes first."""
+    if isinstance(error, InputError):
+        return InputError([replace(problem, found=f"{where}: {problem.found}") for problem in error.problems])
+    if isinstance(error, BlackBoxError):
+        what, *more = error._given
+        return BlackBoxError(f"{where}: {what}", *more)
+    return error
 
 
 class Refusal(Exception):

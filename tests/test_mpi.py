@@ -208,6 +208,7 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == code or code is None and run.returncode != 0
     assert errors.count(message) == 1 and "Traceback" not in errors, errors
+    assert fault == "the rank" or "on rank 1 (" in errors, errors
     assert saved_iteration(results) >= 5 <= len(read_history(results)["iteration"])
 
 
@@ -252,6 +253,19 @@ def test_contact_is_drawn(tmp_path, temporary):
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
     assert (tmp_path / "results/figures/interfaces.png").exists()
+
+
+@pytest.mark.long
+def test_a_node_without_the_code_is_named(tmp_path, temporary):
+    """Of three ranks one finds no FreeFEM: all end, and say whose machine it is."""
+    settings = tmp_path / "endless.yaml"
+    settings.write_text(ENDLESS)
+    ours = sys.executable, "-m", "orchestrator", "run", str(settings), "--output", str(tmp_path / "results"), "--quiet"
+    run = begin(MPIEXEC, "-n", "1", *ours, ":", "-n", "1", "env", "PATH=/nowhere", *ours, ":", "-n", "1", *ours,
+                env=environment(temporary), stdin=subprocess.DEVNULL)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 2 and errors.count("on rank 1 (") == errors.count("no FreeFem++ in the path") == 1, errors
+    assert "Traceback" not in errors
 
 
 @pytest.mark.parametrize("right, wrong, told", [

@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import os
 import pickle
+import platform
 import signal
 import threading
 import time
@@ -20,7 +21,7 @@ import numpy as np
 import psutil
 from mpi4py import MPI
 
-from orchestrator.errors import OrchestratorError
+from orchestrator.errors import OrchestratorError, told_from
 from orchestrator.parallel.team import Elsewhere, Team
 
 _TRACES, _FAILURE, _OBJECT = 1, 2, 3  # tags
@@ -196,6 +197,8 @@ class Ranks(Team):
             pickle.loads(pickle.dumps(error))
         except Exception:  # noqa: BLE001 - whatever an error carries, its text travels
             error = OrchestratorError(f"{type(error).__name__}: {error}")
+        if self.rank:
+            error = told_from(f"on rank {self.rank} ({platform.node()})", error)
         self._open |= {-1 - rank: self._alarm.isend(error, rank, _FAILURE) for rank in range(self.size) if rank != self.rank}
 
     def cause(self, error: BaseException) -> BaseException:
