@@ -78,6 +78,8 @@ def _unknown(scene: Scene):
         elif not alike(scene, i) or not i.law.perfect and not flat(scene, i):
             yield f"a bound of the mesh's error where the sides of {i.name} are curved, or their faces differ"
     for entry in scene.boundary:
+        if entry.forces and entry.forces.bent:
+            yield f"a bound of the mesh's error where the pressure of {entry.name} is not linear on faces: a level runs through them"
         if entry.prescribed and (entry.cells[:, 1] >= 0).any():
             yield f"a bound of the mesh's error where {entry.name} holds faces inside of the mesh"
         if entry.prescribed and not _linear(scene, entry):
