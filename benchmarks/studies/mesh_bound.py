@@ -1,0 +1,73 @@
+"""``output: {mesh_bound: true}`` beside true errors: an L, a hole, a slit, bonded; a punch in contact without friction.
+
+True errors are distances from a graded mesh of ten-node tets in the energy norm, whose own estimated error is added as the other leg of a
+right-angled triangle.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+from benchmarks.kit.apart import apart
+from benchmarks.kit.drawing import BLUE, GREY, panels
+from benchmarks.kit.study import Study
+from benchmarks.studies.accuracy import problem
+from orchestrator import Solution, config_from, solve
+from orchestrator.accuracy.loop import run as refined
+from orchestrator.config.load import Loaded
+from orchestrator.method.stopping.mesh_bound import MeshBounds
+from orchestrator.run import Means
+
+MOST = 3.0  # times the true error
+
+
+def run(study: Study, cases: tuple[str, ...] = ("l_shape", "hole", "slit", "punch"), sizes: tuple[float, ...] = (0.25, 0.12, 0.08),
+        reference: int = 9_000) -> None:
+    """Uniform meshes of four-node tets.
+
+    Parameters
+    ----------
+    sizes : of elements
+    reference : ten-node tets of the graded mesh, about
+    """
+    study.columns = ("case", "size", "elements", "bound", "true_error", "ratio", "estimated", "seconds", "solved_in")
+    figure, (axes,) = panels(1, len(cases), size=(3.6 * len(cases), 3.5))
+    for panel, name in zip(axes, cases):
+        best, estimate = _reference(study, name, reference)
+        rows = [_bounded(study, name, size, best, estimate) for size in sizes]
+        ratios = [row["ratio"] for row in rows]
+        study.target(f"{name}: guaranteed over true error", f"1 to {MOST:g}", f"{min(ratios):.2f} to {max(ratios):.2f}",
+                     1 <= min(ratios) and max(ratios) <= MOST)
+        counts = [row["elements"] for row in rows]
+        panel.loglog(counts, [row["true_error"] for row in rows], "o-", color=GREY, label="true")
+        panel.loglog(counts, [row["bound"] for row in rows], "o-", color=BLUE, label="guaranteed")
+        panel.set(title=name, xlabel="elements")
+        panel.legend()
+    study.figure(figure)
+
+
+def _reference(study: Study, name: str, elements: int) -> tuple[Solution, float]:
+    """The last of meshes that are refined, and its estimated error."""
+    found: list[Solution] = []
+
+    def kept(solution: Solution) -> Solution:
+        found.append(solution)
+        return solution
+
+    made = {**problem(study.folder, name, "P2"), "name": f"{name}-reference", "method": {"accuracy": {"error": 1e-3, "elements": elements}}}
+    refined(Loaded(config_from(made)), output=study.folder / made["name"], quiet=True, means=Means(judge=kept))
+    return found[-1], found[-1].summary["discretisation_error"]
+
+
+def _bounded(study: Study, name: str, size: float, reference: Solution, estimate: float) -> dict[str, object]:
+    """One mesh: its row."""
+    begin = time.perf_counter()
+    solution = solve(config_from({**problem(study.folder, name, "P1", size), "method": {"tolerance": {"error": 1e-4}}}))
+    solved = time.perf_counter()
+    bound = MeshBounds(solution.scene)(solution.sides).relative
+    seconds, true = time.perf_counter() - solved, math.hypot(apart(solution, reference), estimate)
+    row = {"case": name, "size": size, "elements": len(solution.scene.mesh.cells), "bound": bound, "true_error": true, "ratio": bound / true,
+           "estimated": solution.summary["discretisation_error"], "seconds": round(seconds, 2), "solved_in": round(solved - begin, 2)}
+    study.note(row, f"{name}, {row['elements']:,} elements: guaranteed {bound:.2%}, true {true:.2%}, {seconds:.1f} s")
+    return row
