@@ -26,7 +26,7 @@ from orchestrator.method.stopping.stress_element import FACES, TENSOR, StressEle
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import skew
 
-LARGEST = 10_000  # tets of a part: some .4 GB
+LARGEST = 10_000  # tets of a part: from there work and memory grow no faster than the mesh
 DIVISIONS = 3
 GAIN = 0.005  # of the energy, below which another iteration is not worth while
 MOST = 60  # iterations
