@@ -75,6 +75,8 @@ _LISTED = {
                   "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "accuracy": ("studies.accuracy:run",
                  "accuracies that are asked for, beside true errors and uniform meshes: L, hole, slit, punch, ball, grains"),
+    "quantities": ("studies.quantities:run",
+                   "accuracies of displacements and forces at probes, beside true errors and the whole field's seconds"),
     "mesh_bound": ("studies.mesh_bound:run",
                    "the guaranteed bound of the mesh's error beside true errors: L, hole, slit, punch"),
     "gallery": ("studies.gallery:run", "every configuration and tutorial, with a picture: writes docs/gallery.md"),

@@ -43,6 +43,10 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "dual problem": (
         ("output", "probes"), "accuracy {why}", "a scene in which the answer to a small load is linear and known: bonds, contact of bodies "
         "that are held, springs", "remove accuracy there; method.accuracy asks for the whole field's"),
+    "section that ends where something acts": (
+        ("output", "probes"), "accuracy at {name}, whose plane cuts faces that are held, loaded, or may slide on others",
+        "a plane that cuts free faces alone: what acts between it and the nearest tets is another force on every mesh",
+        "move the plane, or ask for the resultant on faces"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

@@ -18,7 +18,7 @@ from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.dual import check_duals
-from orchestrator.method.delivery.quantities import quantities, unit_answers
+from orchestrator.method.delivery.quantities import check_sections, quantities, unit_answers
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
@@ -133,6 +133,8 @@ class _Solving:
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
             self.whole, *_certified(config), config.output.moments_about), balanced=bool(config.accuracies)))
+        if config.accuracies and not team.rank:
+            check_sections(self.whole, config.accuracies)
         self.asked: Wanted = team.share(None if team.rank else Wanted.of(self.whole, list(config.accuracies), (), np.zeros(3)))
         self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 

@@ -227,6 +227,15 @@ def test_duals_tell_what_small_loads_do(law, monkeypatch):
     assert told == pytest.approx(changed, rel=2e-3)
 
 
+@pytest.mark.parametrize("where", [{"plane": "x", "at": 0.5}, {"plane": [1, 0, 1], "at": [0, 0, 1.6]}], ids=["held", "loaded"])
+def test_sections_that_end_where_something_acts_are_refused(where):
+    """They go between tets: what a support or a load does between these and the plane is another force on every mesh."""
+    made = pushed(1.0, law="perfect")
+    made["output"]["probes"] = [{"name": "cut", "section": where, "accuracy": 0.1}]
+    with pytest.raises(InputError, match="accuracy at cut, whose plane cuts faces that are held"):
+        solve(config_from(made))
+
+
 def test_a_quantity_that_is_zero_has_no_accuracy(tmp_path):
     cut = {"name": "cut", "on": "ymin", "quantity": "resultant", "accuracy": 0.1}
     problem = bent({"elements": 2000}, output={"figures": False, "probes": [cut]})

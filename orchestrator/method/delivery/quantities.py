@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.dual import solve_duals
-from orchestrator.method.delivery.flux import lifted
+from orchestrator.method.delivery.flux import cells_of, lifted
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.stopping.element_problems import ElementProblems
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.quantity import Quantity, errors
+from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -24,6 +26,26 @@ from orchestrator.timing import Stopwatch
 def estimator_of(scene: Scene) -> Estimator:
     """Of ten-node tets by a problem in each, of four-node ones by recovered stresses."""
     return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
+
+
+def check_sections(scene: Scene, asked: Collection[str]) -> None:
+    """That what probes of a whole scene mean does not hang on its mesh: a section goes between tets, and what acts on the body between
+    these and the plane counts or not, mesh by mesh.
+
+    Raises Refusal: a plane that cuts faces which are held, loaded, or between bodies that may part
+    """
+    copies, acted = Copies.of(scene), scene.fixed.any(axis=1)
+    for faces in (entry.triangles for entry in scene.boundary):
+        acted[faces] = True
+    for i in scene.interfaces:
+        if not i.law.perfect:
+            for side in (0, 1):
+                acted[scene.side_nodes(i, side)] = True
+    for p in scene.probes:
+        if p.name in asked and isinstance(p, Section):
+            behind, front = (copies.label[copies.cells[side]] for side in cells_of(p, copies))
+            if acted[copies.node[np.isin(copies.label, np.intersect1d(behind, front))]].any():
+                raise Refusal("section that ends where something acts", name=p.name)
 
 
 def unit_answers(d: Decomposition, delivered: Delivered, wanted: Wanted, method, watch: Stopwatch) -> np.ndarray | None:
