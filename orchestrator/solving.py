@@ -192,7 +192,7 @@ class _Solving:
         if team.rank == 0:
             savings.add(self.cases.switch, "load steps", self.cases.left_out)
         with watch("soles"):
-            soles = make_soles(part.scene, method.sole, placement.touched)
+            soles = make_soles(part.scene, method.sole, placement.touched, method.skip.congruent)
         self.told.stage("assembling and factorising")
         check_iterations(len(self.cases.chosen), all(i.law.perfect for i in part.scene.interfaces), method,
                          any(s.remembers for s in part.scene.subdomains) or any(i.law.follows for i in part.scene.interfaces))

@@ -285,3 +285,18 @@ def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed
         assert factor[(met == 1) & ~wall] == pytest.approx(1) and factor[(met == 1) & wall] == pytest.approx(WALL)
         assert (factor[(met == 2) & ~wall] > 1.2).all() and (factor[met == 3] > 1.5).all()
     assert seen == 6  # three nodes on the clamp's rim, of two interfaces
+
+
+@pytest.mark.parametrize("mesh", [CUBES, METIS])
+@pytest.mark.parametrize("kind", KINDS)
+def test_layers_that_are_alike_are_made_once(mesh, kind):
+    """Cubes of equal bricks, whose layers are a few, and irregular parts, all different."""
+    made = config(**mesh)
+    scene = build_scene(made)
+    shared, apart = (make_soles(scene, settings(kind=kind), share=share) for share in (True, False))
+    assert len({id(one.cells) for pair in shared for one in pair}) < len(shared) or mesh is METIS
+    for pair, other in zip(shared, apart):
+        assert (pair[0] is pair[1]) == (other[0] is other[1])
+        for one, two in zip(pair, other):
+            assert np.array_equal(one.cells, two.cells) and np.array_equal(one.young, two.young)
+            assert one.points == pytest.approx(two.points, abs=1e-13)

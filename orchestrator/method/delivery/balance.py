@@ -18,7 +18,7 @@ interfaces that are not perfect. Forces of perfect interfaces within a body canc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,22 +55,51 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     centre, area = np.zeros((count, 3)), np.zeros(count)
     total, weighted = np.zeros((steps, count, 6)), np.zeros((steps, count, 3))
     pressed, size = np.zeros((2, steps, count))
-    for k, i in enumerate(scene.interfaces):
-        if i.subdomains[0] not in here or not len(i.nodes[0]):
-            continue
-        points = scene.side_points(i, 0)
-        each = np.linalg.norm(area_vectors(points, i.triangles), axis=1)
-        area[k] = each.sum()
-        centre[k] = each @ points[i.triangles[:, :3]].mean(axis=1) / area[k] if area[k] else points.mean(axis=0)  # of nodes alone
-        forces, arm = np.zeros((steps, len(points), 3)), points - centre[k]
-        forces[:, i.traced(0)] = f[:, space.sides[k][0]]
-        push = np.einsum("tni,ni->tn", forces, node_normals(points, i.triangles) if i.normals is None else i.normals)
-        total[:, k] = wrench(arm, forces)
-        pressed[:, k], size[:, k], weighted[:, k] = push.sum(axis=1), np.abs(push).sum(axis=1), push @ arm
+    own = [i for i in scene.interfaces if i.subdomains[0] in here and len(i.nodes[0])]
+    if own:
+        of, at = [i.index for i in own], _Surfaces(scene, own)
+        area[of], centre[of] = at.area, at.centre
+        forces = np.zeros((steps, len(at.points), 3))
+        forces[:, np.concatenate([i.traced(0) for i in own])] = f[:, np.concatenate([space.sides[k][0] for k in of])]
+        arm = at.points - np.repeat(at.centre, at.counts, axis=0)
+        push = np.einsum("tni,ni->tn", forces, at.normals)
+        total[:, of, :3], total[:, of, 3:] = at.sums(forces), at.sums(np.cross(arm, forces))
+        pressed[:, of], size[:, of], weighted[:, of] = at.sums(push), at.sums(np.abs(push)), at.sums(push[:, :, None] * arm)
     total, weighted, pressed, size, centre, area = space.team.sum(total, weighted, pressed, size, centre, area)
     known = (np.abs(pressed) > NO_CENTRE * size) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
+
+
+class _Surfaces:
+    """The first sides of interfaces that have nodes, one after the other.
+
+    points, normals : (N, 3); counts : (I,) int, nodes of each; area : (I,); centre : (I, 3) of area, or of nodes alone
+    """
+
+    def __init__(self, scene: Scene, own: Sequence[Interface]):
+        self.counts = np.array([len(i.nodes[0]) for i in own])
+        self._starts = np.cumsum(self.counts) - self.counts
+        self.points = np.concatenate([scene.side_points(i, 0) for i in own])
+        corners = np.concatenate([i.triangles[:, :3] + start for i, start in zip(own, self._starts)])
+        facets = np.repeat(np.arange(len(own)), [len(i.triangles) for i in own])
+        each = np.linalg.norm(area_vectors(self.points, corners), axis=1)
+        self.area = np.bincount(facets, each, len(own))
+        moments = np.stack([np.bincount(facets, each * x, len(own)) for x in self.points[corners].mean(axis=1).T], axis=1)
+        covered = self.area[:, None] > 0
+        self.centre = np.where(covered, moments / np.where(covered, self.area[:, None], 1.0),
+                               self.sums(self.points[None])[0] / self.counts[:, None])
+        self.normals = np.zeros_like(self.points)
+        for width in {i.triangles.shape[1] for i in own}:  # elsewhere they are zero
+            self.normals += node_normals(self.points, np.concatenate(
+                [i.triangles + start for i, start in zip(own, self._starts) if i.triangles.shape[1] == width]))
+        for i, start in zip(own, self._starts):
+            if i.normals is not None:
+                self.normals[start : start + len(i.normals)] = i.normals
+
+    def sums(self, values: np.ndarray) -> np.ndarray:
+        """(T, I, …) of values (T, N, …) over the nodes of each."""
+        return np.add.reduceat(values, self._starts, axis=1)
 
 
 def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants) -> list[dict[str, object]]:

@@ -106,7 +106,9 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
     sides : per subdomain (steps, n_E, 3) displacement
     lost : names of bodies whose place means nothing
     """
-    faces = faces_of(scene.mesh.cells[:, :4], len(scene.mesh.nodes)) if scene.near else None
+    if not scene.near:
+        return []
+    faces = faces_of(scene.mesh.cells[:, :4], len(scene.mesh.nodes))
     parts = {v: _Part(scene, faces, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
     result, volume = [], scene.mesh.volume
     joined = {tuple(sorted(pair)) for i in scene.interfaces for pair in np.unique(volume[i.cells], axis=0).tolist()}

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.scene.congruence import equal, first_congruent
 from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.model import Difficulty, Interface, Scene
@@ -21,13 +22,15 @@ HALVINGS = 3
 FLATNESS = 0.1
 
 
-def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
+def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None, share: bool = True) -> list[tuple[Sole, Sole] | None]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
 
     wanted : per interface; the others get none
+    share : layers on facets that are equal up to a translation are made once
     """
     hard = difficulty(scene) if settings.kind == "auto" else None
     soles: list[tuple[Sole, Sole] | None] = [None] * len(scene.interfaces)
+    layers: dict[int, tuple[str, list[Facets]]] = {}
     for index, interface in enumerate(scene.interfaces):
         if wanted is not None and not wanted[index]:
             continue
@@ -41,9 +44,34 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None) -> 
         kind = "symmetric" if kind == "overlap" else kind
         # of one side for both where they lie upon each other
         upon = together or paired and np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
-        one, *two = (facets_of(scene, interface, settings, kind, side) for side in ((0,) if upon else (0, 1)))
-        soles[index] = soles_of(one, kind, *two)
+        layers[index] = kind, [facets_of(scene, interface, settings, kind, side) for side in ((0,) if upon else (0, 1))]
+    of = list(layers)
+    for index, first in zip(of, _first_alike(list(layers.values())) if share else range(len(of))):
+        kind, (one, *two) = layers[index]
+        if of[first] == index:
+            soles[index] = soles_of(one, kind, *two)
+        else:
+            soles[index] = _elsewhere(soles[of[first]], one.points[0] - layers[of[first]][1][0].points[0])
     return soles
+
+
+def _first_alike(layers: Sequence[tuple[str, list[Facets]]]) -> list[int]:
+    """For each layer the first one that it equals but for a translation: itself if there is none before."""
+    def key(kind: str, sides: list[Facets]) -> tuple:
+        return kind, *((len(f.points), *(x.tobytes() for x in (f.triangles, f.young, f.poisson))) for f in sides)
+
+    def same(i: int, j: int) -> bool:
+        return all(equal(one.thickness, other.thickness) for one, other in zip(layers[i][1], layers[j][1]))
+
+    return first_congruent((key(*layer) for layer in layers), [np.concatenate([f.points for f in sides]) for _, sides in layers],
+                           same).tolist()
+
+
+def _elsewhere(pair: tuple[Sole, Sole], shift: np.ndarray) -> tuple[Sole, Sole]:
+    """The same soles, moved; one and the same object where they are."""
+    one, two = pair
+    moved = replace(one, points=one.points + shift)
+    return moved, moved if two is one else replace(two, points=two.points + shift)
 
 
 def kind_for(hard: Difficulty, interface: Interface) -> str:
