@@ -14,9 +14,9 @@ from orchestrator.method.interface.pairs import History
 from orchestrator.results.report.sections import interface_section
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
-from orchestrator.scene.bolts import fitted
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
+from orchestrator.scene.revolved import cylinder
 from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0
@@ -139,9 +139,10 @@ def test_the_axis_of_a_shank_is_found_from_the_corners_of_its_facets():
     angle, height = rng.uniform(0, 2 * np.pi, 60), rng.uniform(-3, 3, 60)
     frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     points = np.c_[np.cos(angle), np.sin(angle), height] @ frame.T + [5, -2, 7]
-    through, axis = fitted(points, np.array([5.05, -2.04, 7.1]), frame[:, 2] + 0.05 * frame[:, 0])
-    assert abs(axis @ frame[:, 2]) == pytest.approx(1, abs=1e-14)
-    assert np.linalg.norm(np.cross(through - [5, -2, 7], axis)) < 1e-12
+    found = cylinder(points, (frame[:, 2] + 0.05 * frame[:, 0]) / np.hypot(1, 0.05))
+    assert abs(found.axis @ frame[:, 2]) == pytest.approx(1, abs=1e-14)
+    assert np.linalg.norm(np.cross(found.centre - [5, -2, 7], found.axis)) < 1e-12
+    assert found.numbers == pytest.approx([1], abs=1e-12)
 
 
 def test_histories_multiply_jumps_and_gaps():

@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from in_process import IN_PROCESS
 
 from orchestrator import build_scene, config_from, solve
-from orchestrator.scene.interfaces.recognised import recognised
+from orchestrator.scene.revolved import recognised
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.geometry import node_normals
 

@@ -15,6 +15,7 @@ from orchestrator.scene.mesh.geometry import area_vectors, format_point, tet_vol
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
+from orchestrator.scene.revolved import cylinder
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 # Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
@@ -28,8 +29,6 @@ SHORTEST = 0.5
 ROUND = 0.02
 # Parts end beside a shank with faces across its axis, to so many of its radii, within this share of one.
 NEAR, FLAT = 2.0, 1e-3
-# Steps of a fit that squares its error in each, from some hundredths of the radius.
-FIT = 6
 
 
 @dataclass(frozen=True)
@@ -214,36 +213,16 @@ def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
     group = np.zeros(len(radius), dtype=int)
     group[order] = np.cumsum(np.r_[0, np.diff(radius[order]) > ALIKE * radius.max()])
     height = points @ axis
-    best, found = 0.0, None
+    length, found = 0.0, None
     for own in (group == g for g in range(group.max() + 1)):
         low, high = height[own].min(), height[own].max()
-        if high - low > max(best, SHORTEST * radius[own].mean()):
-            best, found = high - low, (low + high) / 2
+        if high - low > max(length, SHORTEST * radius[own].mean()):
+            length, found = float(high - low), (low + high) / 2
             shank = points[own].reshape(-1, 3)
     if found is None:
         return None
-    through, axis = fitted(shank, centre, axis)
-    radius = np.linalg.norm(np.cross(shank - through, axis), axis=1)
+    best = cylinder(shank, axis)
+    radius = np.linalg.norm(np.cross(shank - best.centre, best.axis), axis=1)
     if np.ptp(radius) > ROUND * radius.mean():
         return None
-    return Shank(axis, through + (found - through @ axis) * axis, float(radius.mean()), float(best))
-
-
-def fitted(points: np.ndarray, through: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A point of the axis of the cylinder that points (n, 3) are on, and its direction, by Gauss's and Newton's method from
-    where it nearly is: facets are off their cylinder, and not alike, but their corners are on it."""
-    size = np.ptp(points, axis=0).max()
-    for _ in range(FIT):
-        beside = np.linalg.svd(axis[None])[2][1:]
-        r = points - through
-        along = r @ axis
-        across = r - along[:, None] * axis
-        distance = np.linalg.norm(across, axis=1)
-        outward = across / distance[:, None] @ beside.T
-        # what the distance loses as the axis is shifted and turned, and what a larger radius takes off it
-        rows = np.c_[outward, outward * (along / size)[:, None], np.ones(len(points))]
-        shift = np.linalg.lstsq(rows, distance, rcond=None)[0]
-        through = through + shift[:2] @ beside
-        axis = axis + (shift[2:4] / size) @ beside
-        axis /= np.linalg.norm(axis)
-    return through, axis
+    return Shank(best.axis, best.centre + (found - best.centre @ best.axis) * best.axis, float(radius.mean()), length)

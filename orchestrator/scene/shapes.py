@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.revolved import cylinder, through
 
 # Facets whose normals differ by less than this from their mean make a plane surface.
 PLANE = 1e-6
@@ -56,16 +57,18 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     if len(points) < 6:
         return Shape("curved")
     middles, found = nodes[triangles[:, :3]].mean(axis=1), []
-    centre, radius = _sphere(points)
-    if _fits(np.linalg.norm(points - centre, axis=1), radius, size) and len(points) > 6:
+    shift = points.mean(axis=0)
+    centre, radius = through(points - shift)
+    centre += shift
+    if _fits(np.linalg.norm(points - centre, axis=1) - radius, radius, size) and len(points) > 6:
         found.append((_off(middles - centre, normals), Shape("sphere", None, radius, centre)))
     # facets of a cylinder look across its axis, but for what their size makes of it
-    axis = np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0]
-    axis, radius, off, through = _cylinder(points, axis)
-    if _fits(off, radius, size):
-        arm = middles - through
+    best = cylinder(points, np.linalg.eigh((normals * each[:, None]).T @ normals)[1][:, 0])
+    axis, radius = best.axis, float(best.numbers[0])
+    if _fits(best.at(points)[0], radius, size):
+        arm = middles - best.centre
         found.append((_off(arm - np.outer(arm @ axis, axis), normals),
-                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius, through)))
+                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius, best.centre)))
     # the nodes of two rings are on a cylinder and on a sphere: the facets between them tell which
     return min(found, key=lambda each: each[0])[1] if found else Shape("curved")
 
@@ -76,33 +79,5 @@ def _off(arms: np.ndarray, normals: np.ndarray) -> float:
 
 
 def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
-    return 0 < radius < FLATTEST * size and bool(np.abs(distance - radius).max() <= ROUND * radius)
-
-
-def _sphere(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius by |x|² = 2 c·x + r² − c²."""
-    shift = points.mean(axis=0)
-    x = points - shift
-    found = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), (x**2).sum(axis=1), rcond=None)[0]
-    return shift + found[:3], float(np.sqrt(max(found[3] + found[:3] @ found[:3], 0.0)))
-
-
-def _cylinder(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-    """Axis, radius, distances from the axis (n,) and a point (3,) of it, of the cylinder that fits best, near a direction."""
-    from scipy.optimize import least_squares  # for what is inspected alone
-
-    x = points - points.mean(axis=0)
-    across = np.linalg.svd(axis[None])[2][1:]  # (2, 3) orthonormal, across the axis
-    flat = x @ across.T
-    found = np.linalg.lstsq(np.column_stack([2 * flat, np.ones(len(x))]), (flat**2).sum(axis=1), rcond=None)[0]
-    radius = float(np.sqrt(max(found[2] + found[:2] @ found[:2], 0.0)))
-
-    def turned(tilt: np.ndarray) -> np.ndarray:
-        return (axis + tilt @ across) / np.sqrt(1 + tilt @ tilt)
-
-    def distance(of: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(np.cross(x - of[2:4] @ across, turned(of[:2])), axis=1)
-
-    best = least_squares(lambda of: distance(of) - of[4], np.r_[0.0, 0.0, found[:2], radius],
-                         x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
-    return turned(best[:2]), float(best[4]), distance(best), points.mean(axis=0) + best[2:4] @ across
+    """Whether points at distances (n,) from a round surface lie on it, and it is no flatter than can be told."""
+    return 0 < radius < FLATTEST * size and bool(np.abs(distance).max() <= ROUND * radius)

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Body
-from orchestrator.scene.interfaces.recognised import recognised
 from orchestrator.scene.mesh.faces import Faces, components, pack
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.revolved import recognised
 
 # Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
 # of a hexagonal nut is plane.

@@ -1,4 +1,4 @@
-"""Cylinders, cones, spheres and tori that the nodes of a face lie on: their normals in the place of the facets'.
+"""Cylinders, cones, spheres and tori that points lie on, by least squares; their normals in the place of facets'.
 
 Facets on a surface of radius R lean by some h/8R, each its own way, and so do their means around nodes. Sides that slide would climb
 these leanings and wedge. Where all nodes lie on one of these surfaces, normals are its own.
@@ -29,7 +29,7 @@ NONE = 1e-9  # a share of directions that is rounding
 
 
 @dataclass(frozen=True)
-class Shape:
+class Revolved:
     """Where a surface is.
 
     centre, axis : (3,); numbers : (1 or 2,)
@@ -50,13 +50,16 @@ class Shape:
         length = np.linalg.norm(off, axis=1)
         return self.measured(length, off / np.where(length > 0, length, 1.0)[:, None], along, self.axis, *self.numbers)
 
-    def nearer(self, x: np.ndarray) -> Shape:
-        """After a step towards points (n, 3)."""
-        distance, normal, slopes = self.at(x)
-        slopes = np.hstack([-normal, cross(normal, x - self.centre), slopes])
-        step = np.linalg.lstsq(slopes, -distance, rcond=NONE)[0]
-        axis = self.axis + np.cross(step[3:6], self.axis)
-        return replace(self, centre=self.centre + step[:3], axis=axis / np.linalg.norm(axis), numbers=self.numbers + step[6:])
+    def fitted(self, x: np.ndarray) -> Revolved:
+        """The same moved onto points (n, 3), of an extent of about one, as well as can be."""
+        now = self
+        for _ in range(STEPS):
+            distance, normal, slopes = now.at(x)
+            slopes = np.hstack([-normal, cross(normal, x - now.centre), slopes])
+            step = np.linalg.lstsq(slopes, -distance, rcond=NONE)[0]
+            axis = now.axis + np.cross(step[3:6], now.axis)
+            now = replace(now, centre=now.centre + step[:3], axis=axis / np.linalg.norm(axis), numbers=now.numbers + step[6:])
+        return now
 
 
 def _cylinder(length, out, along, axis, radius):
@@ -83,6 +86,21 @@ def _sphere(length, out, along, axis, radius):
     return distance, normal, slopes[:, 1:]
 
 
+def through(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre and radius of the circle or sphere that points (n, 2 or 3) fit best by |x|² = 2 c·x + r² − c²; 0: there is none."""
+    *centre, rest = np.linalg.lstsq(np.c_[2 * points, np.ones(len(points))], np.sum(points**2, axis=1), rcond=None)[0]
+    return np.array(centre), float(np.sqrt(max(rest + np.square(centre).sum(), 0.0)))
+
+
+def cylinder(points: np.ndarray, axis: np.ndarray) -> Revolved:
+    """The cylinder that points (n, 3) fit best, from about its axis (3,) on."""
+    middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    x, across = (points - middle) / size, np.linalg.svd(axis[None])[2][1:]
+    centre, radius = through(x @ across.T)
+    found = Revolved(centre @ across, axis, np.array([radius]), _cylinder).fitted(x)
+    return replace(found, centre=middle + size * found.centre, numbers=size * found.numbers)
+
+
 def recognised(x: np.ndarray, normals: np.ndarray, off: float) -> np.ndarray | None:
     """(n, 3) unit normals at nodes (n, 3) of the surface that they lie on; None where they lie on none, or on a plane.
 
@@ -95,42 +113,33 @@ def recognised(x: np.ndarray, normals: np.ndarray, off: float) -> np.ndarray | N
     middle = x.mean(axis=0)
     scaled = (x - middle) / size
     for shape in _first(scaled, normals):
-        for _ in range(STEPS):
-            shape = shape.nearer(scaled)
-        distance, found, _ = shape.at(scaled)
+        distance, found, _ = shape.fitted(scaled).at(scaled)
         if np.abs(distance).max() <= ON * off / size:
             return found * np.sign(np.einsum("ni,ni->n", found, normals))[:, None]
     return None
 
 
-def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Shape]:
+def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Revolved]:
     """What the nodes may lie on, straight ones first: two circles about an axis are on spheres, too."""
     share, directions = np.linalg.eigh(normals.T @ normals / len(normals))
     if share[1] < NONE:
         return
     axis, plane = directions[:, 0], directions[:, 1:]
-    (*middle, radius), right = _circle(x @ plane)
-    if right:
-        yield Shape(plane @ middle, axis, np.array([radius]), _cylinder)
+    middle, radius = through(x @ plane)
+    if radius > 0:
+        yield Revolved(plane @ middle, axis, np.array([radius]), _cylinder)
     turned, centre = _axis(x, normals)
     along = (x - centre) @ turned
     length = np.linalg.norm(x - centre - along[:, None] * turned, axis=1)
-    if right:
-        yield Shape(plane @ middle, axis, np.array([radius, 0.0]), _cone)
+    if radius > 0:
+        yield Revolved(plane @ middle, axis, np.array([radius, 0.0]), _cone)
     rises, at = np.linalg.lstsq(np.c_[along, np.ones(len(along))], length, rcond=None)[0]
-    yield Shape(centre, turned, np.array([at, np.arctan(-rises)]), _cone)
-    solution = np.linalg.lstsq(np.c_[2 * x, np.ones(len(x))], np.sum(x**2, axis=1), rcond=None)[0]
-    yield Shape(solution[:3], axis, np.array([np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0))]), _sphere)
-    (radius, up, tube), right = _circle(np.c_[length, along])
-    if right:
-        yield Shape(centre + up * turned, turned, np.array([radius, tube]), _torus)
-
-
-def _circle(at: np.ndarray) -> tuple[tuple[float, float, float], bool]:
-    """Centre and radius of the circle through points (n, 2) by linear least squares, and whether there is one."""
-    solution = np.linalg.lstsq(np.c_[2 * at, np.ones(len(at))], np.sum(at**2, axis=1), rcond=None)[0]
-    square = solution[2] + solution[0] ** 2 + solution[1] ** 2
-    return (solution[0], solution[1], float(np.sqrt(max(square, 0.0)))), bool(square > 0)
+    yield Revolved(centre, turned, np.array([at, np.arctan(-rises)]), _cone)
+    middle, radius = through(x)
+    yield Revolved(middle, axis, np.array([radius]), _sphere)
+    (radius, up), tube = through(np.c_[length, along])
+    if tube > 0:
+        yield Revolved(centre + up * turned, turned, np.array([radius, tube]), _torus)
 
 
 def _axis(x: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
