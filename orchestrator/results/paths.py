@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results.extremes import DISPLACEMENT, STRESS, components_of_displacement, components_of_stress
+from orchestrator.results.extremes import DISPLACEMENT, STRESS
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.probes import at_points
 from orchestrator.scene.conditions.probes import Line
-from orchestrator.scene.mesh.quadratic import tet_functions
 from orchestrator.scene.model import Scene
 
 NAME = "paths.csv"
@@ -25,16 +25,10 @@ def read_paths(scene: Scene, nodal: Nodal) -> list[dict[str, object]]:
 
 
 def _read(probe: Line, nodal: Nodal) -> dict[str, object]:
-    fields, there = nodal.fields, probe.cells >= 0
-    cells, weights = probe.cells[there], probe.weights[there]
-    stress = probe.quantity == "stress"
-    names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
-    nodes = (nodal.corner if stress else fields.cells)[cells]
-    shape = weights if stress else np.array([tet_functions(w, fields.cells.shape[1]) for w in weights])
-    values = np.full((fields.steps, len(there), len(names)), np.nan)
-    for step in range(fields.steps):
-        own = (nodal.stress(step) if stress else fields.displacement[step])[nodes]
-        values[step, there] = components(np.einsum("na,nai->ni", shape, own))
+    there = probe.cells >= 0
+    names, found = at_points(probe.quantity, probe.cells[there], probe.weights[there], nodal)
+    values = np.full((len(found), len(there), len(names)), np.nan)
+    values[:, there] = found
     return {"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
             "values": {name: values[:, :, k] for k, name in enumerate(names)}}
 

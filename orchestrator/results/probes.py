@@ -40,14 +40,23 @@ def _told(probe: Point | Section | Surface, quantity: str, of: str, names: Seque
     return told if known else told | {"why": FOREIGN}
 
 
+def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Nodal) -> tuple[Sequence[str], np.ndarray]:
+    """Names of the components of displacement or stress, and (T, n, components) their values at points of tets.
+
+    cells : (n,) int; weights : (n, 4) barycentric coordinates there
+    """
+    fields = nodal.fields
+    if quantity == "stress":
+        at = nodal.corner[cells]
+        sigma = [np.einsum("na,nai->ni", weights, nodal.stress(step)[at]) for step in range(fields.steps)]
+        return STRESS, components_of_stress(np.array(sigma))
+    shape = np.array([tet_functions(w, fields.cells.shape[1]) for w in weights])
+    return DISPLACEMENT, components_of_displacement(np.einsum("na,tnai->tni", shape, fields.displacement[:, fields.cells[cells]]))
+
+
 def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
-    fields, cell = nodal.fields, probe.cell
-    if probe.quantity == "stress":
-        sigma = np.array([probe.weights @ nodal.stress(step)[nodal.corner[cell]] for step in range(fields.steps)])
-        return _told(probe, "point", "stress", STRESS, components_of_stress(sigma), at=probe.at)
-    shape = tet_functions(probe.weights, fields.cells.shape[1])
-    u = np.einsum("a,tai->ti", shape, fields.displacement[:, fields.cells[cell]])
-    return _told(probe, "point", "displacement", DISPLACEMENT, components_of_displacement(u), at=probe.at)
+    names, values = at_points(probe.quantity, np.array([probe.cell]), probe.weights[None], nodal)
+    return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 
 def _forces(probe: Section | Surface, fields: Fields, copies: Copies, parts: Sequence[np.ndarray]) -> dict[str, object]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,20 +130,10 @@ def probes_over_steps(summary: Mapping[str, object]) -> Figure | None:
     kinds = [kind for kind in _DRAWN if any(probe["of"] == kind for probe in found)]
     if (summary.get("load_steps") or 1) < 2 or not kinds:
         return None
-    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(kinds))
-    for axes, kind in zip(figure.subplots(len(kinds), squeeze=False)[:, 0], kinds):
-        curves = [(f"{probe['name']} {name}", probe["values"][name]) for probe in found if probe["of"] == kind for name in _DRAWN[kind]]
-        curves = [(name, values) for name, values in curves if any(values)]
-        for k, (name, values) in enumerate(curves):
-            axes.plot(range(1, len(values) + 1), values, color=COLOURS[k % len(COLOURS)], marker="o", markersize=4, label=name)
-        unit = units[_UNIT[kind]]
-        axes.set(xlabel="load step", ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
-        axes.xaxis.get_major_locator().set_params(integer=True)
-        tidy(axes)
-        if curves:
-            axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.subplots_adjust(left=0.13, right=0.72, top=0.97, bottom=0.18 / len(kinds), hspace=0.35)
-    return figure
+    return _panels(summary, [
+        ("load step", kind, range(1, summary["load_steps"] + 1),
+         [(f"{probe['name']} {name}", probe["values"][name]) for probe in found if probe["of"] == kind for name in _DRAWN[kind]])
+        for kind in kinds])
 
 
 def along_paths(summary: Mapping[str, object]) -> Figure | None:
@@ -151,19 +141,28 @@ def along_paths(summary: Mapping[str, object]) -> Figure | None:
     found = jsonable(summary.get("paths")) or []
     if not found:
         return None
-    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(found))
-    for axes, path in zip(figure.subplots(len(found), squeeze=False)[:, 0], found):
-        kind, count = path["of"], len(next(iter(path["values"].values())))
-        curves = [(f"{name}, load step {step + 1}" if count > 1 else name, path["values"][name][step])
-                  for step in range(count)[-LATEST:] for name in _DRAWN[kind]]
+    length, panels = units_of(summary)["length"], []
+    for path in found:
+        count = len(next(iter(path["values"].values())))
+        panels.append((f"distance along {path['name']}" + (length and "," + length), path["of"], path["distance"], [
+            (f"{name}, load step {step + 1}" if count > 1 else name, path["values"][name][step])
+            for step in range(count)[-LATEST:] for name in _DRAWN[path["of"]]]))
+    return _panels(summary, panels)
+
+
+def _panels(summary: Mapping[str, object], panels: Sequence[tuple[str, str, Sequence[float], list[tuple[str, Sequence[float]]]]]) -> Figure:
+    """Below each other: what is across, the kind of what is up, places, and curves by name; of curves that are zero none is drawn."""
+    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(panels))
+    for axes, (across, kind, places, curves) in zip(figure.subplots(len(panels), squeeze=False)[:, 0], panels):
         curves = [(name, values) for name, values in curves if any(values)]
         for k, (name, values) in enumerate(curves):
-            axes.plot(path["distance"], np.array(values, dtype=float), color=COLOURS[k % len(COLOURS)], marker=".", label=name)
-        unit, length = units[_UNIT[kind]], units["length"]
-        axes.set(xlabel=f"distance along {path['name']}" + (length and "," + length),
-                 ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
+            axes.plot(places, np.array(values, dtype=float), color=COLOURS[k % len(COLOURS)], marker="o", markersize=3, label=name)
+        unit = units[_UNIT[kind]]
+        axes.set(xlabel=across, ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
+        if isinstance(places, range):
+            axes.xaxis.get_major_locator().set_params(integer=True)
         tidy(axes)
         if curves:
-            axes.legend(fontsize=7.5, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.subplots_adjust(left=0.13, right=0.68, top=0.97, bottom=0.18 / len(found), hspace=0.45)
+            axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.subplots_adjust(left=0.13, right=0.7, top=0.97, bottom=0.18 / len(panels), hspace=0.4)
     return figure

@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.figures.plotting import short
 from orchestrator.results.summary.contact_faces import shape
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 
 # Of the sheet's width: gap between faces, height of a name below one, width of a letter; of the sheet's height over its width.
 _GAP, _LINE, _LETTER, _TALLEST = 0.03, 0.026, 0.0095, 0.6
@@ -128,10 +129,8 @@ def _packed(sizes: np.ndarray, wide: np.ndarray) -> tuple[float, np.ndarray, flo
 
 
 def _rims(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    _, first, count = np.unique(pairs, axis=0, return_index=True, return_counts=True)
-    triangle, edge = np.divmod(first[count == 1], 3)
-    return np.stack([corners[triangle, edge], corners[triangle, (edge + 1) % 3]], axis=1)
+    edge = edges_of(triangles, TRIANGLE_EDGES)[1]
+    return corners[:, TRIANGLE_EDGES][np.bincount(edge.ravel())[edge] == 1]
 
 
 def shares(corners: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.view import Look, NO_LINES
 from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 
 SHARP = 30.0  # degrees by which neighbouring faces turn
 
@@ -42,18 +43,17 @@ def edges(nodes: np.ndarray, triangles: np.ndarray, part: np.ndarray | None = No
     part : (k,) int, of each triangle; none: they are one
     sharp : degrees; 180 for rims and borders only
     """
-    pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(triangles)), 3)
-    key = pairs[:, 0] * np.int64(len(nodes)) + pairs[:, 1]
+    ends, edge = edges_of(triangles, TRIANGLE_EDGES)
+    owner, key = np.repeat(np.arange(len(triangles)), 3), edge.ravel()
     label = np.zeros(len(key), dtype=int) if part is None else np.asarray(part, dtype=int)[owner]
     order = np.lexsort((label, key))
-    key, label, owner, pairs = key[order], label[order], owner[order], pairs[order]
+    key, label, owner = key[order], label[order], owner[order]
     normal = area_vectors(nodes, triangles)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     inner = key[1:] == key[:-1]  # a triangle and the next one share the edge
     smooth = inner & (label[1:] == label[:-1]) & (np.einsum("ij,ij->i", normal[owner[1:]], normal[owner[:-1]]) >= np.cos(np.radians(sharp)))
     shared = np.r_[False, smooth] | np.r_[smooth, False]
-    return np.unique(pairs[~shared], axis=0)
+    return ends[np.unique(key[~shared])]
 
 
 def box_edges(points: np.ndarray) -> np.ndarray:

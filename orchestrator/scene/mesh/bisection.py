@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import barycentric
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
 from orchestrator.scene.mesh.size_map import SizeMap, edge_lengths
 
-FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])  # outward, opposite to each corner
 # A half has half the volume: tets that are cut from this size on end within a factor of 2^(1/6) of what is asked, either way.
 OFF = 2 ** (1 / 6)
 MANY = 1 << 31  # more than nodes, so that two of them make one key
@@ -48,16 +48,11 @@ class _Parts:
 
     def __init__(self, mesh: Mesh):
         self.nodes, self.cells, self.volume = mesh.nodes, mesh.cells, mesh.volume
-        corners = np.sort(self.cells[:, FACES].reshape(-1, 3), axis=1)
+        keys = pack(self.cells[:, LOCAL_FACES].reshape(-1, 3), len(self.nodes))
         self.named: list[tuple[str, ...]] = [()]
-        tags, known = np.zeros(len(corners), dtype=int), {(): 0}
-        n = len(self.nodes)
-        keys = (corners[:, 0] * n + corners[:, 1]).astype(np.int64)
+        tags, known = np.zeros(len(keys), dtype=int), {(): 0}
         for name, triangles in mesh.surfaces.items():
-            own = np.sort(triangles[:, :3], axis=1)
-            picked = np.flatnonzero(np.isin(keys, own[:, 0] * n + own[:, 1]))
-            found = set(map(tuple, own.tolist()))
-            on = picked[[tuple(row) in found for row in corners[picked].tolist()]] if len(picked) else picked
+            on = np.flatnonzero(np.isin(keys, pack(triangles[:, :3], len(self.nodes))))
             for old in np.unique(tags[on]):
                 both = (*self.named[old], name)
                 if both not in known:
@@ -68,7 +63,7 @@ class _Parts:
 
     def surfaces(self) -> dict[str, np.ndarray]:
         """Name → (k, 3) int, outward triangles."""
-        triangles, tags = self.cells[:, FACES].reshape(-1, 3), self.tags.ravel()
+        triangles, tags = self.cells[:, LOCAL_FACES].reshape(-1, 3), self.tags.ravel()
         names = dict.fromkeys(name for both in self.named for name in both)
         return {name: triangles[np.isin(tags, [k for k, both in enumerate(self.named) if name in both])] for name in names}
 
