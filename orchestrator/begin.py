@@ -43,7 +43,7 @@ def begin(target: Path, sources: Sequence[Path], h: float | None) -> list[str]:
         with open(target, "x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError:
-        raise wrong((), f"{target}, which is there already", "a file that is not", "name another one") from None
+        raise wrong((), f"{target}, which is there already", "the name of a new file", "name another one, or remove it") from None
     except OSError as error:
         raise wrong((), f"{target}: {error.strerror}", "a place that can be written to", "name another one") from error
     return [*remarks, f"{target} is written: look for EDIT in it, then",

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional, TypeVar
 
 import typer
 
@@ -17,7 +17,15 @@ from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, NOT_CONVERGED
 from orchestrator.guarded import guard_streams, guarded, heard, lost_output
 from orchestrator.registry import CODES
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+if TYPE_CHECKING:
+    from orchestrator.config.model import Config
+
+Answer = TypeVar("Answer")
+
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, epilog=(
+    "A first run: orchestrator init my.yaml, orchestrator check my.yaml, orchestrator run my.yaml. Of a command's options: COMMAND --help."))
+# what commands are listed under
+BEGIN, SOLVE, RESULTS, REST = "To begin", "To solve", "Results", "Installation, codes of your own, studies"
 
 
 def _version(asked: bool) -> None:
@@ -34,14 +42,17 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
     """Multiscale domain decomposition around an untouched finite element code."""
 
 
-def command(does: Callable[..., int | None]) -> Callable[..., int | None]:
-    """A command that ends with the exit code it returns, 0 for None, or as its error says."""
-    @app.command()
-    @wraps(does)
-    def ended(**options: object) -> None:
-        guarded(lambda: does(**options) or CONVERGED)
+def command(panel: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
+    """A command, listed under ``panel``, that ends with the exit code it returns, 0 for None, or as its error says."""
+    def entered(does: Callable[..., int | None]) -> Callable[..., int | None]:
+        @app.command(rich_help_panel=panel)
+        @wraps(does)
+        def ended(**options: object) -> None:
+            guarded(lambda: does(**options) or CONVERGED)
 
-    return does
+        return does
+
+    return entered
 
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
@@ -51,7 +62,91 @@ RunPrograms = Annotated[bool, typer.Option(
     "--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
 
 
-@command
+def _asked_of(path: Path, overrides: list[str] | None, ask: Callable[[Config], Answer]) -> Answer:
+    """What ``ask`` finds of a configuration; its errors say where in the file they are."""
+    from orchestrator.config.load import load_config, located
+
+    loaded = load_config(path, overrides or [])
+    try:
+        return ask(loaded.config)
+    except InputError as error:
+        raise located(error, loaded) from error
+
+
+@command(BEGIN)
+def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...", help=(
+             "the YAML file to write, none: called as the first of the others; then mesh, STEP and BREP files, none: a beam"))],
+         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files; none: by thickness and curvature")] = None
+         ) -> int | None:
+    """Write a commented configuration to begin with: names, pairs and bolts of the files filled in."""
+    from orchestrator.begin import begin
+
+    named = files[0].suffix.lower() in (".yaml", ".yml")
+    print(visible("\n".join(begin(files[0] if named else Path(f"{files[0].stem}.yaml".removeprefix("gmsh:")), files[named:], h))))
+
+
+@command(BEGIN)
+def check(config: ConfigFile, overrides: Overrides = None,
+          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
+          run_programs: RunPrograms = False) -> int | None:
+    """Show everything wrong with a configuration and its mesh; solve nothing."""
+    def lines(config: Config) -> list[str]:
+        if syntax_only:
+            return ["OK"]
+        from orchestrator.inspect import checked
+
+        return checked(config, run_programs)
+
+    print(visible("\n".join(_asked_of(config, overrides, lines))))
+
+
+@command(BEGIN)
+def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
+            overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
+            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
+            graph: Annotated[Optional[Path], typer.Option(metavar="FILE.png|-", help=(
+                "list the graph of parts, codes and interfaces of CONFIG instead, and draw it; -: list it only"))] = None,
+            run_programs: RunPrograms = False) -> int | None:
+    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
+    from orchestrator.inspect import inspected, listed, model_html
+
+    if graph is not None:
+        return _graph(source, overrides, graph, html, run_programs)
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        lines, mesh = inspected(source, h)
+    else:
+        lines, mesh = _asked_of(source, overrides, lambda config: listed(config, run_programs))
+    print(visible("\n".join(lines)))
+    if html is not None:
+        from orchestrator.results.sealed import write_sealed
+
+        write_sealed(html, model_html(mesh))
+
+
+def _graph(source: Path, overrides: list[str] | None, target: Path, html: Path | None, run_programs: bool) -> None:
+    """Lists the graph of a configuration, and draws it unless ``target`` is -."""
+    from orchestrator.inspect import graphed
+    from orchestrator.optional import check_there
+    from orchestrator.results.sealed import write_sealed
+
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
+    if html is not None:
+        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
+    drawn = str(target) != "-"
+    if drawn and target.suffix.lower() != ".png":
+        raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
+    if drawn:
+        check_there("matplotlib")
+    graph = _asked_of(source, overrides, lambda config: graphed(config, run_programs))
+    print(visible("\n".join(graph.lines())))
+    if drawn:
+        from orchestrator.results.figures.graph import draw_graph
+
+        write_sealed(target, draw_graph(graph))
+
+
+@command(SOLVE)
 def run(config: ConfigFile, overrides: Overrides = None,
         output: Annotated[Optional[Path], typer.Option(help="results folder, instead of the one in CONFIG")] = None,
         resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in the results folder")] = False,
@@ -104,7 +199,7 @@ def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: ob
             raise located(cause, loaded) if isinstance(cause, InputError) else error
 
 
-@command
+@command(SOLVE)
 def sweep(config: ConfigFile,
           vary: Annotated[Optional[list[str]], typer.Option(
               metavar="KEY=VALUE,VALUE", help="what to vary, such as bolts.0.force=5e3,1e4; bolts.*.force varies all together "
@@ -115,7 +210,7 @@ def sweep(config: ConfigFile,
           resume: Annotated[bool, typer.Option("--resume", help="run no variant again that the folder has")] = False,
           figures: Annotated[bool, typer.Option("--figures", help="draw every variant, not only the table")] = False,
           quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
-    """Run a configuration with different values: a table, a picture, and a results folder for each; exit code: the largest of theirs."""
+    """Run a configuration with different values: a table, a picture, and a results folder for each."""
     from orchestrator.parallel.team import join
     from orchestrator.sweep.variants import variants_of
 
@@ -125,102 +220,10 @@ def sweep(config: ConfigFile,
     variants = variants_of(vary or [], zipped)
     from orchestrator.sweep.sweep import Sweep
 
-    return Sweep(config, overrides or [], variants, output or _beside(config), figures, quiet).run(resume)
+    return Sweep(config, overrides or [], variants, output or Path("results") / f"{config.stem}_sweep", figures, quiet).run(resume)
 
 
-def _beside(config: Path) -> Path:
-    """Folder of a sweep that names none."""
-    return Path("results") / f"{config.stem}_sweep"
-
-
-@command
-def check(config: ConfigFile, overrides: Overrides = None,
-          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
-          run_programs: RunPrograms = False) -> int | None:
-    """Show everything wrong with a configuration and its mesh; solve nothing."""
-    from orchestrator.config.load import load_config, located
-
-    loaded = load_config(config, overrides or [])
-    if syntax_only:
-        print("OK")
-        return None
-    from orchestrator.inspect import checked
-
-    try:
-        print(visible("\n".join(checked(loaded.config, run_programs))))
-    except InputError as error:
-        raise located(error, loaded) from error
-
-
-@command
-def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
-            overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
-            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
-            graph: Annotated[Optional[Path], typer.Option(metavar="FILE.png|-", help=(
-                "list the graph of parts, codes and interfaces of CONFIG instead, and draw it; -: list it only"))] = None,
-            run_programs: RunPrograms = False) -> int | None:
-    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
-    from orchestrator.config.load import load_config, located
-    from orchestrator.inspect import inspected, listed, model_html
-
-    if graph is not None:
-        return _graph(source, overrides or [], graph, html, run_programs)
-    if source.suffix.lower() not in (".yaml", ".yml"):
-        lines, mesh = inspected(source, h)
-    else:
-        loaded = load_config(source, overrides or [])
-        try:
-            lines, mesh = listed(loaded.config, run_programs)
-        except InputError as error:
-            raise located(error, loaded) from error
-    print(visible("\n".join(lines)))
-    if html is not None:
-        from orchestrator.results.sealed import write_sealed
-
-        write_sealed(html, model_html(mesh))
-
-
-def _graph(source: Path, overrides: list[str], target: Path, html: Path | None, run_programs: bool) -> None:
-    """Lists the graph of a configuration, and draws it unless ``target`` is -."""
-    from orchestrator.config.load import load_config, located
-    from orchestrator.inspect import graphed
-    from orchestrator.optional import check_there
-    from orchestrator.results.sealed import write_sealed
-
-    if source.suffix.lower() not in (".yaml", ".yml"):
-        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
-    if html is not None:
-        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
-    drawn = str(target) != "-"
-    if drawn and target.suffix.lower() != ".png":
-        raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
-    if drawn:
-        check_there("matplotlib")
-    loaded = load_config(source, overrides)
-    try:
-        graph = graphed(loaded.config, run_programs)
-    except InputError as error:
-        raise located(error, loaded) from error
-    print(visible("\n".join(graph.lines())))
-    if drawn:
-        from orchestrator.results.figures.graph import draw_graph
-
-        write_sealed(target, draw_graph(graph))
-
-
-@command
-def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...", help=(
-             "the YAML file to write, none: called as the first of the others; then mesh, STEP and BREP files, none: a beam"))],
-         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files; none: by thickness and curvature")] = None
-         ) -> int | None:
-    """Write a commented configuration to begin with: names, pairs and bolts of the files filled in."""
-    from orchestrator.begin import begin
-
-    named = files[0].suffix.lower() in (".yaml", ".yml")
-    print(visible("\n".join(begin(files[0] if named else Path(f"{files[0].stem}.yaml".removeprefix("gmsh:")), files[named:], h))))
-
-
-@command
+@command(RESULTS)
 def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")],
            cut: Annotated[Optional[str], typer.Option(metavar="AXIS=PLACE", help="show the inside, cut at a plane: x=80")] = None,
            parts: Annotated[Optional[list[str]], typer.Option(help="draw this part alone, shell wildcards allowed (repeatable)")] = None,
@@ -237,7 +240,7 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
     write(directory, _figures(cut, parts, view, steps, scale), interactive, animate)
 
 
-@command
+@command(RESULTS)
 def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results folder")],
             other: Annotated[Path, typer.Argument(metavar="B", help="another one")],
             tolerance: Annotated[float, typer.Option(min=0.0, help="by how much numbers may differ, relative")] = 1e-9,
@@ -259,7 +262,7 @@ def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results fol
     return NOT_CONVERGED if found.beyond else CONVERGED
 
 
-@command
+@command(RESULTS)
 def export(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder, or a sweep's")],
            target: Annotated[Path, typer.Argument(
                metavar="FILE", help="NAME.xlsx, a sheet for each table; or NAME.parquet, a file for each")]) -> int | None:
@@ -269,7 +272,39 @@ def export(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
     print(visible("\n".join(map(str, write(directory, target)))))
 
 
-@command
+@command(REST)
+def doctor() -> int | None:
+    """Tell whether all that runs need is installed (else exit code 2), and which other codes and packages are there."""
+    from orchestrator.blackbox.start import doctor as codes
+    from orchestrator.loops import examine
+
+    lines = codes() + examine()  # with it all loops of contact are compiled, so that nobody's first run has to
+    print("\n".join(lines))
+    return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
+
+
+@command(REST)
+def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '.join(CODES)}, or your own: solver.py")],
+                transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
+                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> int | None:
+    """Run a code against the black box protocol: is it fit to take part?"""
+    from orchestrator.blackbox.trial.trial import try_out
+
+    return try_out(code, transport, timeout)
+
+
+@command(REST)
+def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
+    """Print the JSON schema of configurations, for editors that complete and check as one types."""
+    if keys:
+        from orchestrator.config.reference import reference as write
+    else:
+        from orchestrator.config.reference import schema as write
+
+    print(write(), end="")
+
+
+@command(REST)
 def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
           overrides: Annotated[Optional[list[str]], typer.Option(
               "--set", metavar="KEY=VALUE", help="change a setting of the study, if it has any (repeatable)")] = None,
@@ -282,7 +317,7 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
     if name in STUDIES:
         run_study(name, output, overrides or [], resume)
         return None
-    listing = "\n".join(f"  {key:12} {line}" for key, line in STUDIES.items())
+    listing = "\n".join(f"  {key:{max(map(len, STUDIES))}} {line}" for key, line in STUDIES.items())
     if name is None:
         print(f"Studies:\n{listing}")
         return None
@@ -299,39 +334,6 @@ def _find_benchmarks() -> None:
                     "a clone of the project: studies are in its repository, wheels do not have them",
                     "run it in a clone, after `make setup`")
     sys.path.insert(0, str(clone))
-
-
-@command
-def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '.join(CODES)}, or your own: solver.py")],
-                transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
-                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> int | None:
-    """Run a code against the black box protocol: is it fit to take part?"""
-    from orchestrator.blackbox.trial.trial import try_out
-
-    return try_out(code, transport, timeout)
-
-
-@command
-def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
-    """Print the JSON schema of configurations, for editors that complete and check as one types."""
-    if keys:
-        from orchestrator.config.reference import reference as write
-    else:
-        from orchestrator.config.reference import schema as write
-
-    print(write(), end="")
-
-
-@command
-def doctor() -> int | None:
-    """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes and packages are there; compile all
-    loops of contact, so that nobody's first run has to."""
-    from orchestrator.blackbox.start import doctor as codes
-    from orchestrator.loops import examine
-
-    lines = codes() + examine()
-    print("\n".join(lines))
-    return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ def write_sealed(path: Path, content: bytes) -> None:
     try:
         if path.is_symlink() or path.exists() and not _sealed(path.read_bytes()):
             raise wrong((), f"{path}, which is there already and was not written by this program, or changed since",
-                        "a file that is not, or one of an earlier call", "name another one, or remove it")
+                        "a new file, or one that an earlier call has written", "name another one, or remove it")
         path.write_bytes(content + f"\n<!-- orchestrator {hashlib.sha256(content).hexdigest()} -->\n".encode())
     except OSError as error:
         raise wrong((), f"{path}: {error.strerror}", "a place that can be written to", "name another one") from error

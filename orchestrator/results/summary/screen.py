@@ -16,7 +16,7 @@ BRIEF = {"run": 1, "verdict": 4, "result": 2, "peak stress": 2, "peak displ.": 2
 LABEL = 16  # columns, with what is left free beside both
 UNTIL = {"time": ":", "iterations": " (", "mesh's error": ";"}  # where a text ends that is told briefly
 STYLES = {"warning": "yellow", "what to do": "yellow"}
-MORE = "--verbose tells more, orchestrator report {directory} all"
+MORE = "orchestrator report {directory} writes a report of all; run --verbose prints it"
 
 
 def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None,
