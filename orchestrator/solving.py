@@ -34,7 +34,7 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.registry import LAWS
-from orchestrator.results.ranks import Piece, whole_states
+from orchestrator.results.ranks import OnRanks, Piece
 from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
@@ -231,8 +231,8 @@ class _Solving:
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
-        told = whole_states(self.told.all, numbers_of(chosen), self.ranks.team)
-        return iterate(chosen, self.config.method, told, self.watch, Start.handed_out(self.start, chosen),
+        told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
+        return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)
 
     def _placing(self, d: Decomposition) -> Placing:

@@ -11,7 +11,8 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.results.answers import work as work_of
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint
+from orchestrator.results.checkpoint import load_checkpoint
+from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors

@@ -1,6 +1,8 @@
 """Runs over MPI, started by the real mpiexec: the same as one process, and all gone when one rank fails."""
 
+import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -18,12 +20,15 @@ from ranks_case import CASES, PLACED, REFINED, found, refined
 from quick import quick
 
 from orchestrator import folders
+from orchestrator.config.load import load_config
 from orchestrator.parallel.team import SHARED, launched
 from orchestrator.parallel.placement import owners
 from orchestrator.processes import without_launcher
 from orchestrator.results.solution import Solution
+from orchestrator.run import run as run_here
 from orchestrator.results.history import read_history
-from orchestrator.results.checkpoint import read_file
+from orchestrator.results.checkpoint import load_checkpoint
+from orchestrator.results.fingerprint import digest_of
 from orchestrator.results.summary.summary import read_summary
 
 pytestmark = pytest.mark.xdist_group("ranks")  # more ranks than cores already; what one process finds is found once
@@ -175,12 +180,18 @@ def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
 
 
 def saved_iteration(results: Path) -> int:
-    """The last one in the checkpoint; 0: none yet."""
-    latest = 0
-    for path in (results / "checkpoint").glob("iteration-*"):
-        with suppress(FileNotFoundError):  # one that is needed no more has gone meanwhile
-            latest = max(latest, read_file(path)[1].iteration)
-    return latest
+    """The last one in the checkpoint that all ranks have written; 0: none yet."""
+    problem = json.loads((results / "checkpoint/problem.json").read_bytes())
+    start = load_checkpoint(results, digest_of(problem), warn=lambda text: None)  # what is needed no more may go meanwhile
+    return 0 if start is None else start.iteration
+
+
+def goes_on(settings: Path, results: Path) -> None:
+    """One process goes on where the ranks had to stop."""
+    before = saved_iteration(results)
+    loaded = load_config(settings, ["method.max_iterations=2"])
+    assert run_here(loaded, output=results, resume=True, quiet=True) == 1
+    assert read_history(results)["iteration"].tolist() == list(range(1, before + 3))
 
 
 FAULTS = {
@@ -210,6 +221,25 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     assert errors.count(message) == 1 and "Traceback" not in errors, errors
     assert fault == "the rank" or "on rank 1 (" in errors, errors
     assert saved_iteration(results) >= 5 <= len(read_history(results)["iteration"])
+    if fault == "the rank":  # what the others have written last it may not have
+        goes_on(settings, results)
+
+
+@pytest.mark.long
+def test_one_ranks_disk_is_full(tmp_path, temporary):
+    """The run says whose, goes on without checkpoint, and any number of ranks goes on from the last that all have written."""
+    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
+    settings.write_text(ENDLESS)
+    ours = orchestrate(3, settings, "--output", results, folder=temporary)
+    iterating(ours, results)
+    resource.prlimit(processes(ours, settings)[1], resource.RLIMIT_FSIZE, (4096, 4096))
+    iterating(ours, results, len(read_history(results)["iteration"]) + 5)
+    ours.send_signal(signal.SIGUSR2)
+    _, errors = ours.communicate(timeout=SECONDS)
+    assert ours.returncode == 130 and "Traceback" not in errors, errors
+    assert errors.count("No checkpoint can be written") == 1 == errors.count(", rank 1 on "), errors
+    assert 5 <= saved_iteration(results) < read_summary(results)["iterations"]
+    goes_on(settings, results)
 
 
 @pytest.mark.long

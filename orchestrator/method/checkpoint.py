@@ -8,7 +8,7 @@ more. Arrays are named ``kind/owner.name`` by how their columns are numbered:
 - ``macro``                (T, size), as in ``Macro``; several ranks may have the same ones;
 - ``common``               the same on all ranks.
 
-Each rank has its own columns; files have those of the whole scene, so that a run may go on with another number of ranks.
+Each rank has its own columns, and knows which ones of the whole scene's they are: a run may go on with another number of ranks.
 """
 
 from __future__ import annotations
@@ -97,11 +97,6 @@ class Checkpoint:
                for name, (kind, _, rest) in found.items() if rest.startswith(f"{owner}.")}
         return {**self.notes["states"][owner], **own}
 
-    def of_rank(self, numbers: Numbers) -> Checkpoint:
-        """One rank's columns of what is known of the whole scene."""
-        return replace(self, arrays={name: x if kind_of(name) == COMMON else x[:, numbers[kind_of(name)]]
-                                     for name, x in self.arrays.items()})
-
 
 def kind_of(name: str) -> str:
     """How the columns of an array are numbered."""
@@ -162,7 +157,8 @@ def ended(latin: Latin, last: Checkpoint) -> Iterated:
 class Start:
     """Where iterations begin: from a state, or where an earlier run stood.
 
-    state : (T, D) s; None: zero, and in an increment of load steps the last state of the one before
+    state : (T, D) s; None: zero, and in an increment of load steps the last state of the one before; checkpoints of increments: those
+        that they have ended with
     iteration, sweeps : done so far, set-up not counted
     seconds : spent so far
     ended : the last checkpoint of each increment that is done
@@ -170,7 +166,7 @@ class Start:
     before : of the iterations, those that ``max_iterations`` does not count; None: all
     """
 
-    state: np.ndarray | None = None
+    state: np.ndarray | Sequence[Checkpoint] | None = None
     iteration: int = 0
     sweeps: float = 0.0
     seconds: float = 0.0
@@ -180,36 +176,43 @@ class Start:
 
     @staticmethod
     def handed_out(start: Start | None, d: Decomposition) -> Start:
-        """A rank's part of what rank 0 knows of the whole scene; None: the beginning.
+        """A rank's part of what rank 0 knows to be in files (``results.checkpoint.Kept``), which it reads itself; None: the beginning.
 
         Raises Refusal: it does not fit to the decomposition
         """
-        team = d.space.team
-        everyone = team.gather(numbers_of(d))
+        team, numbers = d.space.team, numbers_of(d)
+        counts = dict(zip(numbers, team.max(*(1 + own.max(initial=-1) for own in numbers.values()))))
+        start = start or Start()
         if not team.rank:
-            start = start or Start()
-            start._check(d.steps, {kind: 1 + max(int(own[kind].max(initial=-1)) for own in everyone) for kind in everyone[0]})
-        return start if team.size == 1 else team.hand_out(lambda rank: start._of_rank(everyone[rank]))
+            start._check(d.steps, counts)
+        return team.share(start)._of_rank(numbers)
 
     def _of_rank(self, numbers: Numbers) -> Start:
-        return replace(self, state=None if self.state is None else self.state[:, numbers["trace"]],
-                       ended=[x.of_rank(numbers) for x in self.ended], latest=[x.of_rank(numbers) for x in self.latest])
+        state = self.state
+        if isinstance(state, np.ndarray):
+            state = state[:, numbers["trace"]]
+        elif state is not None:
+            state = np.vstack([x.of_rank(numbers).arrays[_DELIVERED[0]] for x in state])
+        found = replace(self, state=state, ended=[x.of_rank(numbers) for x in self.ended], latest=[x.of_rank(numbers) for x in self.latest])
+        arrays = [(x.iteration, name, array) for x in (*found.ended, *found.latest) for name, array in x.arrays.items()]
+        for iteration, name, array in [*arrays, *([] if state is None else [(self.iteration, "trace/state", state)])]:
+            if not np.isfinite(array).all():
+                raise Refusal("another start", iteration=iteration, name=name, wrong="values that are not finite")
+        return found
 
-    def _check(self, steps: int, columns: Mapping[str, int]) -> None:
-        """Refuse arrays of another shape, or with values that are no numbers."""
-        given = [(x.iteration, name, array) for x in (*self.ended, *self.latest) for name, array in x.arrays.items()]
-        if self.state is not None:
-            given.append((self.iteration, "trace/state", self.state))
-        for iteration, name, array in given:
-            kind, wrong = kind_of(name), None
-            if array.ndim != 2:
-                wrong = f"{array.ndim} dimensions"
-            elif kind != COMMON and array.shape[1] != columns[kind] or name == "trace/state" and len(array) != steps:
-                wrong = f"shape {array.shape} where there are {columns[kind]:,} columns"
-            elif not np.isfinite(array).all():
-                wrong = "values that are not finite"
-            if wrong:
-                raise Refusal("another start", iteration=iteration, name=name, wrong=wrong)
+    def _check(self, steps: int, counts: Mapping[str, float]) -> None:
+        """Refuse arrays of another shape."""
+        given = [(x.iteration, name, width) for x in (*self.ended, *self.latest) for name, width in x.widths.items()]
+        rows = steps
+        if isinstance(self.state, np.ndarray):
+            if self.state.ndim != 2:
+                raise Refusal("another start", iteration=self.iteration, name="trace/state", wrong=f"{self.state.ndim} dimensions")
+            rows = len(self.state)
+            given.append((self.iteration, "trace/state", self.state.shape[1]))
+        for iteration, name, width in given:
+            if width != counts[kind_of(name)] or rows != steps:
+                raise Refusal("another start", iteration=iteration, name=name,
+                              wrong=f"{width:,} columns where there are {counts[kind_of(name)]:,.0f}")
 
 
 def numbers_of(d: Decomposition) -> Numbers:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.parallel.team import Team
+
 
 # What every history has; columns for further statuses, for the laws' measures and for what else monitors tell follow.
 COUNTED = ("open", "stick", "slip")
@@ -103,8 +105,9 @@ class Subscriber:
     all who listen: their arrays must not be changed, and are to be copied if they are kept. Of several ranks,
     only rank 0 has subscribers.
 
-    wants_states, wants_checkpoints : whether ``Iteration.state`` and ``Iteration.checkpoint`` are needed: with several ranks,
-        they are brought together for those alone who want them
+    wants_states : whether ``Iteration.state`` is needed: with several ranks, it is brought together for those alone who want it
+    wants_checkpoints : whether ``Iteration.checkpoint`` is needed: each of several ranks has its own columns of it, and tells a copy
+        of the subscriber
 
     Examples
     --------
@@ -125,6 +128,9 @@ class Subscriber:
     """
 
     wants_states = wants_checkpoints = False
+
+    def begins(self, team: Team, numbers: Mapping[str, np.ndarray]) -> None:
+        """Iterations begin on these ranks; told on each to those who want checkpoints, with the columns that are its own."""
 
     def stage(self, name: str) -> None:
         """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""

@@ -1,12 +1,13 @@
 """checkpoint/: what a run needs to go on where it stood.
 
-- ``iteration-000001.npz`` …  a ``Checkpoint`` each; the oldest go as soon as the acceleration needs them no more
-- ``increment-000.npz`` …     the last one of each increment of load steps, with its fields
-- ``problem.json``            what the run's problem depends on, so that another one is told by what differs
-- ``reserve``                 room for the end of the run
+- ``iteration-000001-0of1.npz`` …  a ``Checkpoint`` each, of several ranks each its own columns of it; the oldest go as soon as the
+  acceleration needs them no more
+- ``increment-000-0of1.npz`` …     the last one of each increment of load steps, with its fields
+- ``problem.json``                 what the run's problem depends on, so that another one is told by what differs
+- ``reserve-0`` …                  room for the end of the run, of each rank
 
-Files are whole or not there, and carry checksums; for the day the machine goes down, the disk itself is waited for every ``SYNCED``
-seconds and at the end of each increment.
+Files are whole or not there, and carry checksums, and which columns of the whole scene's arrays are theirs: what some ranks have
+left, any number of ranks goes on from. An iteration counts that all its ranks have written (``keeping`` writes them).
 """
 
 from __future__ import annotations
@@ -14,27 +15,25 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, wrong
-from orchestrator.method.checkpoint import Checkpoint, Start
-from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.method.checkpoint import COMMON, Checkpoint, Numbers, Start, kind_of
 from orchestrator.packed import read_arrays
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
-from orchestrator.results.manifest import UNFINISHED
 
-VERSION = 5
+VERSION = 6
 NAME, PROBLEM, RESERVE = "checkpoint", "problem.json", "reserve"
 ITERATIONS, INCREMENTS = "iteration-*.npz", "increment-*.npz"
-_OWN = rf"{NAME}/((iteration-\d{{6,}}|increment-\d{{3,}})\.npz|{RESERVE}|problem\.json)"  # whatever a disk makes of them
-SYNCED = 30.0  # seconds between two waits for the disk itself
-MARGIN = 1 << 16  # bytes for what is no array
+COLUMNS = "columns/"  # + kind: runs of the whole scene's columns (k, 2), where each begins and how long it is
+_OWN = rf"{NAME}/((iteration-\d{{6,}}|increment-\d{{3,}})(-\d+of\d+)?\.npz|{RESERVE}(-\d+)?|problem\.json)"  # whatever a disk makes of them
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
 
 
@@ -50,140 +49,80 @@ def saved(folder: ResultsFolder) -> bool:
     return any(next((folder / NAME).glob(pattern), None) for pattern in (INCREMENTS, ITERATIONS))
 
 
-class CheckpointWriter(Subscriber):
-    """Writes every iteration to the results folder; ``remove`` it when all results are there.
+def number_of(path: Path) -> int:
+    """Which iteration, or increment, a file is of."""
+    return int(path.stem.split("-")[1])
 
-    The room that the end of the run needs is taken at its first iteration: a run whose end would not fit is not worth
-    computing. A disk that is full later ends no run: what is not needed any more is removed, and if that is too little
-    the run goes on without, and says so.
 
-    folder : where
-    fingerprint : of the problem
-    start : where the run goes on from what an earlier one has left here; None at the beginning
-    warn : what is told to the user
-    Raises InputError: from the first iteration, if there is no room for the end of the run
+def rank_of(path: Path) -> int:
+    """Which rank has written it."""
+    return int((path.stem.split("-") + ["0"])[2].partition("of")[0])
+
+
+@dataclass(frozen=True)
+class Kept(Checkpoint):
+    """A checkpoint of the whole scene, whose arrays stay in its files.
+
+    files : of all ranks that wrote it
+    widths : name → columns of the whole scene
     """
 
-    wants_checkpoints = True
+    files: tuple[Path, ...] = ()
+    widths: Mapping[str, int] = field(default_factory=dict)
 
-    def __init__(self, folder: ResultsFolder, fingerprint: str, start: Start | None = None,
-                 warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)):
-        self._folder, self._path, self._fingerprint, self._warn = folder, folder / NAME, fingerprint, warn
-        self._stale: list[Path] = []  # what begins anew, once it has
-        if start is not None:
-            self._stale = [path for path in self._path.glob(ITERATIONS) if _number(path) > start.iteration]
-            self._stale += sorted(self._path.glob(INCREMENTS))[len(start.ended):] if start.state is not None else []
-        self._reserved, self.keeps, self._synced = False, True, time.monotonic()
+    def of_rank(self, numbers: Numbers) -> Checkpoint:
+        """One rank's columns, from one file after the other; nan where there are none.
 
-    def iteration(self, event: Iteration) -> None:
-        checkpoint = event.checkpoint
-        if checkpoint is None or not (self.keeps or checkpoint.ended):
-            return
-        if not self._reserved:
-            with self._folder.guarded("what the end of the run will need"):
-                self._reserve(checkpoint)
-        try:
-            self._keep(checkpoint)
-        except (OSError, MemoryError) as first:
+        Raises InputError: a file that was whole is so no more
+        """
+        arrays: dict[str, np.ndarray] = {}
+        for path in self.files:
             try:
-                if not checkpoint.ended:
-                    raise
-                _remove(self._path.glob(ITERATIONS))  # the end of an increment needs none of those before
-                (self._path / RESERVE).unlink(missing_ok=True)
-                self._keep(checkpoint, alone=True)
-            except (OSError, MemoryError):
-                if self.keeps:
-                    self._warn(f"No checkpoint can be written in {self._path} ({getattr(first, 'strerror', None) or first}): the run "
-                               "goes on without; if it is killed, --resume begins where the last checkpoint was.")
-            self.keeps = False
-
-    def remove(self) -> None:
-        """All results are there: the checkpoint goes."""
-        self._folder.remove(f"{NAME}/*")
-        with suppress(OSError):
-            self._path.rmdir()
-
-    def _keep(self, checkpoint: Checkpoint, alone: bool = False) -> None:
-        """Write what belongs to an iteration; ``alone``: the end of its increment only."""
-        _remove(self._stale)
-        self._stale = []
-        sync = checkpoint.ended or time.monotonic() - self._synced > SYNCED
-        if checkpoint.ended:
-            if checkpoint.notes["last"]:
-                (self._path / RESERVE).unlink(missing_ok=True)
-            # first, so that no run goes on after an iteration that was the last
-            _write(self._path / f"increment-{checkpoint.increment:03}.npz", self._fingerprint, checkpoint, sync)
-        if checkpoint.ended and checkpoint.notes["met"]:
-            _remove(self._path.glob(ITERATIONS))  # the results may need the room
-        elif not alone and self.keeps:
-            _write(self._path / f"iteration-{checkpoint.iteration:06}.npz", self._fingerprint, checkpoint, sync)
-            first = checkpoint.iteration - max(checkpoint.evaluations, 1) + 1
-            _remove(path for path in self._path.glob(ITERATIONS) if _number(path) < first)
-        self._synced = time.monotonic() if sync else self._synced
-
-    def _reserve(self, checkpoint: Checkpoint) -> None:
-        """Take the room that the end of the run will need: what is known now, and five fields of all load steps."""
-        self._reserved = True
-        begun(self._folder)
-        width = max(array.shape[1] for name, array in checkpoint.arrays.items() if name.startswith("trace"))
-        size = sum(array.nbytes for array in checkpoint.arrays.values()) + 8 * 5 * checkpoint.notes["steps"] * width + MARGIN
-        try:
-            (self._path / RESERVE).unlink(missing_ok=True)
-            with open(self._path / RESERVE, "wb") as file:
-                os.posix_fallocate(file.fileno(), 0, size)
-        except OSError:
-            (self._path / RESERVE).unlink(missing_ok=True)
-            raise
+                theirs = read_file(path)[1].arrays
+            except Exception as error:  # whatever a disk has made of it
+                raise wrong(DIRECTORY_KEY, f"{path} cannot be read any more: {error}", "the checkpoint as it was", "try again") from error
+            for name in self.widths:
+                rows = arrays.setdefault(name, np.full((len(theirs[name]), len(numbers[kind_of(name)])), np.nan))
+                there = _columns(theirs, kind_of(name))
+                mine, at, of = np.intersect1d(numbers[kind_of(name)], there, return_indices=True)
+                rows[:, at] = theirs[name][:, of]
+            arrays |= {name: x for name, x in theirs.items() if kind_of(name) == COMMON}
+        return Checkpoint(self.iteration, self.increment, self.evaluations, arrays, self.notes)
 
 
-def _number(path: Path) -> int:
-    return int("0" + "".join(filter(str.isdigit, path.stem)))
+def columns_of(numbers: Numbers) -> dict[str, np.ndarray]:
+    """What a file tells of its columns: runs (k, 2) of neighbours in the whole scene, where each begins, and how long it is."""
+    return {COLUMNS + kind: np.column_stack([of[starts], np.diff([*starts, len(of)])])
+            for kind, of in numbers.items() for starts in [np.flatnonzero(np.diff(of, prepend=-2) != 1)]}
 
 
-def _remove(paths: Iterable[Path]) -> None:
-    for path in list(paths):
-        path.unlink(missing_ok=True)
+def _columns(arrays: Mapping[str, np.ndarray], kind: str) -> np.ndarray:
+    """(k,) int, which columns of the whole scene a file has."""
+    begin, length = arrays[COLUMNS + kind].T
+    return np.repeat(begin - (np.cumsum(length) - length), length) + np.arange(length.sum())
 
 
-def _write(path: Path, fingerprint: str, checkpoint: Checkpoint, sync: bool) -> None:
-    """Replace a file; ``sync``: wait for the disk itself."""
-    about = {"version": VERSION, "problem": fingerprint, "iteration": checkpoint.iteration, "increment": checkpoint.increment,
-             "evaluations": checkpoint.evaluations, "notes": checkpoint.notes, "arrays": sorted(checkpoint.arrays)}
-    text = json.dumps(about, default=lambda number: number.item()).encode()
-    temporary = path.with_name(f".{path.name}{UNFINISHED}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary.unlink(missing_ok=True)  # nothing is written through a link
-    try:
-        with open(temporary, "wb") as file:
-            np.savez(file, about=np.frombuffer(text, np.uint8), **checkpoint.arrays)
-            file.flush()
-            if sync:
-                os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def read_file(path: Path) -> tuple[str, Checkpoint]:
-    """Fingerprint of the problem, and checkpoint.
+def read_file(path: Path) -> tuple[dict[str, Any], Checkpoint]:
+    """What is told about a file, ``problem`` and ``run`` as they are written, and the checkpoint: its rank's columns.
 
     Raises InputError: the file is of another version
     Raises Exception: of whatever kind, it cannot be read or is not as it was written
     """
     file = read_arrays(path)
-    about = json.loads(bytes(file["about"]))
+    about = json.loads(bytes(file.pop("about")))
     if about["version"] != VERSION:
         raise wrong(DIRECTORY_KEY, f"{path} was written by another version of this program (version {about['version']})",
                     "a checkpoint of this version", "resume with that version, or run without --resume")
-    arrays = {name: file[name] for name in about["arrays"]}
-    return about["problem"], Checkpoint(about["iteration"], about["increment"], about["evaluations"], arrays, about["notes"])
+    if sorted(file) != about["arrays"]:
+        raise ValueError("arrays are missing")
+    return about, Checkpoint(about["iteration"], about["increment"], about["evaluations"], file, about["notes"])
 
 
 def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint: str, problem: Mapping[str, str] | None = None,
                     warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)) -> Start | None:
     """Where the run of a results folder stood; None where it has begun, but left no iteration that is whole.
 
-    Files that are damaged are left out: what they tell is computed again.
+    Files that are damaged are left out, and iterations that not all ranks have written: what they tell is computed again.
 
     problem : what the fingerprint is of, so that another problem is told by what differs
     warn : is told of damage
@@ -192,31 +131,47 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
     if not path.is_dir():
         raise wrong(DIRECTORY_KEY, f"no {NAME} in {path.parent}", "the checkpoint of an interrupted run of this configuration", _FRESH)
-    increments, latest = ([found for file in sorted(path.glob(pattern)) if (found := _sound(path, file, fingerprint, problem, warn))]
+    increments, latest = ([kept for files in _together(path.glob(pattern)) if (kept := _sound(files, fingerprint, problem, warn))]
                           for pattern in (INCREMENTS, ITERATIONS))
     done: list[Checkpoint] = []
-    for found in increments:  # one after the other
-        if found.increment == len(done):
-            done.append(found)
+    for kept in increments:  # one after the other
+        if kept.increment == len(done):
+            done.append(kept)
     if done and done[-1].notes["last"] and not all(x.notes["met"] for x in done):
         return _after_a_failure(done, latest)
     window = _window([x for x in latest if x.increment == len(done)])
     return _between(done, window) if done or window else None
 
 
-def _sound(path: Path, file: Path, fingerprint: str, problem: Mapping[str, str] | None, warn: Callable[[str], None]) -> Checkpoint | None:
-    """What a file tells, if it is sound."""
-    try:
-        theirs, found = read_file(file)
-    except InputError:
-        raise
-    except Exception as error:  # whatever a disk has made of it
-        what = f"cannot be read: {file}: {error.strerror}" if isinstance(error, OSError) else f"is damaged: {file}"
-        warn(f"The checkpoint {what}. What it told is computed again.")
-        return None
-    if theirs != fingerprint:
-        raise InputError(_another(path, theirs, problem))
-    return found
+def _together(paths: Iterable[Path]) -> list[list[Path]]:
+    """Files of all ranks of an iteration, or increment, in order."""
+    groups = groupby(sorted(paths, key=lambda path: (number_of(path), path.stem.partition("of")[2], rank_of(path))),
+                     key=lambda path: (number_of(path), path.stem.partition("of")[2]))
+    return [list(files) for _, files in groups]
+
+
+def _sound(files: list[Path], fingerprint: str, problem: Mapping[str, str] | None, warn: Callable[[str], None]) -> Kept | None:
+    """What files of the ranks tell together, if all are there and sound."""
+    first, runs, widths = None, [], {}
+    for file in files:
+        try:
+            about, found = read_file(file)
+            ends = {name: 1 + int(_columns(found.arrays, kind_of(name)).max(initial=-1)) for name in found.arrays
+                    if kind_of(name) not in (COMMON, COLUMNS.rstrip("/"))}
+        except InputError:
+            raise
+        except Exception as error:  # whatever a disk has made of it
+            what = f"cannot be read: {file}: {error.strerror}" if isinstance(error, OSError) else f"is damaged: {file}"
+            warn(f"The checkpoint {what}. What it told is computed again.")
+            return None
+        if about["problem"] != fingerprint:
+            raise InputError(_another(file.parent, about["problem"], problem))
+        first, widths = first or found, {name: max(end, widths.get(name, 0)) for name, end in ends.items()}
+        runs.append(about["run"])
+    written, _, size = runs[0]
+    if sorted(runs) != [[written, rank, size] for rank in range(size)]:
+        return None  # a rank was killed before it had written its part
+    return Kept(first.iteration, first.increment, first.evaluations, {}, first.notes, tuple(files), widths)
 
 
 def _another(path: Path, theirs: str, problem: Mapping[str, str] | None) -> Problem:
@@ -255,5 +210,5 @@ def _after_a_failure(done: Sequence[Checkpoint], latest: Sequence[Checkpoint]) -
     if len(done) == 1 and (window := _window(latest)) and window[-1].iteration >= done[0].iteration - 1:
         return _between([], window)
     last, sound = done[-1], next(i for i, x in enumerate(done) if not x.notes["met"])
-    state = np.vstack([x.arrays["trace/delivered.s"] for x in done if x.notes["part"][1] == 1])
-    return Start(state, last.iteration, last.notes["sweeps"], last.notes["seconds"], done[:sound])
+    states = [x for x in done if x.notes["part"][1] == 1]
+    return Start(states, last.iteration, last.notes["sweeps"], last.notes["seconds"], done[:sound])

@@ -27,7 +27,7 @@ FOLDERS = ("fields", "figures", "checkpoint", PARTS)
 RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
            r"|fields/(step_\d{4,}(_\d+)?\.p?vtu|interface_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|probes|paths|deformed|interfaces|jumps|codes)\.png"
-           r"|checkpoint/((iteration-\d{6,}|increment-\d{3,})\.npz|reserve|problem\.json))")
+           r"|checkpoint/((iteration-\d{6,}|increment-\d{3,})(-\d+of\d+)?\.npz|reserve(-\d+)?|problem\.json))")
 _SUMMARY = {"name", "converged", "stop_reason", "versions", "config"}  # keys by which a summary.json is known
 
 

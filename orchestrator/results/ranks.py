@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.method.checkpoint import COMMON, Numbers, kind_of
+from orchestrator.method.checkpoint import Numbers
 from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
@@ -111,55 +111,39 @@ def _mean(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], meeting: Mee
     return (sums[:-1] / sums[-1]).reshape(len(total), 3, count).transpose(0, 2, 1).copy()
 
 
-def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team) -> Sequence[Subscriber]:
-    """The subscribers, told of whole states and checkpoints: the same ones where there is one rank.
+class OnRanks(Subscriber):
+    """Rank 0's subscribers, on all ranks: who wants checkpoints has a copy on each, who wants states gets the whole on rank 0.
+
+    The volume of states is that of all traces, to one rank: right for some hundreds of ranks.
 
     numbers : which columns of the whole scene's arrays are this rank's
     """
-    return subscribers if team.size == 1 else [WholeStates(subscribers, numbers, team)]
-
-
-class WholeStates(Subscriber):
-    """On every rank; tells those of rank 0, in the same iteration: what has arrived outlives the rank it came from.
-
-    The volume is some times that of all traces, to one rank: right for some hundreds of ranks.
-    """
 
     def __init__(self, subscribers: Sequence[Subscriber], numbers: Numbers, team: Team):
-        self.keepers = Subscribers(s for s in subscribers if s.wants_states or s.wants_checkpoints)
-        self.others = Subscribers(s for s in subscribers if not (s.wants_states or s.wants_checkpoints))
-        self.team, self.numbers = team, team.all_gather(numbers)
-        self.wanted, self.states = team.share((bool(self.keepers.all), any(s.wants_states for s in self.keepers.all)))
+        self.team, writers = team, team.share([s for s in subscribers if s.wants_checkpoints])
+        self.told = Subscribers(writers if team.rank else subscribers)
+        self.states = team.share(any(s.wants_states for s in subscribers)) and team.size > 1
+        self.numbers = team.all_gather(numbers["trace"]) if self.states else []
+        for writer in writers:
+            writer.begins(team, numbers)
 
     def iteration(self, event: Iteration) -> None:
-        self.others.iteration(event)
-        if not self.wanted:
-            return
-        kept = event.checkpoint
-        arrays = {} if kept is None else kept.arrays  # on all ranks, or on none
-        mine = ({"trace/state": event.state} if self.states else {}) | {
-            name: array for name, array in arrays.items() if kind_of(name) != COMMON}
-        whole = self._gathered(mine)
-        if self.team.rank == 0:
-            state = whole.pop("trace/state", event.state)
-            self.keepers.iteration(replace(event, state=state, checkpoint=kept and replace(kept, arrays={**arrays, **whole})))
+        whole = replace(event, state=self._whole(event.state)) if self.states else event
+        for each in self.told.all:
+            each.iteration(whole if each.wants_states else event)
 
-    def _gathered(self, mine: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The whole scene's arrays, on rank 0, from every rank's columns of them, in one message; nothing elsewhere."""
-        arrived, whole = self.team.gather(mine), {}
+    def _whole(self, state: np.ndarray) -> np.ndarray | None:
+        """On rank 0, from every rank's columns."""
+        arrived = self.team.gather(state)
         if arrived is None:
-            return {}
-        for name, array in mine.items():
-            columns = [numbers[kind_of(name)] for numbers in self.numbers]
-            whole[name] = np.zeros((len(array), 1 + max(own.max(initial=-1) for own in columns)))
-            for part, own in zip(arrived, columns):
-                whole[name][:, own] = part[name]
+            return None
+        whole = np.zeros((len(state), 1 + max(own.max(initial=-1) for own in self.numbers)))
+        for part, own in zip(arrived, self.numbers):
+            whole[:, own] = part
         return whole
 
     def warned(self, sentence: str) -> None:
-        self.others.warned(sentence)
-        self.keepers.warned(sentence)
+        self.told.warned(sentence)
 
     def finished(self, event: Finished) -> None:
-        self.keepers.finished(event)
-        self.others.finished(event)
+        self.told.finished(event)

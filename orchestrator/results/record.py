@@ -15,11 +15,12 @@ from orchestrator.errors import InputError, InternalError, OrchestratorError, la
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
-from orchestrator.results.checkpoint import CheckpointWriter, NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
+from orchestrator.results.checkpoint import NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.results.solution import Solution
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.summary.content import note_time, problem_size
@@ -61,7 +62,7 @@ class Record(Subscriber):
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
-        self.subscribers = [self._history, self._checkpoint, self]
+        self.subscribers = [self._history, self, self._checkpoint]
 
     def finish(self, solution: Solution) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
