@@ -8,6 +8,7 @@ from ranks_case import found
 from threads import chain
 
 from orchestrator.method.interface import spread
+from orchestrator.method.interface.factor import whole
 from orchestrator.parallel.petsc import lacking, shared_by
 from orchestrator.parallel.team import join
 
@@ -24,6 +25,9 @@ def matrices(team) -> dict[str, np.ndarray]:
         factor = spread.SpreadFactor(lower, number, shared, team)
         assert type(factor._border) is engine
         result[name] = np.array([factor(right), factor(right)])
+        sparse = spread.semidefinite(whole(lower), number, team)
+        assert isinstance(sparse, spread.SpreadBlocks) == (name == "spread")
+        result[f"sparse, {name}"] = sparse(right)
         try:
             spread.on_borders(np.ones((3, 3)), np.arange(3), team)
             result[f"singular, {name}"] = np.array("solved")

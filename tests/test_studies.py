@@ -316,8 +316,11 @@ def test_prediction_adds_up():
     assert gigabytes == pytest.approx(8e-9 * (9 * 6 * each ** (2 / 3))**2)  # of a block
     assert small["set_up"]["prepare"] == pytest.approx(0.5 * each) and small["end"]["results"] == pytest.approx(0.03 * each)
     assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100 + 10)
-    assert large["set_up"]["repositioning, on every rank"] == pytest.approx(1e-7 * 1e5**1.5 + 12 * 7 * 36 * 1e5 / 1e10)
-    assert large["iterations"]["repositioning, on every rank"] == pytest.approx(10 * (1e-2 + 2 * 48 * 1e5 / 1e10))
+    numbers, entries = 8 * 6 * 7 * 1e5, 12 * 7 * 36 * 7  # a subdomain to a rank, and its neighbours
+    assert large["set_up"]["repositioning"] == pytest.approx(1e-7 * 1e5**1.5 / 1e5**0.5 + (numbers + entries) / 1e10)
+    assert large["iterations"]["repositioning"] == pytest.approx(10 * (1e-2 / 1e5**0.5 + (6 + 17) * 2e-6 + 2 * 48 * 7 / 1e10))
+    few = prediction.predict(costs, macro, 800)["set_up"]["repositioning"]  # on every rank
+    assert few == pytest.approx(1e-7 * 800**1.5 + 12 * 7 * 36 * 800 / 1e10)
     assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * blocks**2 * each**2 / blocks**0.5)
     _, between, all_of_it = prediction.ranks_of(costs, macro, 27)
     assert between < prediction.SPREAD and all_of_it == pytest.approx(8e-9 * between**2)

@@ -3,8 +3,8 @@
 A rank has a block of subdomains, each with a worker on a core of its own, and works for all of them itself. It eliminates
 the macro unknowns that it alone sees. Those on the borders between ranks are a dense problem that every rank solves or, where they are
 many, one that MUMPS spreads over the ranks: the macro problem of as many subdomains as there are ranks, with more unknowns to an
-interface. The repositioning of the error bound is solved on every rank for all subdomains. More subdomains to a rank mean smaller borders
-and more work for each rank: the best number is sought for every N.
+interface. The repositioning of the error bound is solved on every rank for all subdomains or, where they are many, by MUMPS as well. More
+subdomains to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
 
 Measured: what one subdomain costs the code and the orchestrator, and what a rank costs whatever it has, on runs of this study
 with one and two ranks; what it takes to pack it for another rank; the macro problem and the repositioning, on matrices of their pattern;
@@ -265,11 +265,25 @@ def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple
             macro.at("solve", ranks) * more**2 / faster + 2 * 8 * _own(each) / BANDWIDTH)
 
 
+def _rigid(macro: MacroCosts, count: int, each: float, ranks: float) -> tuple[float, float]:
+    """Seconds to bring together and factorise the problem of repositioning, and to solve it once."""
+    factorise, solve = (macro.at(f"rigid_{what}", count) for what in ("factorise", "solve"))
+    if RIGID * count < SPREAD or ranks <= 1:
+        alone = ranks <= 1
+        return (factorise + (0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
+                solve + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH))
+    seen, faster = each + FACES * each ** (2 / 3), math.sqrt(ranks)  # subdomains that a rank has modes of; assumed, as for the borders
+    numbers = 8 * RIGID * seen * ranks  # bytes, of the modes that each rank sees, on all ranks
+    return ((numbers + 12 * (1 + FACES) * RIGID**2 * seen) / BANDWIDTH + factorise / faster,
+            solve / faster + FACES * LATENCY + 2 * 8 * RIGID * seen / BANDWIDTH)
+
+
 def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: float) -> dict[str, dict[str, float]]:
     """With ``each`` subdomains to a rank, of which a worker has ``turns``."""
     ranks, border, own = count / each, max(_border(count, each), 0.0), _own(each)
     levels = math.ceil(math.log2(max(ranks, 2)))
     summing, factorising, solving = _between(macro, border, each, ranks)
+    bringing, moving = _rigid(macro, count, each, ranks)
     alone = ranks <= 1
     return {
         "set_up": {
@@ -282,8 +296,7 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
             "macro problem: inside a rank": macro.at("factorise", each) + (0 if alone else own * macro.at("solve", each)),
             "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + summing,
             "macro problem: borders": 0.0 if alone else factorising,
-            "repositioning, on every rank": macro.at("rigid_factorise", count) + (
-                0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
+            "repositioning": bringing,
         },
         "iterations": {
             "solve": costs.sweeps * costs.solve * turns,
@@ -292,8 +305,7 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
             "reductions": 0.0 if alone else costs.iterations * costs.messages * levels * LATENCY,
             "macro problem: inside a rank": costs.iterations * (1 if alone else 2) * macro.at("solve", each),
             "macro problem: borders": 0.0 if alone else costs.iterations * (levels * LATENCY + solving),
-            "repositioning, on every rank": costs.iterations * (
-                macro.at("rigid_solve", count) + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH)),
+            "repositioning": costs.iterations * (moving + (0.0 if alone else levels * LATENCY)),
         },
         "end": {"results": costs.results * each},
     }

@@ -42,7 +42,7 @@ CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others", "cpu", "waiting", "messages", "sums", "MB")
 SHOWN = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
-         ("set_up", "repositioning, on every rank"), ("iterations", "orchestrator"), ("iterations", "reductions"),
+         ("set_up", "repositioning"), ("iterations", "orchestrator"), ("iterations", "reductions"),
          ("iterations", "solve"), ("iterations", "macro problem: borders")]
 
 
@@ -193,7 +193,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
             for q in ("factorise", "solve", "rigid_factorise", "rigid_solve")) +
         f"; nested dissection would give 2 and 1.33 for many. Up to {SPREAD:,} unknowns n on the borders between ranks are a dense "
         f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve. More are MUMPS's, which "
-        "has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface.", "",
+        f"has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface; so it is with {SPREAD:,} "
+        "unknowns of repositioning, all of them MUMPS's.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; R ranks make MUMPS √R times as fast as one; "
         "cores as fast as this one with the memory bandwidth to themselves; growth as "
@@ -212,8 +213,7 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
               "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
     lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
-              "a run is named in the last row: the scene as long as one rank makes it for all; repositioning, sparse and on every rank, would "
-              "have to be spread as the borders are.", ""]
+              "a run is named in the last row: the scene as long as one rank makes it for all.", ""]
     return "\n".join(lines)
 
 

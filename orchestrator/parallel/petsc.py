@@ -1,4 +1,4 @@
-"""PETSc over the ranks: MUMPS factorises a sum of dense blocks of which each rank has one, and nobody holds the whole.
+"""PETSc over the ranks: MUMPS factorises a sum of blocks of which each rank has one, and nobody holds the whole.
 
 petsc4py comes from Debian, for its own Python (``./setup.sh cluster`` makes an environment of it), or from conda-forge. pip would compile
 all of PETSc, without MUMPS unless told: it is no extra of this package.
@@ -18,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.optional import absent
 from orchestrator.parallel.team import Team
@@ -80,22 +81,22 @@ def shared_by(team: Team) -> ModuleType | None:
 
 
 class SpreadBlocks:
-    """Solves with A = Σ Rᵣᵀ Bᵣ Rᵣ, symmetric and positive definite but for rounding: every rank has a dense block, and its own solution.
+    """Solves with A = Σ Rᵣᵀ Bᵣ Rᵣ, symmetric and positive definite but for rounding: every rank has a block, and its own solution.
 
     petsc : as of ``shared_by``
-    block : (n, n) B of this rank, symmetric
+    block : (n, n) B of this rank, symmetric, dense or sparse
     place : (n,) int, which rows of A these are; owned : how many of them this rank keeps. Places count rank by rank, each its own
     team : the ranks
     Raises RuntimeError: A is singular, or MUMPS has not solved it
     """
 
-    def __init__(self, petsc: ModuleType, block: np.ndarray, place: np.ndarray, owned: int, team: Team):
+    def __init__(self, petsc: ModuleType, block: np.ndarray | sp.sparray, place: np.ndarray, owned: int, team: Team):
         self._petsc, self._team = petsc, team
         world, alone, places = petsc.COMM_WORLD, petsc.COMM_SELF, place.astype(petsc.IntType)
         team.meet()
         rows = petsc.LGMap().create(places, comm=world)
         matrix = petsc.Mat().createIS(((owned, petsc.DETERMINE),) * 2, lgmapr=rows, lgmapc=rows, comm=world)
-        matrix.setISLocalMat(petsc.Mat().createDense(block.shape, array=np.asfortranarray(block), comm=alone))
+        matrix.setISLocalMat(_local(petsc, block))
         matrix.assemble()
         matrix.convert("aij")  # in place
         # not as positive definite: rounding may have made it indefinite, and MUMPS then chooses pivots
@@ -141,3 +142,12 @@ class SpreadBlocks:
             self._moved.scatter(self._left, self._mine, mode=petsc.ScatterMode.FORWARD)
             solution[:] = self._mine.getArray()
         return result
+
+
+def _local(petsc: ModuleType, block: np.ndarray | sp.sparray) -> object:
+    """A matrix of this rank alone."""
+    if not sp.issparse(block):
+        return petsc.Mat().createDense(block.shape, array=np.asfortranarray(block), comm=petsc.COMM_SELF)
+    rows = sp.csr_array(block)
+    return petsc.Mat().createAIJ(rows.shape, csr=(*(x.astype(petsc.IntType) for x in (rows.indptr, rows.indices)), rows.data),
+                                 comm=petsc.COMM_SELF)

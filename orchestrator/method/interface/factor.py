@@ -90,13 +90,17 @@ def dissection(matrix: sp.sparray) -> np.ndarray:
 SHIFT = 1e-13  # of the diagonal
 
 
-def semidefinite_solver(matrix: sp.sparray) -> Callable[[np.ndarray], np.ndarray]:
+def regularised(matrix: sp.sparray) -> sp.csc_array:
+    """A positive semidefinite matrix (n, n), and on its diagonal what rounding may take from it."""
+    scale = matrix.diagonal()
+    return sp.csc_array(matrix + sp.diags_array(SHIFT * np.where(scale > 0, scale, scale.max(initial=0.0) or 1.0)))
+
+
+def semidefinite_solver(matrix: sp.sparray) -> Solve:
     """Solver of a positive semidefinite matrix (n, n) for rows (T, n), regularised by rounding where it is singular."""
-    matrix = sp.csc_array(matrix)
     if matrix.shape[0] == 0:
         return lambda rows: np.zeros((len(rows), 0))
-    scale = matrix.diagonal()
-    shifted = sp.tril(matrix + sp.diags_array(np.where(scale > 0, scale, 1.0) * SHIFT), format="csc")
+    shifted = sp.tril(regularised(matrix), format="csc")
     solve = by_cholesky(shifted) or by_superlu(shifted)
     if not sound(shifted, solve):  # where rounding has made it indefinite, pivots have to be chosen
         solve = sla.splu(whole(shifted)).solve

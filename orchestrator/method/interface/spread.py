@@ -1,4 +1,4 @@
-"""Solving with sparse symmetric matrices of which every rank has a part, factorised once: the macro problem."""
+"""Solving with sparse symmetric matrices of which every rank has a part, factorised once: the macro problem, repositioning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.factor import Factor, regularised, semidefinite_solver
 from orchestrator.method.interface.rows import times
 from orchestrator.parallel.petsc import SpreadBlocks, shared_by
 from orchestrator.parallel.team import Team
@@ -89,6 +89,33 @@ def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[n
     if petsc is None:
         return CommonBlocks(block, place, int(owned.sum()), team)
     return SpreadBlocks(petsc, block, place, int(owned[team.rank]), team)
+
+
+def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
+    """What solves with the sum of all ranks' parts, positive semidefinite, regularised by rounding where it is singular: from parts (T, n)
+    of the right-hand sides to solutions (T, n). MUMPS's where there is PETSc and many unknowns; else every rank has the whole.
+
+    part : (n, n) sparse; number : (n,) int, ascending, which unknowns of all ranks these are
+    """
+    if team.size == 1:
+        return semidefinite_solver(part)
+    place, owned = places(number, team)
+    total = int(owned.sum())
+    if total >= SPREAD and (petsc := shared_by(team)) is not None:
+        try:
+            return SpreadBlocks(petsc, regularised(part), place, int(owned[team.rank]), team)
+        except RuntimeError:  # on all ranks alike: a pivot vanishes all the same
+            pass
+    entries = sp.coo_array(part)
+    data, row, column = (np.concatenate(same) for same in zip(*team.all_gather((entries.data, *(place[at] for at in entries.coords)))))
+    solve = semidefinite_solver(sp.csr_array((data, (row, column)), shape=(total, total)))
+
+    def solved(parts: np.ndarray) -> np.ndarray:
+        whole = np.zeros((len(parts), total))
+        whole[:, place] = parts
+        return solve(team.sum(whole)[0])[:, place]
+
+    return solved
 
 
 def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,6 @@ import scipy.sparse.linalg as sla
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.parallel.team import Team
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Scene
 
@@ -153,11 +152,3 @@ def as_given(space: TraceSpace, bases: list[np.ndarray]) -> list[np.ndarray]:
 
 def _ghosts(space: TraceSpace, interface: int) -> bool:
     return any(len(side) and side[0] >= space.size for side in space.sides[interface])
-
-
-def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
-    """The bases, those of interfaces of other ranks empty, but with as many columns as they have there."""
-    if team.size == 1:
-        return bases
-    widths = team.max(*(b.shape[1] for b in bases))
-    return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]

@@ -1,7 +1,7 @@
 """Admissible fields nearby: what the error bound makes of interface data (``bound``), for perfect interfaces.
 
-Repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k, six unknowns each, solved on every rank: right
-for some thousands of them.
+Repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k, six unknowns each. A rank has those of its own
+subdomains and of their neighbours.
 
 Balance: interface forces f̃ = f + δf that keep every subdomain in equilibrium,
 
@@ -20,12 +20,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.factor import semidefinite_solver
 from orchestrator.method.interface.rows import narrow, times
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.macro import pushing
-from orchestrator.method.linear.macro_basis import independent, known_widths
+from orchestrator.method.linear.macro_basis import independent
 
 RIGID = 6
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
@@ -37,33 +37,37 @@ TINY = np.finfo(float).tiny
 
 
 class RigidModes:
-    """Rigid motions of all subdomains that their supports leave, on a rank's dofs.
+    """Rigid motions that supports leave, of the subdomains that a rank sees: its own, and those that meet them.
 
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
-    boundary : (B, modes of all ranks) sparse
+    number : (modes,) int, ascending, which of the modes of all ranks these are
+    boundary : (B, modes) sparse
     own : int, the modes of this rank's subdomains
     """
 
     def __init__(self, space: TraceSpace, modes: list[np.ndarray]):
         counts = np.zeros(space.link.subdomain_count)
         counts[space.subdomains] = [m.shape[1] for m in modes]
-        counts, = space.team.sum(counts)
-        starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        self._space, self._starts, self._dense = space, starts, space.side_by_side(dict(enumerate(modes)), RIGID)
-        self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or [np.empty(0, int)])
+        counts = space.team.sum(counts)[0].astype(int)
+        self._space, self._dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
+        self._seen = np.union1d(space.subdomains, space.owner).astype(int)
+        self._starts = np.concatenate([[0], np.cumsum(counts[self._seen])])
+        self.number = (np.repeat((np.cumsum(counts) - counts)[self._seen] - self._starts[:-1], counts[self._seen])
+                       + np.arange(self._starts[-1]))
+        self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
         self.boundary = self._sparse(self._dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
 
     @property
     def traces(self) -> sp.csr_array:
-        """(D + G, modes of all ranks), formed whenever asked: twice in a run at most. All ranks have to ask."""
+        """(D + G, modes), formed whenever asked: twice in a run at most. All ranks have to ask."""
         traces, = self._space.extended(self._space.trace(self._dense))
         return self._sparse(traces, self._space.owner)
 
     def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
         rows = np.ascontiguousarray(values.T)
         there = rows != 0
-        columns = (self._starts[owner][:, None] + np.arange(RIGID))[there]
+        columns = (self._starts[np.searchsorted(self._seen, owner)][:, None] + np.arange(RIGID))[there]
         ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
         return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
 
@@ -77,17 +81,15 @@ class Repositioning:
     """
 
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
-        self.transfer, self.team = space.transfer, space.team
+        self.transfer = space.transfer
         one, two = self.transfer.rows(modes.traces)
         jumps, mine = sp.csr_array(two - one), self.transfer.mine
         self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
-        coarse = sp.csr_array(jumps[mine].T @ self.forces)
-        self._solve = semidefinite_solver(sum(self.team.all_gather(coarse), sp.csr_array(coarse.shape)))
+        self._solve = semidefinite(sp.csr_array(jumps[mine].T @ self.forces), modes.number, space.team)
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
         """(T, modes) c for traces (T, D + G)."""
-        asked, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
-        return self._solve(-asked)
+        return self._solve(-times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
 
 
 class Balancing:
@@ -132,22 +134,24 @@ class Balancing:
         q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
         q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
         change = (transfer.opposed(q) - f)[:, : self.space.size]
-        resultant, scale = team.sum(times(modes.T, self.space.loads(change)), times(np.abs(modes.T), self.space.loads(np.abs(change))))
-        if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), TINY):
+        resultant, scale = times(modes.T, self.space.loads(change)), times(np.abs(modes.T), self.space.loads(np.abs(change)))
+        pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale.max(initial=0.0))
+        if pushed <= UNBALANCED * max(size, TINY):
             return change, True
         spread, work, solve = self._fields = self._fields or self._prepare()
         change = change + times(spread, times(work.T, solve(-resultant)))
-        left, = team.sum(times(modes.T, self.space.loads(change)))
-        return change, bool(np.abs(left).max() <= BALANCED * max(np.abs(resultant).max(), TINY))
+        left, = team.max(np.abs(times(modes.T, self.space.loads(change))).max(initial=0.0))
+        return change, left <= BALANCED * max(pushed, TINY)
 
     def _prepare(self):
-        """Force fields (D, m), their work in the motions (modes, m), and the solver of the least norm."""
-        space, traces, bases = self.space, self.modes.traces, []
+        """Force fields (D, m) of this rank's interfaces, their work in the motions (modes, m), and the solver of the least norm."""
+        space, traces, bases, first = self.space, self.modes.traces, [], []
         bounds, (one, two) = space.transfer.bounds, space.transfer.rows(traces)
         for a, b in zip(bounds[:-1], bounds[1:]):  # the motions of either side span the fields
             block = sp.csc_array(one[a:b] if one[a:b].nnz else two[a:b])
             bases.append(independent(block[:, np.flatnonzero(np.diff(block.indptr))].toarray()))
-        spread = pushing(space, known_widths(bases, space.team))
-        work = sp.csr_array(traces[: space.size].T @ spread)
-        work = sum(space.team.all_gather(work), sp.csr_array(work.shape))
-        return spread, work, semidefinite_solver(work @ work.T)
+            first.append(np.full(bases[-1].shape[1], bool(space.transfer.mine[a:b].any())))
+        spread = pushing(space, bases)
+        work = sp.csr_array(traces.T @ spread)
+        mine = work[:, np.flatnonzero(np.concatenate([np.empty(0, bool), *first]))]  # each field is one rank's to add
+        return sp.csr_array(spread[: space.size]), work, semidefinite(sp.csr_array(mine @ mine.T), self.modes.number, space.team)
