@@ -91,6 +91,11 @@ def cpu_of_children() -> float:
     return used.children_user + used.children_system
 
 
+def cpu_seconds() -> float:
+    """CPU seconds of this process and of all that it has started and that have ended."""
+    return time.process_time() + cpu_of_children()
+
+
 def shares(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     """What a run took: wall seconds, and the codes' *floor*, their own seconds shared evenly by the cores.
 
