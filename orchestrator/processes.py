@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import math
 import os
 import resource
 import shutil
@@ -12,6 +13,7 @@ import subprocess
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from orchestrator.errors import wrong
@@ -96,6 +98,16 @@ def _terminated(number: int, frame: object) -> None:
 def _at_exit() -> None:
     for pool in list(_watched):
         pool.close()
+
+
+def memory_peak_mb(pid: int | str = "self") -> float:
+    """Largest resident memory a process has had, in MB; nan when the process is gone or not on Linux."""
+    try:
+        # not getrusage: its maximum survives exec and shows the parent's memory
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) * 1024 / 1e6
+    except (OSError, StopIteration):
+        return math.nan
 
 
 def trim() -> None:

@@ -28,7 +28,8 @@ from orchestrator.results.report import document
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.screen import print_summary
-from orchestrator.results.summary.summary import KEYS, memory_peak_mb, read_summary, versions, write_summary
+from orchestrator.processes import memory_peak_mb
+from orchestrator.results.summary.summary import KEYS, read_summary, versions, write_summary
 
 
 def test_summary_round_trip(tmp_path):

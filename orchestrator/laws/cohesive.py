@@ -103,13 +103,11 @@ class Cohesive(Law):
         across = (1 - damage) * stiff
         normal = np.where(F_n > 0, across, stiff)
         along, aside = normal / (points.stiff_n + normal), across / (points.stiff_t + across)
-        answer = Answer((along * F_n) * points.normal + aside * F_t,
+        answer = Answer(points.scaled(along, aside, F),
                         np.where(damage >= 1, BROKEN, np.where(damage > 0, DAMAGED, INTACT)), own={"damage": damage})
         if derivative:
             answer.active = np.arange(len(points))
-            answer.derivative = (along - aside) * points.normal[:, None, :] * points.normal
-            for i in range(3):
-                answer.derivative[i, i] += aside
+            answer.derivative = points.blocks(along, aside)
             at = grows[damage[grows] < 1]
             answer.derivative[..., at] += _softening(points.some(at), kappa[at], np.where(F_n > 0, F_n, 0.0)[at], F_t[:, at])
         return answer
@@ -127,10 +125,8 @@ class Cohesive(Law):
         """The force that law and fields differ by, as the predicted force F would have it."""
         d_n, across = points.along(at.jump), (1 - at.own["damage"]) * points["stiff"]
         normal = np.where(d_n > 0, across, points["stiff"])
-        e = at.force - across[..., None, :] * at.jump - ((normal - across) * d_n)[..., None, :] * points.normal
-        e_n = points.along(e)
-        e = (points.stiff_t / (points.stiff_t + across))[..., None, :] * points.across(e) \
-            + (points.stiff_n / (points.stiff_n + normal) * e_n)[..., None, :] * points.normal
+        e = at.force - points.scaled(normal, across, at.jump)
+        e = points.scaled(points.stiff_n / (points.stiff_n + normal), points.stiff_t / (points.stiff_t + across), e)
         return norm(at.force) / points.area, {"glue": norm(e) / points.area}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:

@@ -93,13 +93,11 @@ class Elastic(Law):
         F_n, across = points.along(F), points["across"] / (points.stiff_t + points["across"])
         normal = _normal(points, F_n)
         normal = normal / (points.stiff_n + normal)
-        answer = Answer(across * F + ((normal - across) * F_n) * points.normal,
+        answer = Answer(points.scaled(normal, across, F),
                         np.where(points["loosens"], np.where(F_n < 0, SLACK, TAUT), SPRUNG))
         if derivative:
             answer.active = np.arange(len(points))
-            answer.derivative = (normal - across) * points.normal[:, None, :] * points.normal
-            for i in range(3):
-                answer.derivative[i, i] += across
+            answer.derivative = points.blocks(normal, across)
         return answer
 
     @staticmethod
@@ -125,12 +123,9 @@ class Elastic(Law):
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The force that law and fields differ by, as the predicted force F would have it: neither soft nor stiff
         springs make it a difference of large numbers."""
-        d_n = points.along(at.jump)
-        normal = _normal(points, d_n)
-        e = at.force - points["across"] * at.jump - ((normal - points["across"]) * d_n)[..., None, :] * points.normal
-        e_n = points.along(e)
-        e = points.stiff_t / (points.stiff_t + points["across"]) * (e - e_n[..., None, :] * points.normal) \
-            + (points.stiff_n / (points.stiff_n + normal) * e_n)[..., None, :] * points.normal
+        normal = _normal(points, points.along(at.jump))
+        e = at.force - points.scaled(normal, points["across"], at.jump)
+        e = points.scaled(points.stiff_n / (points.stiff_n + normal), points.stiff_t / (points.stiff_t + points["across"]), e)
         return norm(at.force) / points.area, {"spring": norm(e) / points.area}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:

@@ -135,9 +135,19 @@ class Points:
         """(…, 3, P) tangential parts."""
         return x - self.along(x)[..., None, :] * self.normal
 
+    def scaled(self, normal: np.ndarray, aside: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """(…, 3, P) x times ``normal`` (…, P) along the normal and ``aside`` (…, P) across it."""
+        return aside[..., None, :] * x + ((normal - aside) * self.along(x))[..., None, :] * self.normal
+
+    def blocks(self, normal: np.ndarray, aside: np.ndarray) -> np.ndarray:
+        """(3, 3, P) the matrices of ``scaled``."""
+        result = (normal - aside) * self.normal[:, None, :] * self.normal
+        result[range(3), range(3)] += aside
+        return result
+
     def stiffness(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) keq x."""
-        return self.stiff_t * x + ((self.stiff_n - self.stiff_t) * self.along(x))[..., None, :] * self.normal
+        return self.scaled(self.stiff_n, self.stiff_t, x)
 
     def compliance(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) x / keq."""

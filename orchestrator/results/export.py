@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from orchestrator.errors import wrong
 from orchestrator.optional import check_there
-from orchestrator.results.summary.numbers import numbers_of
-from orchestrator.results.summary.summary import NAME as SUMMARY, read_summary
+from orchestrator.results.summary.summary import NAME as SUMMARY, numbers_of, read_summary
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.geometry import area_vectors, format_point, tet_volumes
+from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
@@ -196,9 +196,7 @@ def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
     axis = axes[:, np.argmax(np.abs(moments - np.median(moments)))]
     skin = np.isin(faces.owner, cells) ^ (np.isin(faces.neighbour, cells) & (faces.neighbour >= 0))
     triangles = faces.triangles[skin]
-    vectors = area_vectors(mesh.nodes, triangles)
-    area = np.linalg.norm(vectors, axis=1)
-    normal = vectors / area[:, None]
+    normal, area = facet_normals(mesh.nodes, triangles)
     for _ in range(2):
         beside = np.abs(normal @ axis) < ACROSS
         if not beside.any():

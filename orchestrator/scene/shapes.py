@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.revolved import cylinder, through
 
 # Facets whose normals differ by less than this from their mean make a plane surface.
@@ -46,10 +46,8 @@ class Shape:
 
 def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     """The shape of triangles (k, 3 or 6), corners first, that have an area."""
-    vectors = area_vectors(nodes, triangles)
-    each = np.linalg.norm(vectors, axis=1)
-    mean = vectors.sum(axis=0) / each.sum()
-    normals = vectors / each[:, None]
+    normals, each = facet_normals(nodes, triangles)
+    mean = each @ normals / each.sum()
     if np.abs(normals - mean).max() < PLANE:
         return Shape("plane", mean, None, nodes[triangles[0, 0]])
     points = nodes[np.unique(triangles[:, :3])]

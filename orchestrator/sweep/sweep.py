@@ -22,11 +22,10 @@ from orchestrator.optional import absent
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder, locked
-from orchestrator.results.summary.summary import read_summary, units_of
+from orchestrator.results.summary.summary import numbers_of, read_summary, units_of
 from orchestrator.results.record import GO_ON
 from orchestrator.run import Means, Ranks
 from orchestrator.scene.body import Meshed
-from orchestrator.results.summary.numbers import numbers_of
 from orchestrator.sweep.table import Screen, write_table
 from orchestrator.sweep.variants import Variant
 from orchestrator.timing import Stopwatch

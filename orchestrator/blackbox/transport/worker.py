@@ -20,7 +20,7 @@ from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, wrong
-from orchestrator.processes import end, started
+from orchestrator.processes import end, memory_peak_mb, started
 
 LOG_TAIL = 2000  # bytes
 MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
@@ -139,10 +139,8 @@ class Worker:
 
     def note_memory(self) -> float:
         """Largest resident memory of the process so far, MB."""
-        with suppress(OSError, AttributeError):  # not running
-            status = Path(f"/proc/{self.process.pid}/status").read_text()
-            peak = next((int(row.split()[1]) for row in status.splitlines() if row.startswith("VmHWM")), 0)
-            self.peak_mb = max(self.peak_mb, peak * MB_PER_KIB)
+        if self.process is not None:
+            self.peak_mb = max(self.peak_mb, memory_peak_mb(self.process.pid))  # nan, of one that is gone, is no larger
         return self.peak_mb
 
     def deadline(self) -> float:

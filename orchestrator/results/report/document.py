@@ -64,11 +64,6 @@ def sentences(texts: Iterable[str]) -> list[str]:
     return [plain(f"{text}.") for text in texts]
 
 
-def by_step(*columns: Iterable[float | None]) -> list[tuple[str, ...]]:
-    """Rows for a table: the load step, from 1, and the number of each column."""
-    return [(str(step), *map(number, row)) for step, row in enumerate(zip(*columns), 1)]
-
-
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = False) -> str:
     """Rows of texts below a ``head``, nothing without rows; a text of several lines takes several rows.
 

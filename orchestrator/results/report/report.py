@@ -9,8 +9,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from orchestrator.config.explain import explained
 from orchestrator.config.model import Figures
-from orchestrator.errors import InputError, Problem, Problems, wrong
+from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.animation import NAME as ANIMATION, write_animation
@@ -19,9 +20,9 @@ from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.report.document import Marked, by_step, heading, page, picture, plain, section, table
-from orchestrator.results.report.sections import (answer, carried, extremes, interface_section, last_values, meshes, probes, question, reactions,
-    settings)
+from orchestrator.results.report.document import Marked, heading, page, picture, plain, section, table
+from orchestrator.results.report.sections import (
+    answer, by_step, carried, extremes, interface_section, last_values, meshes, probes, question, reactions, settings)
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
 from orchestrator.results.summary.words import summary_rows, told_by_code
@@ -82,8 +83,7 @@ def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
     try:
         asked = Figures.model_validate(figures)
     except ValidationError as error:
-        raise InputError([Problem((), f"{entry['input']!r} for {'.'.join(map(str, entry['loc']))}", entry["msg"].lower(),
-                                  "orchestrator report --help") for entry in error.errors()]) from error
+        raise InputError(explained(error, figures, Figures)) from error
     if solution.fields is not None:
         problems = Problems()
         check_figures(solution.fields.nodes, list(solution.fields.parts), solution.fields.steps, asked, (), problems)

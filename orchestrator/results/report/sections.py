@@ -186,7 +186,7 @@ def probes(summary: Mapping[str, object]) -> list[str]:
         kind = "" if probe["quantity"] == "point" else f"{probe['quantity']} of "
         parts.append(plain(f"{probe['name']}: {kind}{probe['of']}{place}"))
         parts.append(Marked.of(f"{probe['why']}.") if probe.get("why") else
-                     table(("load step", *probe["values"]), _by_step(list(probe["values"].values())), numeric=True))
+                     table(("load step", *probe["values"]), by_step(*probe["values"].values()), numeric=True))
     return section("Probes", *parts)
 
 
@@ -229,8 +229,8 @@ def _alike(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
     return rounded(values, largest(values))
 
 
-def _by_step(columns: Sequence[Sequence[float | None]]) -> list[tuple[str, ...]]:
-    """Rows for a table, as ``by_step``; columns are components of one thing."""
+def by_step(*columns: Sequence[float | None]) -> list[tuple[str, ...]]:
+    """Rows for a table: the load step, from 1, and the number of each column, components of one thing."""
     most = largest(list(map(list, columns)))
     return [(str(step), *rounded(row, most)) for step, row in enumerate(zip(*columns), 1)]
 

@@ -25,12 +25,12 @@ from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
+from orchestrator.processes import memory_peak_mb
 from orchestrator.results.answers import reaction_names
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.contact_faces import contact_faces
-from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.results.summary.tools import tools_moved
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.conditions.probes import Section

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -87,16 +87,6 @@ def versions(blackbox: Mapping[str, str] | None = None) -> dict[str, str]:
             "numpy": np.__version__, "scipy": scipy.__version__, **(blackbox or {})}
 
 
-def memory_peak_mb(pid: int | str = "self") -> float:
-    """Largest resident memory a process has had, in MB; nan when the process is gone or not on Linux."""
-    try:
-        # not getrusage: its maximum survives exec and shows the parent's memory
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) * 1024 / 1e6
-    except (OSError, StopIteration):
-        return math.nan
-
-
 def blackbox_seconds(timing: Mapping[str, object]) -> float:
     """The black box's own seconds, summed over its workers and its stages."""
     own = timing.get("blackbox") or {}
@@ -135,3 +125,27 @@ def place_text(on: str | Mapping[str, object], part: str | None = None) -> str:
 def code_label(entry: Mapping[str, object]) -> str:
     """Name of a code with its transport."""
     return f"{entry['code']} ({entry['transport']})"
+
+
+def numbers_of(summary: Mapping[str, object]) -> dict[str, float]:
+    """Name → number; what is not known is left out. Forces of boundaries and bolts, probes and statuses are of the last load step."""
+    found: dict[str, object] = {key: summary.get(key) for key in ("iterations", "error_bound", "discretisation_error")}
+    found["seconds"] = (summary.get("timing") or {}).get("total")
+    for key in ("peak_stress", "peak_displacement"):
+        found[key] = (summary.get(key) or {}).get("value")
+    found["energy"] = _last(summary.get("energy"))
+    for name, steps in zip(summary.get("reaction_names") or (), summary.get("reactions") or ()):
+        found |= {f"reaction.{name}.{axis}": value for axis, value in zip("xyz", _last(steps) or ())}
+    bolts = summary.get("bolts") or ()
+    if bolts and all(bolt["force"] for bolt in bolts):
+        found |= {f"bolt_force_{end}": pick(bolt["force"][-1] for bolt in bolts) for end, pick in (("min", min), ("max", max))}
+    for bolt in bolts:
+        found |= {f"bolt.{bolt['name']}.{key}": _last(bolt[key]) for key in ("force", "shortening")}
+    for probe in summary.get("probes") or ():
+        found |= {f"{probe['name']}.{name}": _last(column) for name, column in probe["values"].items()}
+    found |= {f"pairs.{name}": _last(counts) for name, counts in (summary.get("status_counts") or {}).items()}
+    return {name: value for name, value in found.items() if isinstance(value, (int, float)) and math.isfinite(value)}
+
+
+def _last(values: object) -> object:
+    return values[-1] if isinstance(values, Sequence) and not isinstance(values, str) and len(values) else None

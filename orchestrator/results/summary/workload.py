@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from orchestrator.blackbox.usage import CLOCKS, Activity, Usage, since
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.results.summary.summary import memory_peak_mb, versions
+from orchestrator.processes import memory_peak_mb
+from orchestrator.results.summary.summary import versions
 from orchestrator.timing import Savings, Stopwatch
 
 if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one

@@ -16,8 +16,7 @@ from orchestrator.errors import Problems, some
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
 from orchestrator.scene.model import Interface
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits
@@ -205,8 +204,7 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
         allowed = TOLERANCE * size + (slack[by].max(axis=(1, 2)) * (1 + apart / (TOLERANCE * (mesh.diagonal or 1.0)))[:, None]).T
         turned = np.array([bool(entry.prescribed) and entry.prescribed.field.turns for entry in held.boundary])[by].any(axis=(1, 2))
         normals = node_normals(points, triangles)
-        flat = area_vectors(points, triangles)
-        flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
+        flat = facet_normals(points, triangles)[0]
         curved = (flat @ flat[0]).min() < 1 - TOLERANCE
         wrong = np.stack([law.forbids(d, known & ~same, normals[place], place) for law, d in zip(i.laws(len(jump)), jump)])
         share = np.where(turned, TURNED, 0.0) * size

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, format_point
+from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
@@ -93,8 +93,7 @@ def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, pa
     back = edges[:, 1] * len(points) + edges[:, 0]
     at = np.minimum(np.searchsorted(way, back), len(way) - 1)
     shared = np.flatnonzero(way[at] == back)
-    normal = area_vectors(points, triangles)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = facet_normals(points, triangles)[0]
     cosine = np.einsum("ij,ij->i", normal[shared // 3], normal[first[at[shared]] // 3])
     if len(shared) and cosine.min() < FOLDED:
         raise _wrong(path, name, ids[edges[shared[cosine.argmin()]]], "lie on each other",

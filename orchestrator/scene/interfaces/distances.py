@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.curved import filled
 from orchestrator.scene.interfaces.mortar.operators import node_gaps, unit, weights_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
@@ -73,7 +72,7 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, s
     if deep.any():
         off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
         _refuse(search, name, key, x1, np.where(deep, inside, 0.0), off)
-    gap = node_gaps(surfaces, weights_of(surfaces), unit(surfaces.vectors)) - filled(surfaces)
+    gap = node_gaps(surfaces, weights_of(surfaces), unit(surfaces.vectors)) - surfaces.filled
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():

@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.scene.mesh.faces import Faces, pack
-from orchestrator.scene.mesh.geometry import area_vectors, cross
+from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 
 # Of the local mesh size h = √(2 × facet area): nodes closer than this coincide, surfaces closer touch, and gaps are sought so far.
@@ -117,10 +117,9 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     outer, owner = outer[order], owner[order]
     label = np.c_[subdomain[owner], mesh.volume[owner]]
     starts = np.flatnonzero(np.r_[True, (np.diff(label, axis=0) != 0).any(axis=1)])
-    vectors = area_vectors(mesh.nodes, faces.triangles[outer])
-    area = np.linalg.norm(vectors, axis=1)
+    normal, area = facet_normals(mesh.nodes, faces.triangles[outer])
     corners = mesh.nodes[faces.triangles[outer, :3]]
-    return [Body(corners[a:b], vectors[a:b] / area[a:b, None], area[a:b], *label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b])
+    return [Body(corners[a:b], normal[a:b], area[a:b], *label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b])
             for a, b in zip(starts, [*starts[1:], len(outer)])]
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Body
 from orchestrator.scene.mesh.faces import Faces, components, pack
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.revolved import recognised
 
@@ -158,9 +158,7 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray, given
     given : (k, 3, 3) normals that are known, nan where they are not
     """
     corners = triangles[:, :3]
-    normal = area_vectors(nodes, corners)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    points = nodes[corners]
+    normal, points = facet_normals(nodes, corners)[0], nodes[corners]
     ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
     cosine = np.einsum("kvi,kvi->kv", ahead, behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
     means = _corner_normals(corners, normal, np.arccos(np.clip(cosine, -1.0, 1.0)), face)

@@ -27,6 +27,13 @@ def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return cross(q - p, r - p) / 2
 
 
+def facet_normals(nodes: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(k, 3) unit normals of triangles (k, 3 or 6), and their areas (k,)."""
+    vectors = area_vectors(nodes, triangles)
+    area = np.linalg.norm(vectors, axis=1)
+    return vectors / area[:, None], area
+
+
 def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
     p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[:, :4].T)
@@ -115,9 +122,7 @@ def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray 
     normals : as for ``corner_vectors``
     """
     corners = points[triangles[:, :3]]
-    normal = area_vectors(points, triangles)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    result = np.zeros_like(points)
+    normal, result = facet_normals(points, triangles)[0], np.zeros_like(points)
     for i in range(3):
         u = corners[:, (i + 1) % 3] - corners[:, i]
         v = corners[:, (i + 2) % 3] - corners[:, i]

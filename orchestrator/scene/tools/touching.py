@@ -8,7 +8,7 @@ from orchestrator.config.boundary import Entry
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
+from orchestrator.scene.mesh.geometry import barycentric, facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.tools.motion import Rigid
 
@@ -24,9 +24,8 @@ def touched_faces(mesh: Mesh, faces: Faces, volumes: np.ndarray, tool: Rigid, en
     triangles = faces.triangles[outer]
     nodes, local = np.unique(triangles, return_inverse=True)
     local, points = local.reshape(triangles.shape), mesh.nodes[nodes]
-    vectors = area_vectors(mesh.nodes, triangles)
-    area = np.linalg.norm(vectors, axis=1)
-    facet, size = vectors / area[:, None], np.sqrt(2 * area)
+    facet, area = facet_normals(mesh.nodes, triangles)
+    size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
     room, cosine = entry.reach or REACH * size, OPPOSITE if entry.angle is None else -np.cos(np.radians(entry.angle))

@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.interfaces.skins import Surface as Smooth, over, surface_of
-from orchestrator.scene.mesh.geometry import area_vectors, format_point, rounding
+from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point, rounding
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.tools.surfaces import Surface
 
 ASIDE = np.cos(np.deg2rad(30.0))  # a point that is farther than this from straight above a curved face has an edge below it
@@ -39,10 +40,8 @@ class Triangles(Surface):
     @classmethod
     def of(cls, points: np.ndarray, triangles: np.ndarray) -> Triangles:
         """Of triangles (k, 3) int on points (n, 3), outward."""
-        normal = area_vectors(points, triangles)
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         smooth = surface_of(points, triangles, np.full(len(triangles), -1))
-        return cls((points.min(axis=0) + points.max(axis=0)) / 2, points[triangles], normal, smooth)
+        return cls((points.min(axis=0) + points.max(axis=0)) / 2, points[triangles], facet_normals(points, triangles)[0], smooth)
 
     def at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         which, share = self._nearest(points)
@@ -109,9 +108,9 @@ def read_stl(file: str, path: KeyPath) -> Triangles:
 
 
 def _check_closed(file: str, points: np.ndarray, triangles: np.ndarray, path: KeyPath) -> None:
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    both, place, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    ways = np.bincount(place.ravel(), np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0), len(both))
+    both, edge = edges_of(triangles, TRIANGLE_EDGES)
+    count = np.bincount(edge.ravel())
+    ways = np.bincount(edge.ravel(), np.where(np.diff(triangles[:, TRIANGLE_EDGES], axis=2) > 0, 1.0, -1.0).ravel())
     open_, turned = np.flatnonzero(count != 2), np.flatnonzero((count == 2) & (ways != 0))
 
     def refused(found: str, cure: str) -> InputError:

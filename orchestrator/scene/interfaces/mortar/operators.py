@@ -30,7 +30,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.mortar.curved import filled
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned, multipliers
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import local_size, rounding, skew
@@ -122,7 +121,7 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     weights = weights_of(surfaces)
     triangles = surfaces.triangles
     normal = unit(surfaces.vectors if vectors is None else vectors)
-    gap = node_gaps(surfaces, weights, normal) - filled(surfaces)
+    gap = node_gaps(surfaces, weights, normal) - surfaces.filled
     candidates = weights.area > 0
     wanted = candidates & free[0].all(axis=1)
     for better in (~crossed, weights.share >= COVERED):
@@ -163,7 +162,7 @@ def weights_of(surfaces: Surfaces) -> Weights:
 
 def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:
     """(n₁,) distance of the facets along the normals (n₁, 3) at the slave's nodes, averaged with their multipliers; zero where
-    there is none. What their surfaces fill of it has ``filled``."""
+    there is none. What their surfaces fill of it has ``Surfaces.filled``."""
     x1, x2 = surfaces.points
     apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[:, None]
     apart[np.linalg.norm(apart, axis=1) <= _nothing(x1, surfaces.triangles[0])] = 0.0

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.interfaces.mortar.duals import multipliers
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.opposite import Body, Facets
 from orchestrator.scene.interfaces.skins import Surface
@@ -84,6 +85,23 @@ class Surfaces:
     def area(self) -> np.ndarray:
         """(k₁,) of the slave's facets."""
         return self.facets[0].area if self.resting is None else self.resting
+
+    @property
+    def filled(self) -> np.ndarray:
+        """(n₁,) what the curved surfaces of both sides fill of the gap between facets, averaged with the multipliers of the slave's nodes;
+        negative where they are farther apart than the facets."""
+        count = len(self.points[0])
+        if self.under is None or not any(side.bulge.any() for side in self.under):
+            return np.zeros(count)
+        # the bulges are quadratic functions: of nodes of its own amid each facet's edges
+        nodes, ends, values = [], [], []
+        for points, triangles, side in zip(self.points, self.triangles, self.under):
+            middles = len(points) + np.arange(side.bulge.size).reshape(side.bulge.shape)
+            nodes.append(np.hstack([triangles[:, :3], middles]))
+            ends.append(len(points) + side.bulge.size)
+            values.append(np.concatenate([np.zeros(len(points)), side.bulge.ravel()]))
+        weights = multipliers(self.segments, *nodes, self.area, tuple(ends), dual=self.triangles[0].shape[1] == 3)
+        return ((weights.own @ values[0] + weights.other @ values[1]) / np.where(weights.area > 0, weights.area, 1.0))[:count]
 
     @property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
