@@ -135,7 +135,7 @@ method:
 
 
 def _mesh(target: Path, source: Source) -> str:
-    """What ``mesh:`` says of a file."""
+    """The ``mesh:`` section for a file."""
     place = str(source.path) if str(source.path).startswith("gmsh:") else os.path.relpath(source.path, target.parent)
     words = [f"{'step' if source.cad else 'file'}: {json.dumps(place)}"]
     if source.cad:
@@ -178,5 +178,5 @@ def _ends(rows: list[SurfaceRow], across: bool) -> tuple[SurfaceRow, SurfaceRow]
 
 
 def _names(names: list[str]) -> str:
-    """In lines of a comment."""
+    """Names as lines of a comment."""
     return "\n#           ".join(textwrap.wrap(some(names, SHOWN), WIDTH, break_long_words=False))

@@ -178,7 +178,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
 
 
 def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: object) -> int:
-    """What rank 0 does; errors of the configuration say where in the file they are."""
+    """Run on rank 0; errors of the configuration say where in the file they are."""
     from orchestrator.config.load import load_config, located
     from orchestrator.parallel.team import Elsewhere
     from orchestrator.results.figures.artist import artist_for

@@ -114,7 +114,7 @@ def _nothing(number):
 
 
 def in_parts(function: Compiled, size: int, *arguments, part: int) -> list:
-    """What ``function(start, stop, *arguments)`` returns for parts of ``range(size)``, in their order; on all cores.
+    """Results of ``function(start, stop, *arguments)`` for parts of ``range(size)``, in their order; on all cores.
 
     function : writes to entries of its own part alone
     part : how many of them, which take much longer than to hand them out; the same on any number of cores, so that sums are

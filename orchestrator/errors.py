@@ -159,7 +159,7 @@ def told_from(where: str, error: BaseException) -> BaseException:
 
 
 class Refusal(Exception):
-    """What the method does not solve as it is asked. It knows no keys of the YAML: ``refused`` says where they are and what to do.
+    """A problem that the method does not solve as asked. It knows no keys of the YAML: ``refused`` says where they are and what to do.
 
     cause : one of ``refused.CAUSES``
     facts : what its sentences name

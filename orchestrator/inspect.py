@@ -41,7 +41,7 @@ def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
 
 
 def section_of(path: Path, h: float | None = None) -> Section:
-    """What ``mesh:`` says of a file; solids of a CAD file share nothing."""
+    """The ``mesh:`` section for a file; solids of a CAD file share nothing."""
     if path.suffix.lower() in CAD or str(path).startswith("gmsh:"):
         return Section(step=str(path), h=h, conforming=False)
     return Section(file=str(path))
@@ -134,7 +134,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
 
 
 def _parts_alone(config: Config) -> list[str]:
-    """What is said of the parts that are no programs, each by itself; raises InputError for what is wrong with them."""
+    """Reports on the parts that are no programs, each by itself; raises InputError for what is wrong with them."""
     others = [part for part in config.parts if not part.program]
     lines = [f"OK as far as checked: {len(others)} of {len(config.parts)} parts, each by itself"]
     if others:

@@ -45,7 +45,7 @@ def _made_of() -> str:
 
 
 def examine() -> list[str]:
-    """What of Python's packages and libraries is there, a line each, once all loops have been compiled."""
+    """List Python's packages and libraries, a line each, once all loops have been compiled."""
     lines = [f"without {name}: {use}; {command(name)}" for name, (_, use) in WANTED.items() if absent(name)]
     library = cholmod.library()
     lines.append("without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: suitesparse" if library is None

@@ -44,13 +44,13 @@ def need(package: str, *parts: str) -> ModuleType:
 
 
 def missing(package: str) -> InputError:
-    """What to raise where a package is not installed."""
+    """The error to raise where a package is not installed."""
     what = WANTED[package][1]
     return wrong((), f"the package {package} is not installed", f"{package}: {what}", command(package))
 
 
 def command(package: str) -> str:
-    """What installs it."""
+    """The command that installs it."""
     return f"pip install 'latin-orchestrator[{WANTED[package][0]}]'"
 
 

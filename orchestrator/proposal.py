@@ -23,7 +23,7 @@ PULL, STEPS, FRICTION = 1.2, 4, 0.15
 
 @dataclass
 class Proposal:
-    """Of a mesh of several volumes.
+    """Proposal for a mesh of several volumes.
 
     roles : name of a volume → a better one, where it is a bolt or a nut; new_names : those of them that are taken
     """
@@ -71,7 +71,7 @@ class Proposal:
 
     @property
     def tolerance(self) -> str:
-        """Of the run: bonded parts cost little to the last digit."""
+        """Tolerance of the run: bonded parts cost little to the last digit."""
         return "1.0e-4" if self.bolts or self.room else "1.0e-6"
 
     @property
@@ -80,7 +80,7 @@ class Proposal:
         return float(f"{STRESS * np.pi * min(bolt.shank.radius for bolt in self.bolts) ** 2:.2g}")
 
     def boundary(self, held: SurfaceRow, loaded: SurfaceRow) -> str:
-        """What holds and loads, and for bolts the load steps."""
+        """Supports and loads, and for bolts the load steps."""
         one, other = json.dumps(held.name), json.dumps(loaded.name)
         if not self.bolts:
             return f"""boundary:                           # EDIT: what is held and what acts

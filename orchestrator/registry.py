@@ -43,11 +43,11 @@ class Registry(Mapping[str, Any]):
         return isinstance(name, str) and self._place(name) is not None
 
     def own(self) -> list[Any]:
-        """What stands for names of the user's own."""
+        """The entry that stands for names of the user's own."""
         return [self._at(place) for place in self._own.values()]
 
     def shipped(self) -> dict[str, Any]:
-        """Without what has been added."""
+        """The names without those that were added."""
         return {name: self[name] for name in self._first}
 
     def add(self, name: str, thing: Any) -> None:

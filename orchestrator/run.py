@@ -34,7 +34,7 @@ from orchestrator.timing import Stopwatch
 
 @dataclass(frozen=True)
 class Means:
-    """What a run works with, and may leave to another one.
+    """Means that a run works with, and may leave to another one.
 
     ranks : who solves it, and what makes their black boxes
     artist : who draws the figures; None: one that gets ready for this run, where they are asked for
@@ -87,7 +87,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
 
 
 def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
-    """What can be found wrong with the folder is found before anything is computed."""
+    """Find what is wrong with the folder before anything is computed."""
     folder.check_free()
     folder.check_free(of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
     if not all(LAWS[entry.law].perfect for entry in config.interfaces):
@@ -110,7 +110,7 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, refere
 
 
 def follow(team: Team) -> int:
-    """What the other ranks do, without a word: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
+    """Work of the other ranks, which print nothing: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
     is rank 0's."""
     while (given := team.share(None)) is not None:
         config, reference, judged = given

@@ -47,7 +47,7 @@ from orchestrator.timing import Savings, Stopwatch, predicted_cost
 
 @dataclass(frozen=True)
 class Ranks:
-    """Who solves a problem together.
+    """Ranks that solve a problem together.
 
     speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
     may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
@@ -230,13 +230,13 @@ class _Solving:
         return delivered, piece, answers, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
-        """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
+        """Iterate from where the run begins; ``monitors``: what some of them are given."""
         told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
         return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)
 
     def _placing(self, d: Decomposition) -> Placing:
-        """What watches the balance of the ranks."""
+        """The monitor of the ranks' balance."""
         usage, load = d.blackbox.usage, predicted_cost([(~s.fixed).sum() for s in d.own]).sum()
 
         def busy() -> float:
@@ -245,7 +245,7 @@ class _Solving:
         return Placing(self.ranks.team, busy, float(load), time.perf_counter() - self.begun, self.ranks.may_stop)
 
     def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
-        """The same with the mesh's estimated error; a rank's piece of the fields learns it."""
+        """Add the mesh's estimated error; a rank's piece of the fields learns it."""
         team, wanted = self.ranks.team, self._follows_mesh or self.config.output.fields
         # what stands for something else has no moduli in fields
         if team.rank == 0 and wanted and (team.size == 1 or self.whole.stand_ins.any()):

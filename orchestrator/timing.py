@@ -74,11 +74,11 @@ class Savings:
         self.counts += Counter({(switch, what): int(count)})
 
     def __add__(self, other: Savings) -> Savings:
-        """What both saved, as of two ranks."""
+        """Add up the savings of two ranks."""
         return Savings(self.counts + other.counts)
 
     def table(self) -> list[dict[str, object]]:
-        """As in summary.json: one entry per switch."""
+        """The table in summary.json: one entry per switch."""
         return [{"skip": switch, "saved": {what: count for (one, what), count in self.counts.items() if one == switch}}
                 for switch in dict.fromkeys(switch for switch, _ in self.counts)]
 

@@ -15,7 +15,7 @@ def difference(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def diagnosis(found: np.ndarray, expected: np.ndarray) -> str:
-    """What is wrong with displacements (rhs, 3n), in words; empty when they are right.
+    """Say what is wrong with displacements (rhs, 3n); empty when they are right.
 
     found, expected : a row per load case, dof = 3 * node + component
     """

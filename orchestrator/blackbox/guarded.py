@@ -44,7 +44,7 @@ class GuardedCode(BlackBox):
         self.codes, self._models = codes, []
 
     def load(self, models: Sequence[Model]) -> None:
-        """As the protocol says; of every model that the code keeps, the answer to one load is judged, all being there. It costs one
+        """Load models; of every model that the code keeps, the answer to one load is judged, all being there. It costs one
         back-substitution per model, and finds a code that mixes up its models."""
         super().load(models)
         self._models = list(models)
@@ -82,7 +82,7 @@ class GuardedCode(BlackBox):
 
 
 def _at_once(judge: Callable[[int], Any], models: list[int]) -> list:
-    """What is found of each model: the codes' cores have nothing else to do meanwhile."""
+    """Findings of each model, all at once: the codes' cores have nothing else to do meanwhile."""
     return list(_judges().map(judge, models))
 
 
@@ -96,7 +96,7 @@ OWN = "a solver whose material is its own says so: own_matter = True in its clas
 
 
 def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> str:
-    """What a stiffness (3n, 3n) should be and is not, in words; empty where nothing is wrong."""
+    """Say what is wrong with a stiffness (3n, 3n); empty where nothing is wrong."""
     if matrix.shape != (model.fixed.size,) * 2:
         return f"a stiffness of {matrix.shape} for {model.fixed.size} dofs"
     diagonal = matrix.diagonal()
@@ -119,7 +119,7 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
 
 
 def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> tuple[float, float, float, int, float]:
-    """How far a stiffness is from symmetry, from rest under rigid motions, from the forces of uniform strains.
+    """Distance of a stiffness from symmetry, from rest under rigid motions, from the forces of uniform strains.
 
     Each is relative to the row's diagonal entry times the largest displacement. Four columns tell: a random translation,
     rotation and strain, with no component that is small, and displacements at random.
@@ -158,7 +158,7 @@ def _apart_from_zero(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
-    """How much of forces (rhs, 3n) displacements (rhs, 3n) leave unbalanced on free dofs, and at which node most. Returns largest |K u −
+    """The share of forces (rhs, 3n) that displacements (rhs, 3n) leave unbalanced on free dofs, and its node. Returns largest |K u −
     f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves equal shares of that everywhere,
     however different the moduli; of rows in a random combination"""
     matter = Matter.of(model)

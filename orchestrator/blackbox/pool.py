@@ -67,7 +67,7 @@ class Pool(BlackBox):
             self._start()
 
     def load(self, models: Sequence[Model]) -> None:
-        """As the protocol says; raises InputError when the disk is full."""
+        """Load models; raises InputError when the disk is full."""
         if self._models:
             self._stop()
             with self._ending():
@@ -104,7 +104,7 @@ class Pool(BlackBox):
                          self._at_home(forces))
 
     def traits(self, code: int = 0) -> Traits:
-        """As the protocol says: what the code declares, or where it leaves that open, its process."""
+        """Traits that the code declares, or where it leaves that open, its process."""
         return self.usage.workers[self._teams[code][0]].traits()
 
     def close(self) -> None:
@@ -151,7 +151,7 @@ class Pool(BlackBox):
         return tasks
 
     def _run(self, work: Callable[[Worker, list[int]], dict], tasks: Mapping[int, list[int]]) -> dict:
-        """What ``work(worker, models)`` gives for each worker that has any; the first failure ends the pool and is raised."""
+        """Results of ``work(worker, models)`` for each worker that has any; the first failure ends the pool and is raised."""
         if self._closed:
             raise BlackBoxError(self._broken or "the black box is closed")
         with self._ending():
@@ -179,7 +179,7 @@ class Pool(BlackBox):
 
     @contextmanager
     def _ending(self) -> Iterator[None]:
-        """Whatever is raised within ends the pool."""
+        """End the pool on whatever is raised within."""
         try:
             yield
         except BaseException as error:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a model is in the user's mesh. It refers to the scene's arrays and copies none.
+    """A model's place in the user's mesh. It refers to the scene's arrays and copies none.
 
     nodes : (b,) int, numbers in the user's mesh of the model's first nodes; −1, and those after them: soles'
     cells : (c,) int, numbers there of its first tets; −1, and those after them: soles'
@@ -34,7 +34,7 @@ class Origin:
     volumes: Sequence[str]
 
     def arrays(self, nodes: int, cells: int) -> dict[str, np.ndarray]:
-        """Of a model with so many nodes and tets: ``number`` (n,) of each node in the user's mesh and ``volume`` (m,)
+        """Arrays of a model with so many nodes and tets: ``number`` (n,) of each node in the user's mesh and ``volume`` (m,)
         of each tet, −1 for soles; ``sole`` (m,) bool; ``volumes``, names."""
         number, volume = np.full(nodes, -1), np.full(cells, -1)
         number[: len(self.nodes)] = self.nodes
@@ -71,7 +71,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Traits:
-    """What may be relied on with a code, and what not.
+    """Properties of a code that may be relied on.
 
     translation_invariant : its answers depend neither on where a model is nor on its name, so that one model may
         answer for others that differ by a translation
@@ -99,7 +99,7 @@ class BlackBox:
 
     @cached_property
     def usage(self) -> Usage:
-        """What it has taken of the machine so far."""
+        """The share of the machine that it has taken so far."""
         return self.inner.usage
 
     def load(self, models: Sequence[Model]) -> None:
@@ -131,7 +131,7 @@ class BlackBox:
         return self.inner.stiffness(models)
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
-        """What nonlinear models truly do from the end of the last committed load step.
+        """True response of nonlinear models from the end of the last committed load step.
 
         forces : model → (3n,) nodal forces on free dofs, prescribed displacements on those that are clamped
         commit : this is the end of the load step, which the next one starts from
@@ -141,7 +141,7 @@ class BlackBox:
         return self.inner.advance(forces, commit)
 
     def traits(self, code: int = 0) -> Traits:
-        """What may be relied on with the code of the models whose ``Model.code`` it is."""
+        """Properties that may be relied on, of the code of the models whose ``Model.code`` it is."""
         return self.inner.traits(code)
 
     def close(self) -> None:

@@ -55,7 +55,7 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, share: bool, savings:
 
 
 def copies(cases: int, members: int, workers: int) -> int:
-    """How often a model is loaded that stands for several: each time must pay by the solves it takes off another worker.
+    """Number of times that a model is loaded that stands for several: each time must pay by the solves it takes off another worker.
 
     cases : load cases of a linear stage, of all members together
     members : subdomains it stands for
@@ -105,14 +105,14 @@ class SharedModels(BlackBox):
                                     "or translation_invariant = True out of the solver's class", model.name)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """As the protocol says; the last answers are remembered."""
+        """Traces; the last answers are remembered."""
         return self._merged(forces, self.inner.traces, remember=True)
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         return self._merged(forces, self.inner.fields, remember=False)
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
-        """As the protocol says; nonlinear models stand for themselves alone."""
+        """Advance nonlinear models, which stand for themselves alone."""
         model_of = {index: int(self.model_of[index]) for index in forces}
         answers = self.inner.advance({model_of[index]: f for index, f in forces.items()}, commit)
         return {index: answers[model] for index, model in model_of.items()}

@@ -53,7 +53,7 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
 
 
 def doctor() -> list[str]:
-    """What is installed and what is missing of all codes, see ``Code.doctor``."""
+    """List what is installed and what is missing of all codes, see ``Code.doctor``."""
     return [line for name, code in CODES.items() for line in code.doctor(name)]
 
 

@@ -19,12 +19,12 @@ Activity = dict[str, float]  # of a worker, see ``Usage.activity``
 
 
 def since(late: Activity, early: Activity) -> Activity:
-    """What a worker has done between two moments."""
+    """The work of a worker between two moments."""
     return {key: value - early[key] if key in ("calls", *CLOCKS) else value for key, value in late.items()}
 
 
 class Usage:
-    """What a pool has taken so far; to be read between two requests, from the thread that makes them.
+    """The time and memory that a pool has taken so far; to be read between two requests, from the thread that makes them.
 
     codes : its ``Code`` of each number
     teams : the numbers of the workers of each code
@@ -72,7 +72,7 @@ class Usage:
         return _summed(self.workers)
 
     def activity(self) -> list[Activity]:
-        """What each worker has done with its time since it was started.
+        """Each worker's use of its time since it was started.
 
         worker, models, dofs : which one, and what it holds now; dofs that are not clamped
         calls : tasks it was given; all subdomains of a linear stage are one
@@ -117,7 +117,7 @@ class Usage:
         return [p.pid for p in processes if p is not None and p.returncode is None]
 
     def folders(self) -> list[Path]:
-        """Where meshes and messages are written; removed with the black box."""
+        """Folders of meshes and messages; removed with the black box."""
         return [self._folder]
 
 

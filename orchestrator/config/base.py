@@ -123,12 +123,12 @@ class ByName(Chosen):
     others: Callable[[], str] = str
 
     def name(self, value: Any) -> Any:
-        """What a raw mapping names."""
+        """The name that a raw mapping gives."""
         default = self.base.model_fields[self.key].default
         return value.get(self.key, default) if isinstance(value, dict) else default
 
     def model(self, value: Any) -> type[Part]:
-        """As ``Chosen`` says; where the name is unknown, a model that says which are known."""
+        """The model of a name; where it is unknown, one that says which are known."""
         if not isinstance(value, dict):
             return self.base
         name = self.name(value)

@@ -57,7 +57,7 @@ class Entry(Part):
 
     @classmethod
     def wrong_factors(cls, factors: Sequence[float]) -> tuple[str, str, str] | None:
-        """What of a history the law cannot have: what was found, what is expected, the cure."""
+        """The factors of a history that the law cannot have: what was found, what is expected, the cure."""
         return None
 
     def at_steps(self, factors: Sequence[float]) -> list[Entry]:
@@ -93,7 +93,7 @@ class Entry(Part):
 
     @property
     def reach(self) -> float | None:
-        """How far apart sides are sought, a length; None: as the scene thinks fit."""
+        """Distance up to which sides are sought, a length; None: as the scene thinks fit."""
         return None
 
     @property
@@ -103,7 +103,7 @@ class Entry(Part):
 
     @property
     def fit(self) -> float:
-        """How deep the sides may be inside each other before loading, a length."""
+        """Depth by which the sides may be inside each other before loading, a length."""
         return 0.0
 
     @classmethod
@@ -133,7 +133,7 @@ class Frame(Part):
 
     @property
     def direction(self) -> list[float]:
-        """Of the axis, of length one."""
+        """The axis's direction, of length one."""
         return unit(self.axis)
 
 
@@ -154,7 +154,7 @@ class Acting(Part):
 
     @property
     def given(self) -> Any:
-        """What stands under its kind's key."""
+        """The value under its kind's key."""
         return getattr(self, self.acts)
 
     @property
@@ -172,7 +172,7 @@ class InVolumes(Acting):
 
 
 def _keys(kinds: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a model, a key for each kind."""
+    """A model's keys, one for each kind."""
     return {name: (kind.takes | None, Field(None, description=kind.meaning)) for name, kind in kinds.items()}
 
 
@@ -246,5 +246,5 @@ class Bolt(Part):
 
     @property
     def law(self) -> Entry:
-        """What holds across the cut, as an entry of ``interfaces``."""
+        """The law across the cut, as an entry of ``interfaces``."""
         return LAWS[BOLT_LAW].Parameters(law=BOLT_LAW, force=self.force, history=self.history, then=self.then)

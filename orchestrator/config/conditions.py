@@ -33,7 +33,7 @@ def places(data: Any) -> Iterator[Problem]:
 
 
 def acting(data: Any) -> Iterator[Problem]:
-    """What the kinds of loads and supports say of themselves; a frame has something to turn."""
+    """Rules of the kinds of loads and supports; a frame must have something to turn."""
     for group, kinds in ACTING.items():
         for name, kind in kinds.items():
             yield from kind.broken_among([(path, entry[name], entry) for path, entry in find(data, (group, "*"))

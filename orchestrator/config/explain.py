@@ -124,7 +124,7 @@ def _meet(path: KeyPath, data: Any, root: type[Part]) -> tuple[type[Part] | None
 
 
 def _fitting(models: list[type[Part]], value: Any) -> type[Part] | None:
-    """Of a union's models the first that knows most of a mapping's keys."""
+    """The model of a union, the first one that knows most of a mapping's keys."""
     known = value.keys() if isinstance(value, dict) else ()
     return max(models, key=lambda model: sum(key in model.model_fields for key in known), default=None)
 
@@ -192,7 +192,7 @@ _NAMES = {_plain(word): name for word, name in _OTHER_NAMES.items()}
 
 
 def instead(word: str, keys: list[str]) -> str:
-    """What to do in place of an unknown key that other programs have; empty where the word is none of those.
+    """The cure for an unknown key that other programs have; empty where the word is none of those.
 
     keys : those that are known where the word stands; near misspellings of them are not foreign
     """

@@ -20,7 +20,7 @@ from orchestrator.errors import InputError, KeyPath, Problem, wrong
 
 @dataclass(frozen=True)
 class Source:
-    """Where the keys of a configuration stand.
+    """The places of a configuration's keys in its file.
 
     file : the YAML file as the user named it; empty for a configuration built in Python
     lines : path → line, counted from 1
@@ -177,5 +177,5 @@ def settings_from(entry: dict[str, Any]) -> CodeSettings:
 
 
 def located(error: InputError, loaded: Loaded) -> InputError:
-    """The same error with file and line filled in, for problems found after loading."""
+    """Fill in an error's file and line, for problems found after loading."""
     return InputError(loaded.source.located(error.problems))

@@ -126,7 +126,7 @@ class Material(Part):
 
 
 class ForeignPart(Part):
-    """What parts whose mesh is not this program's have in common."""
+    """A part whose mesh is not this program's."""
 
     kind: ClassVar[str]  # the key in ``parts``, and the name in ``registry.FOREIGN``
     files: ClassVar[tuple[str, ...]]  # keys that name files beside the YAML
@@ -188,7 +188,7 @@ KINDS: dict[str, type[ForeignPart]] = {kind.kind: kind for kind in (MatrixPart, 
 
 
 class Move(Part):
-    """Where a part's mesh goes: turned first, then shifted."""
+    """The move of a part's mesh: turned first, then shifted."""
 
     rotate: Annotated[list[Rotate], Field(min_length=1), BeforeValidator(
         lambda value: [value] if isinstance(value, (dict, Rotate)) else value,
@@ -224,7 +224,7 @@ class OnePart(Part):
 
     @property
     def foreign(self) -> ForeignPart | None:
-        """What it is in place of a mesh of this program's; None where it has one."""
+        """The part that takes the place of a mesh of this program's; None where it has one."""
         return next((given for kind in KINDS if (given := getattr(self, kind)) is not None), None)
 
     @property
@@ -234,6 +234,6 @@ class OnePart(Part):
 
 
 def elements_of(parts: Any) -> list[tuple[int, str]]:
-    """Of raw parts, those that name an element, and which."""
+    """The raw parts that name an element, and which."""
     return [(i, part["element"]) for i, part in enumerate(parts if isinstance(parts, list) else [])
             if isinstance(part, dict) and isinstance(part.get("element"), str)]

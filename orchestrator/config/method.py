@@ -71,7 +71,7 @@ class SearchDirection(Part):
 
 
 class Contact(Part):
-    """Where laws do not join their sides."""
+    """Settings where laws do not join their sides."""
 
     stabilisation: AutoStabilisation = Field("auto", description=(
         "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that bodies that "
@@ -104,7 +104,7 @@ class Tolerance(Part):
 
 
 class Accuracy(Part):
-    """What all errors together may be, and what that may cost. A number stands for ``{error: number}``."""
+    """The error allowed in all, and what that may cost. A number stands for ``{error: number}``."""
 
     error: Fraction | None = Field(None, description=(
         "of mesh and iterations together, relative, in the energy norm, between 0 and 1; none: probes have accuracies of their own"))
@@ -124,7 +124,7 @@ class Accuracy(Part):
 
 
 class Skip(Part):
-    """What a scene does not need is not done; true leaves it to the program where it pays."""
+    """Work left out where a scene does not need it; true leaves it to the program where it pays."""
 
     congruent: bool = Field(True, description=(
         "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))

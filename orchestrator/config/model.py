@@ -19,7 +19,7 @@ UnitName = Annotated[str, Field(pattern=r"^[^\s/*]{1,12}$")]
 
 
 class Units(Part):
-    """What the model's numbers are measured in: named beside them, nothing is converted."""
+    """Units of the model's numbers: named beside them, nothing is converted."""
 
     length: UnitName = Field(description="unit of the mesh's coordinates, such as mm")
     force: UnitName = Field(description="unit of forces, such as N; moduli and stresses are then force/length²")
@@ -39,7 +39,7 @@ class Cut(Part):
 
 
 class Eye(Part):
-    """Where the structure is seen from."""
+    """The point from which the structure is seen."""
 
     azimuth: float = Field(description="degrees around z, from x towards y")
     elevation: Annotated[float, Field(ge=-90, le=90)] = Field(description="degrees above the plane of x and y")
@@ -50,7 +50,7 @@ Ends = either(Literal["step"], Annotated[list[float], Field(min_length=2, max_le
 
 
 class Figures(Part):
-    """How the structure is drawn."""
+    """Pictures of the structure."""
 
     cut: Cut | None = Field(None, description="{plane, at}: shows the inside; none: the surface")
     parts: Names | None = Field(None, description="names of the volumes that are drawn, shell wildcards allowed; none: all")
@@ -188,7 +188,7 @@ class Config(Part):
         return 1
 
     def factors_of(self, history: str | None) -> list[float]:
-        """What multiplies something at every load step."""
+        """The factors of every load step."""
         return [1.0] * self.steps if history is None else list(self.histories[history])
 
     def complete(self) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def law_of(entry: Any) -> Any:
 
 
 def accuracies(data: Any) -> list[tuple[KeyPath, Any]]:
-    """Where accuracies are asked for, of the energy norm and of probes, and which."""
+    """The accuracies asked for, of the energy norm and of probes, with their places."""
     asked = get(data, "method", "accuracy")
     energy = get(asked, "error") if isinstance(asked, dict) else asked
     return [(("method", "accuracy"), energy)] * (energy is not None) + list(find(data, ("output", "probes", "*", "accuracy")))

@@ -91,7 +91,7 @@ def plain(field: FieldInfo) -> str | None:
 
 
 def takes(notes: list[Any]) -> str:
-    """What a type accepts, in words."""
+    """The values that a type accepts, in words."""
     kind, others = notes[0], notes[1:]
     if any(isinstance(note, Chosen) for note in others):
         return "a mapping"
@@ -128,7 +128,7 @@ def listed(entry: str, notes: list[Any]) -> str:
 
 
 def bounds(notes: list[Any]) -> str:
-    """Of a number, each once."""
+    """Bounds of a number, each once."""
     told = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(notes) for key, sign in SIGNS.items() if hasattr(note, key))
     return " " + ", ".join(told) if told else ""
 

@@ -177,7 +177,7 @@ def heeded(data: Any) -> Iterator[Problem]:
 
 
 def one_element(data: Any) -> Iterator[Problem]:
-    """The same element in all entries of ``blackbox``."""
+    """Require one element in all entries of ``blackbox``."""
     elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
                 for path, entry in find(data, ("blackbox", "*")) if isinstance(entry, dict)]
     for path, element in elements[1:]:

@@ -51,7 +51,7 @@ class Cylinder(Part):
 
     @property
     def direction(self) -> list[float]:
-        """Of the axis, of length one."""
+        """The axis's direction, of length one."""
         return unit(self.axis)
 
 
@@ -75,7 +75,7 @@ class Tool(Part):
 
     @property
     def shape(self) -> str:
-        """Which it is."""
+        """The shape that is given."""
         return next(key for key in SHAPES if getattr(self, key) is not None)
 
     @property
@@ -128,7 +128,7 @@ def tools_fit(data: Any) -> Iterator[Problem]:
 
 
 def _driven(path: KeyPath, tool: dict[str, Any]) -> Iterator[Problem]:
-    """What is prescribed is not loaded, and a component is free at all load steps or at none."""
+    """Require that what is prescribed is not loaded, and a component is free at all load steps or at none."""
     for move, load in zip(MOVES, LOADS):
         moves, loads = (_rows(tool.get(key)) for key in (move, load))
         if not moves:

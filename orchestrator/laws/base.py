@@ -61,7 +61,7 @@ class Stages:
 
 @dataclass(frozen=True)
 class Written:
-    """What the results hold of one interface, T load steps, n nodes that are not prescribed altogether.
+    """The results of one interface: T load steps, n nodes that are not prescribed altogether.
 
     opening : (T, n) what the sides have moved apart along the normal, a length
     slip : (T, n, 3) tangential displacement of side 2 relative to side 1
@@ -224,7 +224,7 @@ class Law:
 
     @property
     def caution(self) -> str:
-        """What a reader of the results must know of these parameters, to follow the interfaces' names; or nothing."""
+        """Caution on these parameters for a reader of the results, to follow the interfaces' names; or nothing."""
         return ""
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
@@ -262,7 +262,7 @@ class Law:
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """How far the linear stage is from the law.
+        """Residuals of the law in the linear stage.
 
         Returns pressures that tell the size of what the interface carries, force/length², and for each name of ``measures``
         what is to be made relative; of all arrays the largest entries count
@@ -270,7 +270,7 @@ class Law:
         return np.zeros(0), {}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
-        """What the written fields break, in words, and by how much, relative.
+        """Say what of the law the written fields break, and by how much, relative.
 
         length, pressure : the scene's length scale; largest pressure on interfaces of this law, or what
             counts as next to nothing

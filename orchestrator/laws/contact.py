@@ -128,7 +128,7 @@ class Contact(Law):
         return float(np.max(-self.gap, initial=0.0))
 
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Where all that the normal has is prescribed, how far the sides are inside each other."""
+        """Depth of the sides inside each other where all that the normal has is prescribed."""
         told = (known | (np.abs(normal) < 1e-6)).all(axis=1)
         return np.where(told, np.maximum(-(self.gap[chosen] + np.einsum("pc,pc->p", normal, jump)), 0.0), 0.0)
 

@@ -131,7 +131,7 @@ def _rigid(points: Points, F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _distributed(points: Points, F: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same; nothing of ∂f̂/∂F is local."""
+    """f̂ (3, P), and factors as of ``_rigid``; nothing of ∂f̂/∂F is local."""
     R, held, given = points["motions"], points["prescribed"][:, 0], points["given"][:, 0]
     weighted = points.area * R
     spread = np.einsum("ij,jcp->icp", np.linalg.inv(np.einsum("icp,jcp->ij", R, weighted)), weighted)  # G⁻¹ Rᵀ A

@@ -16,7 +16,7 @@ import numpy as np
 
 
 class Hold(IntEnum):
-    """When the sides are kept from moving against each other in a direction."""
+    """The state in which the sides may not move against each other in a direction."""
 
     NEVER = 0
     ALWAYS = 1
@@ -102,7 +102,7 @@ class Points:
                       interface=self.interface[part] if len(self.interface) else self.interface)
 
     def at(self, step: float, before: Mapping[str, np.ndarray] | None = None) -> Points:
-        """With the law's parameters at a load step of the scene, counted from 0, or at a part of one, and its variables ``before`` it."""
+        """The points at a load step, counted from 0, or at a part of one: with the law's parameters, and its variables ``before`` it."""
         if not self.stepped and not before:
             return self
         own = self.own | (self._at(step) if self.stepped else {}) | dict(before or {})
@@ -156,7 +156,7 @@ class Points:
 
 @dataclass
 class Answer:
-    """What a law says.
+    """A law's answer.
 
     force : (3, P) f̂ on side 1
     status : (P,) int, one of the law's statuses
@@ -176,7 +176,7 @@ class Answer:
 
 @dataclass
 class Collective:
-    """What pairs that answer together add to the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one group.
+    """The pairs' joint share of the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one group.
 
     group : (R,) int, of the pairs ``at``; all pairs of a group belong to one interface
     at : (R,) int, ascending within a group

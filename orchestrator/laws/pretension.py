@@ -118,7 +118,7 @@ class Pretension(Law):
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """How far whole forces are from what is prescribed."""
+        """Distance of whole forces from the prescribed ones."""
         group = np.unique(points.interface, return_inverse=True)[1]
         pull = _one_each(group, np.where(points["tightened"], points["pull"], 0.0))
         found = np.stack([np.bincount(group, weights=f_n) for f_n in points.along(at.force)])

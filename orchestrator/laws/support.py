@@ -64,7 +64,7 @@ class Support(Law):
         return self.given
 
     def within(self, free: np.ndarray, moved: np.ndarray) -> Support:
-        """The same within the components (n, 3) that are free, where the others are ``moved`` (n, 3), which is zero where they are free.
+        """Restrict to the components (n, 3) that are free, where the others are ``moved`` (n, 3), which is zero where they are free.
 
         Of a direction that lies in the others but for rounding nothing is left.
         """

@@ -26,7 +26,7 @@ from orchestrator.scene.model import Scene, Subdomain
 
 @dataclass(frozen=True)
 class Made:
-    """What set-up has made of a rank's subdomains, a list each.
+    """Lists of what set-up has made of a rank's subdomains.
 
     traces : (t,) boundary dofs in local numbering
     node_counts : nodes of the extended mesh
@@ -78,12 +78,12 @@ class Decomposition:
 
     @property
     def loading(self) -> Loading:
-        """What the loads give on their own."""
+        """Answers to the loads alone."""
         return self.stage.loading
 
     @property
     def blackbox(self) -> BlackBox:
-        """Where all answers come from."""
+        """The black box that gives all answers."""
         return self.stage.blackbox.inner
 
     @property
@@ -145,7 +145,7 @@ class Decomposition:
         return fields if self.nonlinear is None else replace(fields, s=s)
 
     def batch(self, steps: slice | np.ndarray, before: History | None = None, bound: Bound | None = None) -> Decomposition:
-        """The same decomposition for some of the load steps.
+        """The decomposition for some of the load steps.
 
         before, bound : what the step before has left, and how those before ended; None at the start
         """
@@ -164,18 +164,18 @@ class Decomposition:
         return replace(self, stage=stage, local=local, coarse=coarse, bound=bound, certificate=certificate)
 
     def foreseen(self, step: int) -> Decomposition:
-        """With pseudo-loads of the load step before at this one: as if nothing more would flow."""
+        """The decomposition with pseudo-loads of the load step before at this one: as if nothing more would flow."""
         self.nonlinear.foresee(step)
         return self.reloaded()
 
     def reloaded(self) -> Decomposition:
-        """With the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
+        """The decomposition with the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
         if self.nonlinear is None:
             return self
         return replace(self, stage=self.stage.under(self.nonlinear.reload()))
 
     def paired(self, place: np.ndarray) -> Decomposition:
-        """The same with sides paired where traces (1, D) have brought them."""
+        """Pair sides anew where traces (1, D) have brought them."""
         pairs = self.following.pair(place).at_steps_of(self.local.pairs)
         local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.before), self.coarse
         if coarse is not None:
@@ -185,19 +185,19 @@ class Decomposition:
         return result if self.springs == 1 else replace(result, springs=1.0).weakened(self.springs)
 
     def weakened(self, share: float) -> Decomposition:
-        """The same with springs of stabilisation of that share of ε."""
+        """Scale the springs of stabilisation to that share of ε."""
         local = LawStage(self.stage.direction, self.local.pairs.weakened(share), self.local.before)
         coarse = None if self.coarse is None else self.coarse.weakened(share, local)
         return replace(self, local=local, coarse=coarse, springs=share * self.springs)
 
     def anchored(self) -> Decomposition:
-        """The same with springs of stabilisation that begin anew no more."""
+        """Let springs of stabilisation begin anew no more."""
         coarse = copy(self.coarse)
         coarse.anew = False
         return replace(self, coarse=coarse)
 
     def paired_as(self, other: Decomposition) -> Decomposition:
-        """The same for all load steps, with the pairs that another one has for some."""
+        """Take, for all load steps, the pairs that another decomposition has for some."""
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
         local, coarse = copy(self.local), copy(other.coarse)

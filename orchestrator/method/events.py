@@ -65,7 +65,7 @@ class Iteration:
 
     @classmethod
     def of_content(cls, content: Mapping[str, Any], state: np.ndarray) -> Iteration:
-        """From ``content``."""
+        """The event that ``content`` was made from."""
         return cls(**{**content, "target": tuple(content["target"])}, state=state)
 
     @property
@@ -74,7 +74,7 @@ class Iteration:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("state", "checkpoint")}
 
     def without_state(self) -> Iteration:
-        """The same without arrays, which are large, and views hold them."""
+        """Leave out the arrays, which are large, and views hold them."""
         return replace(self, state=self.state[:0].copy(), checkpoint=None)
 
     @property

@@ -54,7 +54,7 @@ class Increment:
 
 
 def increments_of(steps: int, perfect: bool, method, one_by_one: bool = False) -> list[Increment]:
-    """Which load steps are solved together; parameters as for ``increments.check_iterations``."""
+    """Increments of load steps that are solved together; parameters as for ``increments.check_iterations``."""
     if perfect and not one_by_one:
         return [Increment(slice(0, steps))]
     size = 1 if one_by_one else method.increment
@@ -103,7 +103,7 @@ def _at(pairs: Pairs, step: int, share: float) -> Pairs:
 
 
 def _loading(d: Decomposition, step: int, share: float) -> Loading:
-    """What the loads of a part give on their own."""
+    """Answers to the loads of a part alone."""
     subdomains = [replace(s, prescribed=partway(s.prescribed, step, share)[None], loads=partway(s.loads, step, share)[None])
                   for s in d.scene.subdomains]
     scene: Scene = replace(d.scene, subdomains=subdomains, steps=1)
@@ -112,7 +112,7 @@ def _loading(d: Decomposition, step: int, share: float) -> Loading:
 
 
 def path_sentence(found: Mapping[str, Any]) -> str:
-    """What is told of load steps that were solved again in smaller ones, or could not be."""
+    """Sentence on load steps that were solved again in smaller ones, or could not be."""
     (first, last), (begin, end), why = found["load_steps"], found["part"], f"{found['why']} (iteration {found['after']})"
     if first != last:
         return f"load steps {first} to {last} were solved again one by one: {why}"

@@ -119,7 +119,7 @@ class _Run:
             self.d = self.d.paired_as(latin.problem)
 
     def _left(self, number: int) -> int:
-        """How many increments follow."""
+        """Number of increments that follow."""
         return len(self.increments) - 1 - number
 
     def _smaller(self, number: int, now: Evaluation) -> str:
@@ -137,7 +137,7 @@ class _Run:
         return reason if reason in (HELD, DIVERGED) and not asked else ""
 
     def _parts(self, number: int) -> list[Increment]:
-        """What an increment would be solved in if it is to be solved again; nothing where the way to a load does not count."""
+        """Parts in which an increment would be solved again; nothing where the way to a load does not count."""
         increment = self.increments[number]
         if not self.has_history:
             return []
@@ -165,7 +165,7 @@ class _Run:
             self.path.append(self._entry(number, reason, self.done[0], stuck=True))
 
     def _entry(self, number: int, why: str, after: int, stuck: bool = False) -> dict[str, Any]:
-        """What is told of an increment that is solved again in smaller steps, or is ``stuck``."""
+        """Entry on an increment that is solved again in smaller steps, or is ``stuck``."""
         increment, numbers = self.increments[number], self.numbers[self.increments[number].steps]
         return {"load_steps": [int(numbers[0]), int(numbers[-1])], "part": [increment.begin, increment.end], "why": why, "after": after,
                 "stuck": stuck}
@@ -192,7 +192,7 @@ class _Run:
         return d.batch(increment.steps, history, before and before.bound) if several or d.nonlinear is not None else d
 
     def _begin(self, latin: Latin, number: int, steps: slice) -> None:
-        """From the state, after so many iterations and sweeps as have been done."""
+        """Begin from the state, after so many iterations and sweeps as have been done."""
         start = self.start
         latin.number, latin.sweeps = self.done
         if self.ended and number == len(start.ended) and latin.problem.coarse is not None:

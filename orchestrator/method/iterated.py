@@ -28,7 +28,7 @@ from orchestrator.scene.model import Scene
 
 @dataclass(frozen=True)
 class Iterated:
-    """What the iterations ended with, this rank's part.
+    """Result of the iterations, this rank's part.
 
     fields : best admissible fields
     local : the last local stage
@@ -62,7 +62,7 @@ class Iterated:
 
     @classmethod
     def joined(cls, increments: Sequence[Iterated]) -> Iterated:
-        """Of all load steps from increments of them, in order; the reason is that of the first failure, and the error the largest."""
+        """Join the results of increments, in order; the reason is that of the first failure, and the error the largest."""
         if len(increments) == 1:
             return increments[0]
         decisive, final = next((x for x in increments if not x.converged), increments[-1]), increments[-1]
@@ -83,8 +83,8 @@ class Iterated:
             {name: [found for x in whole for found in x.found[name]] for name in whole[0].found}, begins=begins, between=between)
 
     def left(self) -> History:
-        """What the next load step begins with: where an energy error is known the displacements that it is measured with, lest the
-        next step's be measured from another beginning than it is solved with."""
+        """The state that the next load step begins with: where an energy error is known the displacements that it is measured with, lest
+        the next step's be measured from another beginning than it is solved with."""
         if isinstance(self.bound, Certified) and not self.bound.pair.missing:
             return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))  # points of perfect interfaces come last
         return self.local.left()
@@ -104,7 +104,7 @@ class Iterated:
 
 
 def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
-    """What is told of an iteration, once the next state is known.
+    """The event of an iteration, once the next state is known.
 
     sweeps, seconds : spent in iterations, and in all
     """
@@ -118,7 +118,7 @@ def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
 
 def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: tuple[bool, str], history: list[Iteration],
               known: Bound | None = None) -> Iterated:
-    """What the iterations of an increment have ended with.
+    """Result of an increment's iterations.
 
     end : fields, local stage and event
     why : whether they have converged, and the reason
@@ -178,7 +178,7 @@ def load_cases(scene: Scene, skip) -> LoadCases:
 
 
 def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
-    """The same for all ranks: rank 0 decides, which has the scene.
+    """Load cases common to all ranks: rank 0 decides, which has the scene.
 
     method : ``method`` of the configuration
     """
@@ -211,7 +211,7 @@ def _independent(loads: np.ndarray) -> LoadCases:
 
 
 def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:
-    """What the iterations ended with for all load steps, from that for the solved ones.
+    """Result for all load steps, from that for the solved ones.
 
     d : the decomposition with all load steps
 

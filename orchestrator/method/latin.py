@@ -75,7 +75,7 @@ class Latin:
 
     @property
     def evaluations(self) -> int:
-        """How many of the last evaluations decide about what follows."""
+        """Number of the last evaluations that decide about what follows."""
         return self.taken if self.acceleration.depth is None else min(self.taken, self.acceleration.depth)
 
     def go_on(self, now: Evaluation) -> None:

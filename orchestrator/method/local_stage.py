@@ -39,7 +39,7 @@ from orchestrator.method.linear.stage import Admissible
 
 @dataclass
 class LocalState:
-    """What a local stage hands on: an element of the set ℒ, eq. 9."""
+    """Result of a local stage: an element of the set ℒ, eq. 9."""
 
     s: np.ndarray  # (T, D) next state f̂ + k⁻ŵ
     hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
@@ -51,11 +51,11 @@ class LocalState:
     at: PointTraces | None = field(default=None, repr=False)  # the fields that it was made of at these pairs, for who measures it next
 
     def left(self, step: int = -1) -> History:
-        """What one of these load steps, the last one, leaves to the next."""
+        """The past that the last of these load steps leaves to the next."""
         return History(self.jump[step], {name: x[step] for name, x in self.own.items()})
 
     def steps(self, chosen: slice) -> LocalState:
-        """Of some of the load steps, where interfaces are not perfect."""
+        """The state at some of the load steps, where interfaces are not perfect."""
         return LocalState(self.s[chosen], tuple(x[chosen] for x in self.hats),
                           *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status)),
                           own={name: x[chosen] for name, x in self.own.items()})
@@ -114,7 +114,7 @@ class Exchange:
 
     @cached_property
     def lumped(self) -> Exchange:
-        """The same for the diagonal of k⁻ in the place of k⁺: no factorisation."""
+        """The local stage with the diagonal of k⁻ in the place of k⁺: no factorisation."""
         return Exchange(self.direction, "diagonal")
 
     def _nearest_to(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -220,7 +220,7 @@ class LawStage:
 
     def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, start: tuple[History, np.ndarray],
                  t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
-        """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
+        """The laws' answers f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
             f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)
 

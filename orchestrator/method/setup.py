@@ -103,7 +103,7 @@ def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: Bl
 
 
 class _SetUp:
-    """What the steps of a set-up share."""
+    """State shared by the steps of a set-up."""
 
     def __init__(self, part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch):
         self.scene, self.space, self.carried = _own_copy(part.scene), part.space, part.carried
@@ -221,7 +221,7 @@ class _SetUp:
         return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:
-        """What relative energy error the codes' own matrices leave.
+        """Relative energy error that the codes' own matrices leave.
 
         Raises Refusal: a tolerance below it; heat in matter of a code's own
         """

@@ -28,7 +28,7 @@ OF_INTERFACES = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy"
 
 @dataclass(frozen=True)
 class Answers:
-    """Of a run that has just been finished.
+    """Answers of a run that has just been finished.
 
     extremes : of every part
     interfaces : what all interfaces carry
@@ -66,7 +66,7 @@ class Answers:
                    read_paths(scene, fields.nodal) if scene.probes else [])
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
-        """What summary.json says of it."""
+        """The entry in summary.json."""
         about = np.array(config.output.moments_about, dtype=float)
         forces, moments = np.split(delivered.reactions, 2, axis=2)
         return {"peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
@@ -89,13 +89,13 @@ class Answers:
 
 
 def reaction_names(config: Config) -> list[str]:
-    """What the entries of ``boundary`` are called: by their own name, else by their place; then rigid tools."""
+    """Names of the entries of ``boundary``: by their own name, else by their place; then rigid tools."""
     return [*(place_text(entry.model_dump(exclude_none=True)["on"], entry.part) for entry in config.boundary), *config.tools]
 
 
 @dataclass(frozen=True)
 class InterfaceTable:
-    """Of all I interfaces, T load steps.
+    """Table of all I interfaces, T load steps.
 
     names, sides, laws : (I,) texts, pairs of texts, texts
     resultants : forces and moments on side 1

@@ -22,7 +22,7 @@ COLUMNS = ("part", "quantity", "extreme", "value", "x", "y", "z", "load_step")
 
 @dataclass(frozen=True)
 class Extremes:
-    """Of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the smallest and the largest.
+    """Extremes of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the smallest and the largest.
 
     parts : names; quantities : names
     value : (2, p, q), nan where nothing is known or to be believed
@@ -37,7 +37,7 @@ class Extremes:
 
     @classmethod
     def joined(cls, pieces: Sequence[Extremes]) -> Extremes:
-        """Of several pieces of a body together."""
+        """Extremes of several pieces of a body together."""
         value, at, step = (np.stack([getattr(piece, name) for piece in pieces]) for name in ("value", "at", "step"))
         worth = np.where(np.isnan(value), -np.inf, value * np.array([-1.0, 1.0])[:, None, None])
         most = worth.argmax(axis=0)[None]
@@ -46,7 +46,7 @@ class Extremes:
 
     @property
     def rows(self) -> Iterator[tuple]:
-        """As ``COLUMNS``; what is not known is left out."""
+        """Rows with ``COLUMNS``; what is not known is left out."""
         for p, part in enumerate(self.parts):
             for q, quantity in enumerate(self.quantities):
                 for k, extreme in enumerate(("min", "max")):

@@ -19,7 +19,7 @@ _SHORT = 40  # signs of a value in a message
 
 
 def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, str]:
-    """What the state depends on: key → value of the configuration (complete), key → content of the files that it names and
+    """The problem that a state depends on: key → value of the configuration (complete), key → content of the files that it names and
     of those that these include, and e.g. the mesh's nodes and cells.
 
     Tolerance, iteration limit, name, output, workers, transport and timeout are left out: a run may be
@@ -47,7 +47,7 @@ def digest_of(problem: Mapping[str, str]) -> str:
 
 
 def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """What differs between two problems, in words; of the mesh only where nothing else explains it."""
+    """Say what differs between two problems; of the mesh only where nothing else explains it."""
     keys = [key for key in (*now, *(key for key in before if key not in now)) if before.get(key) != now.get(key)]
     keys = [key for key in keys if not key.endswith(" of the mesh")] or keys
     told = []

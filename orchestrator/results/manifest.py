@@ -46,7 +46,7 @@ class Manifest:
         self._append(self._line(name, file, hashed=True))
 
     def claim(self, pattern: str) -> None:
-        """Whatever has a name that matches the regular expression is this program's until it is ``settled``."""
+        """Claim files whose names match the regular expression as this program's until ``settled``."""
         if pattern not in self._read()[1]:
             self._append({"claimed": pattern})
 
@@ -66,7 +66,7 @@ class Manifest:
         return self._is_own(name, *self._read())
 
     def foreign(self, pattern: str) -> list[str]:
-        """What stands under names that match the regular expression, and is not this program's."""
+        """Files with names that match the regular expression and are not this program's."""
         known = self._read()
         return [name for name in self._names(links=True) if re.fullmatch(pattern, name) and not self._is_own(name, *known)]
 
@@ -80,7 +80,7 @@ class Manifest:
         self._append(*lines)
 
     def _names(self, links: bool = False) -> Iterator[str]:
-        """Of all that is where this program writes; ``links``: also in folders that links lead to."""
+        """Names of all that is where this program writes; ``links``: also in folders that links lead to."""
         for below in ("", *FOLDERS):
             if below and not links and (self._folder / below).is_symlink():
                 continue
@@ -121,7 +121,7 @@ class Manifest:
         return [line for line in lines if isinstance(line, dict)]
 
     def _of_an_earlier_version(self) -> list[dict[str, Any]]:
-        """What a run has left whose version had no manifest: names that runs write under, beside its summary, which is last."""
+        """Files of a run whose version had no manifest: names that runs write under, beside its summary, which is last."""
         summary = self._folder / "summary.json"
         try:
             if summary.is_symlink() or not _SUMMARY <= set(json.loads(summary.read_bytes())):

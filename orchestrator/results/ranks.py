@@ -22,7 +22,7 @@ from orchestrator.scene.model import Scene, Subdomain
 
 @dataclass
 class Piece:
-    """Of one rank. Every rank asks the same of its own, in the same order.
+    """A rank's piece of the results. Every rank asks the same of its own, in the same order.
 
     fields : of its cells, bodies with nodes of their own where interfaces open
     cells : (k,) int, their numbers in the whole
@@ -59,7 +59,7 @@ class Piece:
         return cls(fields, scene.cell_number[chosen], meeting.team)
 
     def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
-        """Of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
+        """Estimate of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
 
         known : on rank 0, what has been estimated of the whole already
         """
@@ -98,7 +98,7 @@ class Piece:
         return None if everyone is None else Extremes.joined(everyone)
 
     def _know(self, **more: np.ndarray) -> None:
-        """What is only known later; what was computed without it goes."""
+        """Take in what is only known later; what was computed without it goes."""
         self.fields = replace(self.fields, **more)
 
 

@@ -33,7 +33,7 @@ GO_ON = "To go on: the same command with --resume."
 
 
 class Record(Subscriber):
-    """What a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
+    """Record that a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
 
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
@@ -105,7 +105,7 @@ class Record(Subscriber):
         write_summary(self._folder, summary)
 
     def latest(self) -> Start | None:
-        """Where the run stands, to go on from: all that it has told is in the checkpoint."""
+        """The state of the run, to go on from: all that it has told is in the checkpoint."""
         found = load_checkpoint(self._folder, self._key)
         # this run's clock goes on, and so does its count of iterations
         return found and replace(found, seconds=0.0, before=0 if self.start is None else self.start.iteration)

@@ -34,7 +34,7 @@ from orchestrator.scene.model import Scene
 
 @dataclass(frozen=True)
 class Solution:
-    """What a run has found; T load steps, n nodes.
+    """Solution of a run; T load steps, n nodes.
 
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
@@ -89,7 +89,7 @@ class Solution:
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
            reference: Reference | None, piece: Piece | None = None) -> Solution:
-        """Of a run that has just been finished; its answers are entered in the summary, nothing is written."""
+        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written."""
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,

@@ -147,7 +147,7 @@ class Shank:
 
 
 def away_from_joints(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank, at: float = 0.0) -> float:
-    """Where to cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
+    """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
 
     A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
     node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.

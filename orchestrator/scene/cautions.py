@@ -30,7 +30,7 @@ def locking(scene: Scene) -> Iterator[str]:
 
 
 def noted(scene: Scene) -> Iterator[str]:
-    """What was noticed when the scene was built: parts that are near each other, histories without use."""
+    """Cautions noted when the scene was built: parts that are near each other, histories without use."""
     yield from scene.warnings
 
 
@@ -54,7 +54,7 @@ RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
 
 
 def scene_cautions(scene: Scene) -> list[str]:
-    """What a user should know before the scene is solved."""
+    """Cautions that a user should know before the scene is solved."""
     return [sentence for rule in RULES for sentence in rule(scene)]
 
 

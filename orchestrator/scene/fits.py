@@ -49,13 +49,13 @@ class RoundFace:
     size: float
 
     def eccentric(self, other: RoundFace) -> float:
-        """How far another one's axis is from this one's; infinite where they are not parallel."""
+        """Distance of another one's axis from this one's; infinite where they are not parallel."""
         if np.linalg.norm(np.cross(self.axis, other.axis)) > TILTED:
             return np.inf
         return float(np.linalg.norm(np.cross(other.through - self.through, self.axis)))
 
     def extent_of(self, other: RoundFace) -> tuple[float, float]:
-        """From where to where another one goes, along this one's axis."""
+        """Ends of another one along this one's axis."""
         turn, shift = float(np.sign(self.axis @ other.axis)), float((other.through - self.through) @ self.axis)
         low, high = sorted((shift + turn * other.low, shift + turn * other.high))
         return low, high
@@ -86,7 +86,7 @@ class Fit:
 
     @property
     def volumes(self) -> tuple[int, int]:
-        """Of shaft and hole."""
+        """Volumes of shaft and hole."""
         return self.shaft.volume, self.hole.volume
 
     @property
@@ -101,7 +101,7 @@ class Fit:
 
     @property
     def area(self) -> float:
-        """Of the shaft, as far as both go together, if they go all round."""
+        """Area of the shaft, as far as both go together, if they go all round."""
         return 2 * np.pi * self.shaft.radius * self.length
 
 
@@ -223,7 +223,7 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[Pressed]) -> list
 
 
 def _pressing(volume: int, axis: np.ndarray, touching: Sequence[Pressed]) -> Iterator[tuple[float, int]]:
-    """Which way, 1 or −1, planes of a volume press along an axis, and on which other ones."""
+    """Direction, 1 or −1, in which planes of a volume press along an axis, and the volumes pressed on."""
     for patch in touching:
         if volume in patch.volumes:
             along = float(patch.normal @ axis) * (1 if patch.volumes[0] == volume else -1)

@@ -73,7 +73,7 @@ class Graph:
     together: str = ""
 
     def readable(self) -> Graph:
-        """The same with at most ``MOST`` nodes, or one for each code and element."""
+        """A graph with at most ``MOST`` nodes, or one for each code and element."""
         for key, together in ((lambda node: (re.sub(r"\d+", "*", node.name), node.code, node.element), "bodies alike in name are one"),
                               (lambda node: ("*", node.code, node.element), "bodies of one code are one")):
             graph = self if len(self.nodes) <= MOST else self._joined(key, together)
@@ -92,7 +92,7 @@ class Graph:
         return Graph(self.name, nodes, _summed(moved), together)
 
     def lines(self) -> list[str]:
-        """As text: a line for each node, then one for each edge."""
+        """The graph as text: a line for each node, then one for each edge."""
         bodies = [(n.name, str(n.bodies), n.code, n.element, str(n.dofs), str(n.pieces), str(n.loose) if n.loose else "-",
                    "; ".join(told(n.acts)) or "-") for n in self.nodes]
         met = [(" | ".join(self.nodes[e].name for e in edge.ends), edge.law, edge.keys or "-", edge.meshes, str(edge.interfaces),
@@ -139,7 +139,7 @@ def _summed(edges: Sequence[Edge]) -> list[Edge]:
 
 
 def _keys(entry: Entry) -> str:
-    """What an entry says of its law."""
+    """Keys of an entry's law, in words."""
     said = entry.model_dump(exclude_unset=True, exclude=set(Entry.model_fields) - {"history"})
     return ", ".join(f"{key} {value}" for key, value in said.items())
 

@@ -75,7 +75,7 @@ def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, flo
 
 
 def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
-    """What touches, whatever laws may say: shared faces, then faces that lie on each other; then shafts in holes with room."""
+    """Pairs that touch, whatever laws may say: shared faces, then faces that lie on each other; then shafts in holes with room."""
     shared, sides, bounds = patches(faces, mesh.volume)
     for first, last in zip(bounds[:-1], bounds[1:]):
         each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[shared[first:last]]), axis=1)
@@ -133,7 +133,7 @@ class SurfaceRow:
 
 
 def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
-    """In the order of the mesh."""
+    """Rows of the volumes, in the order of the mesh."""
     each = tet_volumes(mesh.nodes, mesh.cells)
     for index, name in enumerate(mesh.volumes):
         own = mesh.volume == index
@@ -144,7 +144,7 @@ def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
 
 
 def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
-    """In the order of the mesh."""
+    """Rows of the surfaces, in the order of the mesh."""
     beside = _neighbours(mesh)
     for name, triangles in mesh.surfaces.items():
         each = np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1)
@@ -172,7 +172,7 @@ def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
 
 
 def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
-    """What the extent of a mesh is in usual units, and whether moduli fit them."""
+    """Remark on the extent of a mesh in usual units, and whether moduli fit them."""
     extent = np.ptp(mesh.nodes, axis=0)
     size = float(extent.max())
     text = "extent " + " × ".join(f"{x:.6g}" for x in extent)

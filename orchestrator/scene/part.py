@@ -21,7 +21,7 @@ from orchestrator.scene.soles.overlap import difficulty, first_row
 
 
 def overview(scene: Scene) -> Overview:
-    """What every part of a scene has to know of all of it."""
+    """Overview of the scene that every part has to know."""
     opens = any(not i.law.joins for i in scene.interfaces)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene))
 
@@ -113,7 +113,7 @@ def _hollow(i: Interface) -> Interface:
 
 
 def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:
-    """What of a boundary entry is on own subdomains: every face belongs to one."""
+    """A boundary entry's part on own subdomains: every face belongs to one."""
     faces = np.flatnonzero(mine[scene.cell_subdomain[b.cells[:, 0]]])
     own = b.of(faces)
     return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1),

@@ -30,7 +30,7 @@ NONE = 1e-9  # a share of directions that is rounding
 
 @dataclass(frozen=True)
 class Revolved:
-    """Where a surface is.
+    """Place of a surface of revolution.
 
     centre, axis : (3,); numbers : (1 or 2,)
     measured : its distance (n,), normal (n, 3) and ∂d/∂s (n, 1 or 2) at points, from the point's way off the axis, the unit vector
@@ -51,7 +51,7 @@ class Revolved:
         return self.measured(length, off / np.where(length > 0, length, 1.0)[:, None], along, self.axis, *self.numbers)
 
     def fitted(self, x: np.ndarray) -> Revolved:
-        """The same moved onto points (n, 3), of an extent of about one, as well as can be."""
+        """Fit to points (n, 3), of an extent of about one, by least squares."""
         now = self
         for _ in range(STEPS):
             distance, normal, slopes = now.at(x)
@@ -120,7 +120,7 @@ def recognised(x: np.ndarray, normals: np.ndarray, off: float) -> np.ndarray | N
 
 
 def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Revolved]:
-    """What the nodes may lie on, straight ones first: two circles about an axis are on spheres, too."""
+    """Surfaces that the nodes may lie on, straight ones first: two circles about an axis are on spheres, too."""
     share, directions = np.linalg.eigh(normals.T @ normals / len(normals))
     if share[1] < NONE:
         return

@@ -32,7 +32,7 @@ class Shape:
     normals: np.ndarray | None = None
 
     def placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Shape:
-        """Where a similarity, points (n, 3) → (n, 3), puts it."""
+        """The shape moved by a similarity, points (n, 3) → (n, 3)."""
         through = np.zeros(3) if self.through is None else self.through
         origin, ahead = place(through + np.array([np.zeros(3), [1.0, 0.0, 0.0]]))
         size = float(np.linalg.norm(ahead - origin))
@@ -72,7 +72,7 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
 
 
 def _off(arms: np.ndarray, normals: np.ndarray) -> float:
-    """How far facets' normals (k, 3) are from the directions of arms (k, 3), or their opposites, on the mean."""
+    """Mean deviation of facets' normals (k, 3) from the directions of arms (k, 3), or their opposites."""
     return float(np.linalg.norm(np.cross(arms, normals), axis=1).sum() / np.linalg.norm(arms, axis=1).sum())
 
 

@@ -54,7 +54,7 @@ def _chosen(numbers: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def _curves(name: str, across: str, found: Found) -> dict[str, list[tuple[Any, float]]]:
-    """What the other keys are → value of the key ``across``, and the number."""
+    """Curves: values of the other keys → value of the key ``across``, and the number."""
     curves: dict[str, list[tuple[Any, float]]] = {}
     for values, numbers in found:
         others = ", ".join(f"{key.rpartition('.')[2]} = {shown(value)}" for key, value in values.items() if key != across)

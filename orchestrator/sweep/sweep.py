@@ -36,7 +36,7 @@ NOT_BEGUN = -1
 
 @dataclass
 class Outcome:
-    """How a variant has ended.
+    """End of a variant.
 
     exit_code : as ``run`` would have ended with; ``NOT_BEGUN`` before
     why : what went wrong, in one line
@@ -119,7 +119,7 @@ class Sweep:
                 outcome.why = outcome.why or str(summary["stop_reason"])
 
     def _fingerprint(self, config: Config) -> str:
-        """Of all that decides the results: values, contents of files, the mesh."""
+        """Fingerprint of all that decides the results: values, contents of files, the mesh."""
         problems, told = Problems(), config.complete()
         body = self._meshed(config, True, problems)
         problems.raise_if_any()
@@ -173,7 +173,7 @@ def _summary(path: Path) -> dict[str, object] | None:
 
 
 def _notes(folder: Path) -> dict[str, Outcome]:
-    """What an earlier sweep has noted in its folder; nothing where there is none that can be read."""
+    """Notes of an earlier sweep in its folder; nothing where there is none that can be read."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         return {one["name"]: Outcome(one["exit_code"], fingerprint=one["fingerprint"])
                 for one in json.loads((folder / NOTES).read_bytes())["variants"]}

@@ -69,7 +69,7 @@ class Screen:
             self._failed += 1
 
     def end(self, folder: Path, outcomes: Sequence[Any]) -> None:
-        """How all have ended, and where the rest is."""
+        """Say how all have ended, and where the rest is."""
         if self.quiet:
             return
         good = sum(outcome.exit_code == CONVERGED for outcome in outcomes)
@@ -86,7 +86,7 @@ def more(numbers: Mapping[str, float]) -> list[str]:
 
 
 def heading(name: str) -> str:
-    """What a number is called; names of probes stay as they are."""
+    """Heading of a number; names of probes stay as they are."""
     return name if "." in name else name.replace("_", " ")
 
 

@@ -30,7 +30,7 @@ class Variant:
 
     @property
     def overrides(self) -> list[str]:
-        """As for ``load_config``."""
+        """Overrides as for ``load_config``."""
         return [f"{key}={json.dumps(value)}" for key, value in self.values.items()]
 
     @property

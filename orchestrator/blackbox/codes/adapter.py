@@ -99,14 +99,14 @@ def made(found: type, options: dict[str, object]):
 
 
 def promised(solver) -> int:
-    """What a solver's class says of it, as ``messages.check_hello`` reads it."""
+    """The traits that a solver's class declares, as ``messages.check_hello`` reads it."""
     promises = ("translation_invariant", "own_matter", "nonlinear")
     return sum(bool(getattr(solver, name, False)) << bit for bit, name in enumerate(promises))
 
 
 @dataclass
 class FullModel(Model):
-    """What the methods of a solver get, see ``template``: with ``Origin.arrays``; soles alone have no node in the mesh."""
+    """The model that the methods of a solver get, see ``template``: with ``Origin.arrays``; soles alone have no node in the mesh."""
 
     number: np.ndarray | None = None
     volume: np.ndarray | None = None

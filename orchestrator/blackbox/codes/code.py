@@ -54,12 +54,12 @@ class Code(ABC):
 
     @property
     def name(self) -> str:
-        """In messages and in the summary."""
+        """The name in messages and in the summary."""
         return self.settings.code
 
     @abstractmethod
     def worker(self) -> type[Worker]:
-        """Who drives its processes, by ``settings.transport``."""
+        """The class that drives its processes, by ``settings.transport``."""
 
     @abstractmethod
     def command(self, requests: str, replies: str) -> list[str]:
@@ -74,7 +74,7 @@ class Code(ABC):
         return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
     def meaning(self, exit_code: int) -> str:
-        """What an exit code says; negative: killed by that signal."""
+        """The meaning of an exit code; negative: killed by that signal."""
         if exit_code >= 0:
             otherwise = "ended with an error" if exit_code else "normal end"
             return f"{exit_code}: {self.meanings.get(exit_code, otherwise)}"
@@ -93,12 +93,12 @@ class Code(ABC):
         return 0.0
 
     def version(self) -> str:
-        """What it says it is, e.g. "4.9"; empty where it does not tell."""
+        """The version that the code itself tells, e.g. "4.9"; empty where it does not tell."""
         return ""
 
     @classmethod
     def doctor(cls, name: str) -> list[str]:
-        """What is installed of the code called ``name``, a line each; a line of what every run needs begins with
+        """List what is installed of the code called ``name``, a line each; a line of what every run needs begins with
         ``missing`` where it is."""
         try:
             return [f"{name}: {cls(cls.Settings(code=name)).version()}"]

@@ -38,7 +38,7 @@ class NonlinearAdapter(Adapter):
     own_matter = nonlinear = True
 
     def response(self, model: Any, u: np.ndarray, history: Any) -> tuple[np.ndarray, sp.csr_array, Any]:
-        """What displacements need at the end of a load step.
+        """Forces and tangent for displacements at the end of a load step.
 
         model : the body alone; its nodes are those of the subdomain and of its soles, in the same order
         u : (3n,) displacements at the end of the load step
@@ -49,11 +49,11 @@ class NonlinearAdapter(Adapter):
         raise NotImplementedError
 
     def prepare(self, model: Any, stiffness: sp.csr_array) -> Any:
-        """As the base says, with the body, its soles' stiffness, and a past."""
+        """Prepare as the base does, with the body, its soles' stiffness, and a past."""
         return _Body(self, model, super().prepare(model, stiffness))
 
     def solve(self, prepared: Any, forces: np.ndarray) -> np.ndarray:
-        """As the base says: the elastic answer, for search directions and coarse problems."""
+        """The elastic answer, for search directions and coarse problems."""
         return super().solve(prepared.elastic, forces)
 
     def advance(self, prepared: Any, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -161,7 +161,7 @@ class _At:
 
 
 def _no_numbers(body: Any, at: _At) -> str:
-    """Where forces or tangent are no numbers, and at what strain, in words."""
+    """Say where forces or tangent are not numbers, and at what strain."""
     dofs = ~np.isfinite(at.needed)
     what = "forces" if dofs.any() else "a tangent with entries"
     if not dofs.any():

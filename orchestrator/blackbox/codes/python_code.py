@@ -129,7 +129,7 @@ class PythonCode(MessageCode):
 
     @property
     def name(self) -> str:
-        """As in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
+        """The name in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
         code = self.settings.code
         return code if self.solver else Path(code.rpartition(":")[0] or code).name
 
@@ -144,7 +144,7 @@ class PythonCode(MessageCode):
         return [sys.executable, "-P", "-m", "orchestrator.blackbox.codes.python_server", *server]
 
     def environment(self) -> dict[str, str]:
-        """With this package among the modules; not of another interpreter, which is told where it is."""
+        """The environment with this package among the modules; another interpreter is told where it is."""
         if self.settings.python:
             return super().environment()
         return {**super().environment(), "PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}

@@ -50,7 +50,7 @@ class Server:
         self.handed = len(inspect.signature(solver.prepare).parameters) > 1  # the stiffness, which is assembled anyway
 
     def run(self) -> None:
-        """Until told to quit, or until the orchestrator is gone."""
+        """Serve until told to quit, or until the orchestrator is gone."""
         self._reply([0, 0, promised(self.solver)], [clock(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
                    messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads, messages.ADVANCE: self._advance}

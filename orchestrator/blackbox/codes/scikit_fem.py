@@ -23,7 +23,7 @@ class ScikitFem(Adapter):
     elements = ("P1", "P2")
 
     def stiffness(self, model: Model) -> sp.csr_array:
-        """As ``Adapter`` says: σ(u) : ε(v), isotropic, λ and μ constant on each tet."""
+        """Stiffness of σ(u) : ε(v), isotropic, λ and μ constant on each tet."""
         from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2, ElementVector, MeshTet
         from skfem.helpers import ddot, eye, sym_grad, trace
 

@@ -86,7 +86,7 @@ def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
 
 
 def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
-    """What a nonlinear model truly does under (3n,) forces, see ``protocol.BlackBox.advance``."""
+    """True response of a nonlinear model to (3n,) forces, see ``protocol.BlackBox.advance``."""
     return [np.int64(ADVANCE).tobytes(), of_ints([index, int(commit)]), *of_reals([forces])]
 
 
@@ -117,7 +117,7 @@ def _check(reply: Reply, index: int, ints: int) -> None:
 
 
 def check_hello(reply: Reply) -> int:
-    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear. Raises
+    """Read the server's greeting: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear. Raises
     BadReply unless it introduced itself."""
     _check(reply, 0, 2)
     return int(reply.ints[2]) if len(reply.ints) > 2 else 0

@@ -169,7 +169,7 @@ class MessageWorker(RunWorker):
         self.seconds["start"] += float(hello.seconds[0])
 
     def load(self, index: int, model: Model) -> None:
-        """As ``Worker`` says; what ends after a run is solved once for the check: a model that is not held is found now."""
+        """Load models; a code that ends after a run solves once for the check: a model that is not held is found now."""
         self.tallies[index] = Tally(model.name, len(model.trace))
         self._about(index, model, messages.load, "loading failed", messages.check_load)
 
@@ -182,7 +182,7 @@ class MessageWorker(RunWorker):
                            lambda reply, index: messages.check_own_loads(reply, index, steps, model.fixed.size))
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
-        """As ``Worker`` says: through pipes all right-hand sides of all models travel in one message."""
+        """Solve: through pipes all right-hand sides of all models travel in one message."""
         if not self.keeps_models:
             return super().solve(op, jobs, names)
         answers: dict[int, np.ndarray] = {}
@@ -194,7 +194,7 @@ class MessageWorker(RunWorker):
         return answers
 
     def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
-        """As ``RunWorker`` says; the same run serves load cases and unit loads."""
+        """Solve load cases: the same run serves load cases and unit loads."""
         with self.telling("solving failed", name):
             self.link.send(self._load_requests[index] + messages.solve(op, [(index, forces)]))
             self._counted(lambda reply: messages.check_load(reply, index))
@@ -222,7 +222,7 @@ class MessageWorker(RunWorker):
 
     def _about(self, index: int, model: Model, ask: Callable[[int, Model], Buffers], purpose: str,
                read: Callable[[Reply, int], Any]) -> Any:
-        """What ``read`` makes of the reply to a request about a model. For runs to come, mesh file and request are kept."""
+        """The reply to a request about a model, as ``read`` makes it. For runs to come, mesh file and request are kept."""
         told, kept = self.code.told(model), ask is messages.load and not self.keeps_models
         path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), ask(index, told)
         if kept:

@@ -75,7 +75,7 @@ class Worker:
         raise NotImplementedError
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        """Of a model that is not kept, nothing clamped."""
+        """Stiffness of a model that is not kept, nothing clamped."""
         raise NotImplementedError
 
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
@@ -91,7 +91,7 @@ class Worker:
         return []
 
     def traits(self) -> Traits:
-        """What may be relied on; of what the code leaves open the process has told when it started."""
+        """Traits; of those that the code leaves open the process has told when it started."""
         invariant, own = self.code.translation_invariant, self.code.own_matter
         nonlinear = bool(self.promised & 4)  # what remembers load steps answers for itself alone
         return Traits((bool(self.promised & 1) if invariant is None else invariant) and not nonlinear,
@@ -144,7 +144,7 @@ class Worker:
         return self.peak_mb
 
     def deadline(self) -> float:
-        """When the answer to what is asked now must be there."""
+        """Time by which the answer to the present request must be there."""
         return time.monotonic() + self.code.settings.timeout
 
     def count(self, seconds) -> None:

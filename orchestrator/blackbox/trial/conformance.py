@@ -57,7 +57,7 @@ class Trial:
         return self.answers(index, self.everywhere(index))
 
     def wrong(self, what: str, index: int, found: np.ndarray, forces: np.ndarray, dofs=slice(None)) -> str:
-        """What is wrong with displacements of a model, in words; those of another model are told as such."""
+        """Say what is wrong with displacements of a model; those of another model are told as such."""
         said = diagnosis(found, self.answers(index, forces)[:, dofs])
         if not said:
             return ""
@@ -225,7 +225,7 @@ def _untouched(trial: Trial) -> tuple[str, str]:
 
 @check("order of models", "answers depend on the order in which models are asked")
 def _order(trial: Trial) -> float:
-    """In reverse at once, then one model after the other with matrices of others asked for in between."""
+    """Ask in reverse at once, then one model after the other with matrices of others asked for in between."""
     last = list(range(len(trial.models)))[::-1]
     answers = trial.blackbox.traces({i: trial.forces[i] for i in last})
     apart = max(difference(answers[i], trial.traces[i]) for i in last)
@@ -250,7 +250,7 @@ def _compliance(trial: Trial) -> tuple[str, str]:
 
 @check("order of preparing", "answers depend on the order in which models are prepared")
 def _reloaded(trial: Trial) -> float:
-    """The same models again, the last one first."""
+    """Load the same models again, the last one first."""
     last = len(trial.models) - 1
     trial.blackbox.load(trial.models[::-1])
     answers = trial.blackbox.traces({last - i: f for i, f in enumerate(trial.forces)})

@@ -12,7 +12,7 @@ from orchestrator.registry import ACCELERATIONS
 
 
 class Acceleration(ABC):
-    """To be derived from; a line in ``registry`` gives it its name in the YAML.
+    """Base of accelerations; a line in ``registry`` gives it its name in the YAML.
 
     title : of the algorithm, for people
     depth : of how many of the last evaluations it makes the next state; None: all. A resumed run begins a new one, which takes in
@@ -50,7 +50,7 @@ class Acceleration(ABC):
 
 
 def algorithm(name: str, all_perfect: bool) -> type[Acceleration]:
-    """What stands behind ``method.acceleration``: where all is bonded, ``anderson`` minimises residuals, as ``gmres`` does."""
+    """The algorithm that ``method.acceleration`` names: where all is bonded, ``anderson`` minimises residuals, as ``gmres`` does."""
     return ACCELERATIONS[name].suiting(all_perfect)
 
 

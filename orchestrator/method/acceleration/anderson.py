@@ -50,7 +50,7 @@ class Anderson(Acceleration):
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
-        """Of affine maps, the residual is minimised."""
+        """The variant for affine maps, which minimises the residual."""
         return ResidualMinimisation if all_perfect else cls
 
     @classmethod

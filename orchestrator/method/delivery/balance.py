@@ -39,7 +39,7 @@ NO_CENTRE = 1e-6
 
 @dataclass(frozen=True)
 class Resultants:
-    """Of all interfaces of the scene, T load steps, I interfaces."""
+    """Resultants of all interfaces of the scene, T load steps, I interfaces."""
 
     force: np.ndarray  # (T, I, 3) of side 2 on side 1
     moment: np.ndarray  # (T, I, 3) about ``centre``
@@ -131,7 +131,7 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultant
 
 @dataclass(frozen=True)
 class Balance:
-    """What is left over, T load steps, b bodies."""
+    """Forces and moments left unbalanced, T load steps, b bodies."""
 
     names: list[str]  # (b,) of a piece of each body
     left: np.ndarray  # (T, b, 6) force, and moment over the scene's size; 0 where a part whose mesh is not ours has supports inside

@@ -44,7 +44,7 @@ class Intervals:
 
 @dataclass(frozen=True)
 class Way:
-    """What a support, or side 1 of an interface, is moved by to ask for its forces: m unit motions a + b × (x − c).
+    """Motions of a support, or of side 1 of an interface, that ask for its forces: m unit motions a + b × (x − c).
 
     number : of the entry of ``boundary``, or of the interface
     axes, turns : (m, 3) a, and b, one over a length; about : (3,) c

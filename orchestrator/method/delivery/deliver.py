@@ -32,7 +32,7 @@ from orchestrator.timing import Stopwatch
 
 @dataclass(frozen=True)
 class Contact:
-    """What is told where interfaces are not perfect."""
+    """Results where interfaces are not perfect."""
 
     laws: LawResiduals  # how well the laws hold there
     stabilised: Stabilised | None  # what stabilisation carried; None where there is none
@@ -44,7 +44,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Delivered:
-    """What the method hands over: complete on rank 0, elsewhere that rank's part; per subdomain (T, n_E, 3)."""
+    """The method's results: complete on rank 0, elsewhere that rank's part; per subdomain (T, n_E, 3)."""
 
     iterated: Iterated  # for all load steps, with the noise of the answers in its bound; not converged where a guard is broken
     parts: Parts  # in equilibrium with its interface forces: with lawful ones where an energy error is known, see ``lawful``
@@ -107,7 +107,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:
-    """How well the laws hold in all load steps, by the measures that the run was judged with."""
+    """Residuals of the laws in all load steps, by the measures that the run was judged with."""
     measured = [(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
                 for t, pairs, before in iterated.by_pairing(d)]
     laws = law_residuals(measured, lengths, d.space.team)
@@ -135,5 +135,5 @@ def _moved(d: Decomposition, bound: Bound) -> np.ndarray:
 
 
 def on_whole(delivered: Delivered, whole: Scene) -> Delivered:
-    """With displacements on the nodes of the whole mesh, on rank 0."""
+    """The results with displacements on the nodes of the whole mesh, on rank 0."""
     return replace(delivered, displacement=on_mesh(whole, delivered.continuous))

@@ -91,7 +91,7 @@ def _left(acceleration: ResidualMinimisation) -> float:
 
 
 def _loaded(d: Decomposition, loads: Sequence[np.ndarray]) -> Decomposition:
-    """The same under loads alone, per own subdomain (R, n_E, 3): R load steps."""
+    """Answers to loads alone, per own subdomain (R, n_E, 3): R load steps."""
     own, steps = dict(zip(d.space.subdomains, loads)), len(loads[0])
     given = [own.get(s.index, np.zeros((steps, len(s.nodes), 3))) for s in d.scene.subdomains]
     scene = replace(d.scene, steps=steps, subdomains=[
@@ -106,7 +106,7 @@ def _loaded(d: Decomposition, loads: Sequence[np.ndarray]) -> Decomposition:
 
 
 def _held(problem: Decomposition, d: Decomposition, iterated: Iterated, steps: Sequence[int]) -> Decomposition:
-    """The same with laws held as they are at load steps of the solution, a row each."""
+    """Answers with laws held as they are at load steps of the solution, a row each."""
     if d.all_perfect:
         return problem
     lawful, every = d.local.pairs, d.local.pairs if d.coarse is None else d.coarse.pairs

@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
                   lengths: Lengths | None = None, inside: Interior | None = None, lawful: Lawful | None = None) -> list[str]:
-    """What the delivered fields break, a sentence each.
+    """Say what the delivered fields break, a sentence each.
 
     interfaces, lengths : fields of this rank's interfaces that are not perfect, if the scene has any, and what they
         are compared with
@@ -83,7 +83,7 @@ def works(d: Decomposition, iterated: Iterated, parts: Parts) -> tuple[np.ndarra
 
 
 def with_noise(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior | None = None) -> Iterated:
-    """The same with the noise of the answers in its bound; not converged any more if that is too much."""
+    """Add the noise of the answers to the bound; not converged any more if that is too much."""
     inside = inside or interior(d, iterated, parts)
     unbalanced, _ = inside.shares(d.loading.size(iterated.bound.energy))
     bound, floor = iterated.bound.relative, NOISE * float(np.hypot(noise(d, iterated, parts), unbalanced))
@@ -113,7 +113,7 @@ def noise(d: Decomposition, iterated: Iterated, parts: Parts) -> float:
 
 
 def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str]:
-    """With contact no bound holds the noise of the answers: it must stay below the tolerance."""
+    """Require noise of the answers below the tolerance: with contact no bound holds it."""
     share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
     if share <= BEYOND * max(iterated.last.target[1], ROUNDING):
         return []
@@ -199,7 +199,7 @@ def _pressures(d: Decomposition, interfaces: InterfaceFields, resting: float) ->
 
 
 def _largest(d: Decomposition, own: dict[str, float]) -> dict[str, float]:
-    """Of all ranks; nan stays."""
+    """The largest value of all ranks; nan stays."""
     result: dict[str, float] = {}
     for found in d.space.team.all_gather(own):
         for name, value in found.items():

@@ -103,7 +103,7 @@ class _Motions:
 
 @dataclass(frozen=True)
 class Stabilised:
-    """What the springs carried."""
+    """Forces of the stabilising springs."""
 
     epsilon: float  # largest ε of a pair
     force: float  # largest traction of the springs over the largest that contacts carry
@@ -114,7 +114,7 @@ class Stabilised:
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
-    """What the springs carried; None where nothing is stabilised."""
+    """Forces of the stabilising springs; None where nothing is stabilised."""
     if d.all_perfect or d.local.pairs.stabilisation is None:
         return None
     pairs, local, team = d.local.pairs, iterated.local, d.space.team
@@ -146,14 +146,14 @@ def _ratio(part: float, whole: float) -> float:
 
 @dataclass(frozen=True)
 class OpenPlaces:
-    """How far bodies may be from their places, over the largest displacement of all bodies and load steps; infinite: not determined."""
+    """How far off bodies may be, over the largest displacement of all bodies and load steps; infinite: not determined."""
 
     open: float  # of the body whose place is determined least
     bodies: dict[str, float]  # each → the same, at its worst load step, the largest first
 
 
 def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws: LawResiduals, parts: Parts) -> OpenPlaces | None:
-    """What is told of them; None where supports and joints hold all bodies.
+    """Open places of the bodies; None where supports and joints hold all.
 
     Where no energy error is known it is taken to be ``UNTOLD`` law residuals.
     """

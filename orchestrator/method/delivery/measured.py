@@ -12,7 +12,7 @@ Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nod
 
 @dataclass(frozen=True)
 class Measured:
-    """What a probe tells of displacements: c components.
+    """A probe as a linear map of displacements: c components.
 
     weights : of the displacements of nodes; a node may be there several times
     given : (T, c) what it tells where nothing moves, of matter that is heated or loaded

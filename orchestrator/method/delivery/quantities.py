@@ -24,7 +24,7 @@ from orchestrator.timing import Stopwatch
 
 
 def estimator_of(scene: Scene) -> Estimator:
-    """Of ten-node tets by a problem in each, of four-node ones by recovered stresses."""
+    """The estimator: for ten-node tets a problem in each, for four-node ones recovered stresses."""
     return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
 
 
@@ -67,7 +67,7 @@ def unit_answers(d: Decomposition, delivered: Delivered, wanted: Wanted, method,
 
 
 def quantities(scene: Scene, delivered: Delivered, wanted: Wanted, answers: np.ndarray, asked: Mapping[str, float]) -> list[Quantity]:
-    """What is asked of a whole scene, on rank 0.
+    """Quantities asked of a whole scene, on rank 0.
 
     answers : of ``unit_answers``
     asked : name of a probe → accuracy

@@ -63,7 +63,7 @@ def _per_node(d: Decomposition, bodies: Bodies) -> np.ndarray:
 
 
 class _Held:
-    """What pairs hold at one load step: (4, 3, P) directions, and (4, P) stiffnesses and forces c up to which they hold."""
+    """Pairs' holds at one load step: (4, 3, P) directions, and (4, P) stiffnesses and forces c up to which they hold."""
 
     def __init__(self, pairs: Pairs, F: np.ndarray, before: History, number: int):
         answer, points = pairs.force(F, before, number, derivative=True), pairs.points

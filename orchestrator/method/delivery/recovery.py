@@ -141,7 +141,7 @@ def wrench(points: np.ndarray, forces: np.ndarray) -> np.ndarray:
 
 
 def joint_forces(d: Decomposition, f: np.ndarray) -> Parts:
-    """What interface forces f (T, D) add up to at the nodes of subdomains whose mesh is not ours; None for others."""
+    """Sums of interface forces f (T, D) at the nodes of subdomains whose mesh is not ours; None for others."""
     found, forces = [None] * len(d.scene.subdomains), d.space.loads(f)
     for s, trace, part in zip(d.own, d.made.traces, d.space.boundary):
         if s.foreign:
@@ -170,7 +170,7 @@ UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of 
 
 @dataclass(frozen=True)
 class Interior:
-    """Of all ranks; (T, subdomains) each, force × length."""
+    """Squared norms of all ranks; (T, subdomains) each, force × length."""
 
     energy: np.ndarray  # ‖u‖²_K
     unbalanced: np.ndarray  # ‖r‖², less rounding

@@ -22,7 +22,7 @@ from orchestrator.method.stopping.bound import ROUNDING, relative
 
 @dataclass(frozen=True)
 class Shares:
-    """Of the load step whose error is largest; the largest first.
+    """Shares of the error at the load step where it is largest; the largest first.
 
     step : that load step, from 0
     bodies, interfaces : name → share of E²
@@ -37,7 +37,7 @@ class Shares:
 
 
 def shares(d: Decomposition, lawful: Lawful, energy: np.ndarray) -> Shares:
-    """Of a run whose energy error is known.
+    """Shares of a run whose energy error is known.
 
     energy : (T, subdomains) ‖u‖²_K of all ranks, of those whose matter is the scene's
     """

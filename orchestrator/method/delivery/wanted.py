@@ -25,7 +25,7 @@ REACTIONS, BOLTS, SECTIONS, RESULTANTS = KINDS = ("reactions", "bolts", "section
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for.
+    """Quantities asked for.
 
     probes : name → what is asked of displacements; forces : name → what carries the forces of a probe
     reactions : whether those are; entries : numbers of the entries of ``boundary`` that hold something then
@@ -50,7 +50,7 @@ class Wanted:
 
     @classmethod
     def of(cls, scene: Scene, names: Sequence[str], kinds: Sequence[str], about: Sequence[float]) -> Wanted:
-        """Of a whole scene.
+        """Quantities asked of a whole scene.
 
         names : of its probes, but for extremes and those along lines; kinds : of ``KINDS``
         about : a point, which moments of reactions are about
@@ -82,7 +82,7 @@ class Wanted:
 
 
 def _measured(scene: Scene, probe: Point | Surface) -> Measured:
-    """What a probe tells of nodes' displacements: of stresses the mean over the tet at a point, or over those behind faces."""
+    """A probe's values as a map of nodes' displacements: of stresses the mean over the tet at a point, or over those behind faces."""
     place, stress = np.zeros(len(scene.mesh.cells), dtype=int), STRESS in (getattr(probe, "of", ""), probe.quantity)
     for s in scene.subdomains:
         place[s.cells] = np.arange(len(s.cells))

@@ -29,17 +29,17 @@ class History:
 
     @classmethod
     def none(cls, count: int) -> History:
-        """Of pairs that nothing has happened to: an empty ``own`` stands for zeros."""
+        """The past of pairs that nothing has happened to: an empty ``own`` stands for zeros."""
         return cls(np.zeros((3, count)))
 
     def take(self, chosen: slice | np.ndarray) -> History:
-        """Of some of the pairs."""
+        """The past of some of the pairs."""
         if isinstance(chosen, slice):
             return History(self.jump[:, chosen], {name: x[chosen] for name, x in self.own.items()})
         return History(self.jump.take(chosen, axis=1), {name: x.take(chosen) for name, x in self.own.items()})
 
     def among(self, count: int) -> History:
-        """Of more pairs, the first of which are these; nothing has happened to the others."""
+        """The past of more pairs, the first of which are these; nothing has happened to the others."""
         rest = count - self.jump.shape[1]
         return History(np.pad(self.jump, ((0, 0), (0, rest))), {name: np.pad(x, (0, rest)) for name, x in self.own.items()})
 
@@ -103,7 +103,7 @@ class Pairs:
         return PointTraces(self.transfer, self.points, self.nodes, self.slid, w, f)
 
     def responses(self, W: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What fields W, F (m, D + G) of the bodies change F by, those of the first sides and of the second: (m, 3, P) each."""
+        """Changes of F by fields W, F (m, D + G) of the bodies, those of the first sides and of the second: (m, 3, P) each."""
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
@@ -135,7 +135,7 @@ class Pairs:
         return answer
 
     def carries(self, before: History, step: int) -> list[tuple[slice, Carries]]:
-        """What the laws allow points to carry, those of one law after those of the other; as for ``force``."""
+        """Forces that the laws allow points to carry, those of one law after those of the other; as for ``force``."""
         return [(run.part, run.law.carries(run.points.at(step, self._own(run, before)))) for run in self.runs]
 
     @staticmethod
@@ -200,7 +200,7 @@ class Pairs:
         return -team.max(-self.stabilisation[self.stabilisation > 0].min(initial=np.inf))[0]
 
     def weakened(self, share: float) -> Pairs:
-        """The same with springs of stabilisation of that share of ε."""
+        """Scale the springs of stabilisation to that share of ε."""
         return replace(self, stabilisation=share * self.stabilisation)
 
     # ---- parts ---------------------------------------------------------------------------------
@@ -229,9 +229,9 @@ class Pairs:
                        nodes=self.nodes.some(traces, first, len(self)), runs=[run for run in some.runs if not run.law.perfect])
 
     def batch(self, steps) -> Pairs:
-        """The same pairs for some of the load steps, a slice or indices."""
+        """The pairs for some of the load steps, a slice or indices."""
         return replace(self, numbers=self.numbers[steps])
 
     def at_steps_of(self, other: Pairs) -> Pairs:
-        """The same pairs for the load steps of others."""
+        """The pairs for the load steps of others."""
         return replace(self, numbers=other.numbers)

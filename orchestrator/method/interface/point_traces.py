@@ -45,7 +45,7 @@ class NodeCompliance:
 
     @classmethod
     def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], transfer: Transfer) -> NodeCompliance:
-        """From the dofs and blocks of several sides; what blocks have where there is no dof does not count."""
+        """Point traces from the dofs and blocks of several sides; what blocks have where there is no dof does not count."""
         dofs, blocks = (np.concatenate(same) for same in zip((np.zeros((0, 3), int), np.zeros((0, 3, 3))), *nodes))
         there = dofs >= 0
         result = cls(dofs, np.where(there[:, :, None] & there[:, None, :], blocks, 0.0), transfer.total)
@@ -72,7 +72,7 @@ class NodeCompliance:
         return result
 
     def some(self, traces: np.ndarray, points: np.ndarray, count: int) -> NodeCompliance:
-        """Of some of the interfaces: traces (D + G,) bool, points (R,) int of all that there are."""
+        """Point traces of some of the interfaces: traces (D + G,) bool, points (R,) int of all that there are."""
         at = (np.arange(3)[:, None] * count + points).ravel()
         own = (traces[self.dofs] & (self.dofs >= 0)).any(axis=1)
         return NodeCompliance(self.dofs[own], self.blocks[own], self.size,
@@ -122,7 +122,7 @@ class PointTraces:
         return np.ascontiguousarray(w_hat[:, :size]), np.ascontiguousarray(f_hat[:, :size])
 
     def squares(self, force: np.ndarray) -> tuple[float, float, float]:
-        """Of f − f̂, of f and of what both sides do not cancel, in the norm of (k⁺)⁻¹; what is this rank's to add up."""
+        """Squares of f − f̂, of f and of the sides' imbalance, in the norm of (k⁺)⁻¹; this rank's share of the sums."""
         size = self.transfer.size
         C = self.nodes.compliance if size == self.transfer.total else sp.csr_array(self.nodes.compliance[:size, :size])
         return tuple(2 * share * float(np.vdot(x, times(C, x))) for share, x in (

@@ -47,7 +47,7 @@ def orthonormal(gram: np.ndarray) -> np.ndarray:
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:
-    """The same matrix with indices of 32 bits where they suffice: a third less to keep, and to read in every product."""
+    """The matrix with indices of 32 bits where they suffice: a third less to keep, and to read in every product."""
     if max(matrix.nnz, *matrix.shape) > np.iinfo(np.int32).max:
         return matrix
     return sp.csr_array((matrix.data, matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)),
@@ -55,7 +55,7 @@ def narrow(matrix: sp.csr_array) -> sp.csr_array:
 
 
 def fitting(matrix: sp.csr_array) -> sp.csr_array:
-    """The same matrix in arrays no longer than its entries: a product's have room for zeros that it has left out."""
+    """The matrix in arrays no longer than its entries: a product's have room for zeros that it has left out."""
     return sp.csr_array((matrix.data[: matrix.nnz].copy(), matrix.indices[: matrix.nnz].copy(), matrix.indptr), shape=matrix.shape)
 
 

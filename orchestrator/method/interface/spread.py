@@ -49,7 +49,7 @@ class SpreadFactor:
 
 
 class Elimination:
-    """Of a rank's part of the matrix, the unknowns I that it alone sees; parameters as of ``SpreadFactor``."""
+    """Elimination of the unknowns I that only this rank's part of the matrix sees; parameters as of ``SpreadFactor``."""
 
     def __init__(self, lower: sp.csr_array, shared: np.ndarray):
         self.inner, self.outer = np.flatnonzero(~shared), np.flatnonzero(shared)
@@ -79,7 +79,7 @@ class Elimination:
 
 
 def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
-    """What solves with the sum of all ranks' blocks: from parts (T, n) of the right-hand sides to solutions (T, n).
+    """A solver with the sum of all ranks' blocks: from parts (T, n) of the right-hand sides to solutions (T, n).
 
     block : (n, n) symmetric; number : (n,) int, which unknowns of all ranks these are
     Raises RuntimeError: it is singular
@@ -151,7 +151,7 @@ class CommonBlocks:
 
 
 def _factorised(whole: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """What solves with a dense symmetric matrix: columns (n, T) to columns."""
+    """A solver with a dense symmetric matrix: columns (n, T) to columns."""
     if not whole.size:
         return lambda right: right
     try:

@@ -33,7 +33,7 @@ from orchestrator.scene.model import Scene, Subdomain
 
 @dataclass
 class Link:
-    """What a rank's part exchanges with others."""
+    """A rank's exchange with its neighbours."""
 
     number: np.ndarray  # (D,) and (B,) int, its trace dofs and boundary dofs in the numbering of the whole scene
     boundary_number: np.ndarray

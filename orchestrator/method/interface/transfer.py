@@ -38,14 +38,14 @@ class Products(NamedTuple):
 
     @classmethod
     def of_pairs(cls, one: np.ndarray, two: np.ndarray, size: int) -> Products:
-        """Of an interface whose nodes match, on the trace dofs of its sides."""
+        """Transfer of an interface whose nodes match, on the trace dofs of its sides."""
         first, second = unit_rows(one, size), unit_rows(two, size)
         return cls(first, second, 0.5 * (first - second))
 
     @classmethod
     def of_mortar(cls, mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> Products:
-        """Of an interface with points of its own; E is own⁻ᵀ hatsᵀ of the first side, or half of it on either side where their nodes are
-        paired; empty rows where a point carries nothing now."""
+        """Transfer of an interface with points of its own; E is own⁻ᵀ hatsᵀ of the first side, or half of it on either side where
+        their nodes are paired; empty rows where a point carries nothing now."""
         own = mortar.own
         if mortar.diagonal:
             share = own.diagonal()
@@ -90,7 +90,7 @@ class Transfer:
 
     @classmethod
     def of(cls, interfaces: Sequence[Interface], sides: Sides, size: int) -> Transfer:
-        """Of all interfaces of a scene, with a flat point for every component that both sides share."""
+        """Transfer of all interfaces of a scene, with a flat point for every component that both sides share."""
         matched, perfect = (np.array(x, dtype=bool) for x in ([i.mortar is None for i in interfaces], [i.law.perfect for i in interfaces]))
         one = [a if i.mortar is None else a[i.mortar.dofs] for i, (a, _) in zip(interfaces, sides)]
         two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
@@ -100,7 +100,7 @@ class Transfer:
         return cls(joined(one), joined(two), size, size, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, operators)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
-        """The same with other operators of some interfaces, of as many points, by their place in the scene."""
+        """The transfer with other operators of some interfaces, of as many points, by their place in the scene."""
         blocks = [Products(*(G[a:b] for G in self.operators)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
         for index, mortar in mortars.items():
             blocks[index] = Products.of_mortar(mortar, *self.sides[index], self.total)

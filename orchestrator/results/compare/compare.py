@@ -36,7 +36,7 @@ class Comparison:
 
     @property
     def beyond(self) -> list[Difference]:
-        """What differs."""
+        """The differences beyond what is allowed."""
         return [d for d in self.found if not d.share <= self.tolerance]
 
     def lines(self) -> list[str]:
@@ -124,7 +124,7 @@ def _grids(paths: tuple[Path, Path], names: list[list[str]], scales: Scales) -> 
 
 
 def _told(one: dict[str, object], other: dict[str, object]) -> list[str]:
-    """What is not judged: the configuration, and how the solution was reached."""
+    """Notes that are not judged: the configuration, and how the solution was reached."""
     configs = [{key: value for key, value in (summary.get("config") or {}).items() if key not in ("name", "output")}
                for summary in (one, other)]
     changed = differences(*map(problem_of, configs))

@@ -32,7 +32,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Difference:
-    """What two folders have under one name.
+    """Difference of what two folders have under one name.
 
     share : the largest difference, relative to the number itself; inf where there is nothing to compare with
     of_largest : the largest difference, relative to the largest number of the kind
@@ -47,7 +47,7 @@ class Difference:
 
 
 def apart(name: str, text: str, where: str = "") -> Difference:
-    """What cannot be compared, and why."""
+    """A difference beyond comparison, and why."""
     return Difference(name, np.inf, np.inf, where, text)
 
 
@@ -65,7 +65,7 @@ class Scales:
             self._largest[q.kind] = max(self._largest.get(q.kind, 0.0), largest)
 
     def of(self, kind: str) -> float:
-        """What a difference of numbers of this kind is divided by."""
+        """The scale that a difference of numbers of this kind is divided by."""
         largest = self._largest.get(kind, 0.0)
         return max(largest, self._largest.get(FORCE, 0.0) * self.size) if kind == MOMENT else largest
 

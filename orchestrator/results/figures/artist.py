@@ -50,7 +50,7 @@ class Artist:
             self._connection.send_bytes(job)
 
     def finish(self) -> object:
-        """What the last function that was asked for returned.
+        """The result of the last function that was asked for.
 
         Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
         Raises InputError: from the function: disk full or folder not writable
@@ -82,7 +82,7 @@ class Artist:
 
 
 def artist_for(figures: object) -> AbstractContextManager[Artist | None]:
-    """Who draws what a configuration asks for: nobody where that is nothing, or the packages are not there (``no_figures``)."""
+    """The artist for what a configuration asks for: none where that is nothing, or the packages are not there (``no_figures``)."""
     return Artist() if figures and not absent(*DRAWING) else nullcontext()
 
 
@@ -93,7 +93,7 @@ def no_figures() -> list[str]:
 
 
 def drawn(draw: Callable[..., object], *job: object) -> object:
-    """What ``draw(*job)`` returns, called in a process of its own; errors as from ``Artist.finish``."""
+    """Result of ``draw(*job)``, called in a process of its own; errors as from ``Artist.finish``."""
     with Artist() as artist:
         artist.begin(draw, *job)
         return artist.finish()

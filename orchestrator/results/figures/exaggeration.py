@@ -59,7 +59,7 @@ def _bodies(fields: Fields, steps: Sequence[int]) -> tuple[np.ndarray, np.ndarra
 
 
 def misfit(fields: Fields, steps: Sequence[int], factor: float) -> float:
-    """How far faces that touch are drawn apart or into each other; 0 where that is not seen: a tenth of what is let through."""
+    """Distance by which faces that touch are drawn apart or into each other; 0 where that is not seen: a tenth of what is let through."""
     found, size = _misfit(fields, steps), float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
     drawn = 0.0 if found is None else factor * float(np.where(found[1], 0.0, found[0]).max(initial=0.0))
     return drawn if drawn > 0.1 * MISFIT * size else 0.0

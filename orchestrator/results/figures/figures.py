@@ -39,7 +39,7 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
 
 
 def look_of(summary: Mapping[str, object]) -> Look:
-    """As the configuration of a run says."""
+    """The look that the configuration of a run asks for."""
     output = (summary.get("config") or {}).get("output") or {}
     return Look.of(output.get("figures"), units_of(summary))
 

@@ -63,7 +63,7 @@ def laid_flat(nodes: np.ndarray, i: InterfaceFields, length: str = "") -> Flat:
 
 
 def _shortened(name: str) -> str:
-    """Without the parts that solids are of."""
+    """The name without the parts that solids are of."""
     name = " | ".join(body.rpartition("/")[2] for body in name.split(" | "))
     return name if len(name) <= LONGEST else name[:LONGEST - 1] + "…"
 
@@ -105,7 +105,7 @@ def _unrolled(corners: np.ndarray, points: np.ndarray, axis: np.ndarray, through
 
 
 def _packed(sizes: np.ndarray, wide: np.ndarray) -> tuple[float, np.ndarray, float]:
-    """As large as they fit, in rows, the tallest first: scale, lower left corners (k, 2), height of the sheet.
+    """Pack as large as they fit, in rows, the tallest first: scale, lower left corners (k, 2), height of the sheet.
 
     sizes : (k, 2); wide : (k,) width of each one's name
     """

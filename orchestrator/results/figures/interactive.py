@@ -93,7 +93,7 @@ def _figure(title: str) -> tuple[object, Figure]:
 
 
 def _mesh(points: np.ndarray, triangles: np.ndarray) -> dict[str, object]:
-    """In single precision: a page is looked at."""
+    """The mesh in single precision: a page is looked at."""
     (x, y, z), (i, j, k) = points.T.astype(np.float32), triangles.T.astype(np.int32)
     return {"x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "flatshading": True,
             "lighting": {"ambient": 0.65, "diffuse": 0.5, "specular": 0.05}}

@@ -51,7 +51,7 @@ def shown_steps(fields: Fields, look: Look) -> list[int]:
 
 
 def omitted(fields: Fields, steps: Sequence[int]) -> list[str]:
-    """What the caption says where load steps are not drawn."""
+    """Words of the caption where load steps are not drawn."""
     left = [str(step + 1) for step in range(fields.steps) if step not in steps]
     return [f"load step{'s' * (len(left) > 1)} {', '.join(left) if len(left) <= 8 else f'{left[0]} … {left[-1]}'} not drawn"] * bool(left)
 
@@ -108,7 +108,7 @@ def limits_at(seen: Skin, values: Mapping[int, np.ndarray], steps: Sequence[int]
 
 
 def _mark(seen: Skin, step: int, factor: float, points: np.ndarray, camera: Camera) -> tuple[np.ndarray, float, bool] | None:
-    """Where the largest stress is; faces turned to the eye are taken for visible. None of a stress that is zero, or everywhere the same."""
+    """Place of the largest stress; faces turned to the eye are taken for visible. None of a stress that is zero, or everywhere the same."""
     most = max((peak[1] for peak in seen.peaks.values() if peak is not None), default=0.0)
     if seen.peaks[step] is None or not seen.peaks[step][1] > EQUAL * most or np.nanmin(seen.stress[step]) > (1 - EQUAL) * most:
         return None
@@ -205,7 +205,7 @@ def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:
 
 
 def _pressure(i: InterfaceFields, steps: list[int], imposed: bool) -> tuple[str, np.ndarray, tuple[float, float], tuple[float, float]]:
-    """What is drawn, (steps, triangles, 3) its values at corners, nan where open; ends of the scale, zero on it; lowest and highest."""
+    """Pressures to draw, (steps, triangles, 3) its values at corners, nan where open; ends of the scale, zero on it; lowest and highest."""
     parted = np.isin(i.status, i.kinds[i.kind_names == COUNTED[0]])[steps][:, i.triangles].all(axis=2)
     values = np.where(parted[:, :, None], np.nan, (-i.pressure if imposed else i.pressure)[steps][:, i.triangles])
     area = np.bincount(i.triangles.ravel(), np.ones(i.triangles.size), minlength=len(i.nodes))  # a node counts once

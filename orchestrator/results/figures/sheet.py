@@ -61,7 +61,7 @@ class Sheet:
 
     @property
     def caption(self) -> str:
-        """In lines that are not wider than the figure."""
+        """The caption in lines that are not wider than the figure."""
         lines = [""]
         for text in self.told:
             longer = f"{lines[-1]}   ·   {text}" if lines[-1] else text

@@ -92,7 +92,7 @@ def drawn_cells(fields: Fields, look: Look) -> np.ndarray:
 
 
 def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -> Skin:
-    """What is drawn of a solution.
+    """The surface of a solution, to be drawn.
 
     toward : (3,) from the structure to the eye: what a cut takes away is there
     """

@@ -141,7 +141,7 @@ NO_UNITS = {"length": "", "force": "", "stress": ""}
 
 @dataclass(frozen=True)
 class Look:
-    """What is drawn of a structure.
+    """Choice of what is drawn of a structure.
 
     parts : patterns of their names; none: all
     cut : axis (0, 1, 2) and place of a plane; what is in front of it is left out; None: nothing is cut
@@ -160,7 +160,7 @@ class Look:
 
     @classmethod
     def of(cls, figures: object, units: Mapping[str, str] = NO_UNITS) -> Look:
-        """From ``output.figures`` of a complete configuration."""
+        """The look from ``output.figures`` of a complete configuration."""
         if not isinstance(figures, Mapping):
             return cls(units=units)
         cut, view, scale = figures.get("cut"), figures.get("view"), figures.get("scale")

@@ -79,7 +79,7 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
 
 
 def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
-    """As asked for, where there is something to show."""
+    """The look that is asked for, where there is something to show."""
     try:
         asked = Figures.model_validate(figures)
     except ValidationError as error:
@@ -112,7 +112,7 @@ def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
-    """What it does in a sentence, question and answer first; the structure's picture beside the answer."""
+    """The report's parts, question and answer first; the structure's picture beside the answer."""
     summary, folder = solution.summary, solution.directory
     told = {"run", "result", "verdict", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "loads",
             "probes", "warning"}
@@ -173,7 +173,7 @@ _LEAST = 5e-3  # share from which a stage is worth a row
 
 
 def _workload(summary: Mapping[str, object]) -> list[str]:
-    """Who did what in each period: stages, the longest first within a rank, workers and, where there are several, ranks."""
+    """Chart of who did what in each period: stages, the longest first within a rank, workers and, where there are several, ranks."""
     parts: list[str] = []
     for key, period in (summary.get("workload") or {}).items():
         stages = sorted((row for row in period["stages"] if row["share"] >= _LEAST), key=lambda row: (row["rank"], -row["seconds"]))

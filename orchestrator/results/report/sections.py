@@ -133,7 +133,7 @@ def answer(summary: Mapping[str, object]) -> list[str]:
 
 
 def meshes(summary: Mapping[str, object]) -> list[str]:
-    """What was found on each mesh, where an accuracy was asked for."""
+    """Table of what was found on each mesh, where an accuracy was asked for."""
     if not (found := summary.get("accuracy")):
         return []
     rows = [(str(k), f"{one['elements']:,}", f"{one['mesh_error']:.2%}",
@@ -273,7 +273,7 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
 
 
 def _shares(summary: Mapping[str, object]) -> list[str]:
-    """Of bodies and interfaces, the largest first."""
+    """Shares of bodies and interfaces, the largest first."""
     if not (found := summary.get("error_shares")):
         return []
     own = {name: "all of it" if value is None else f"{value:.1e}" for name, value in found["own"].items()}
@@ -285,7 +285,7 @@ def _shares(summary: Mapping[str, object]) -> list[str]:
 
 
 def _faces(summary: Mapping[str, object]) -> list[str]:
-    """What every face that touches carries, and how near it is to slipping, over the load steps."""
+    """Table of what every face that touches carries, and how near it is to slipping, over the load steps."""
     faces = [face for face in summary.get("contact_faces") or () if max(face["capacity"], default=0.0) > 0]
     kept = sorted(faces, key=lambda face: -max(face["capacity"]))[:MOST]
     lines = [(face["name"], str(step), number(normal), number(carried), number(capacity), f"{used:.0%}", _state(face, step - 1))

@@ -95,7 +95,7 @@ def runaway(run: Stopped) -> Iterator[str]:
 
 
 def settings(run: Stopped) -> Iterator[str]:
-    """Where the method is not the default one, which was chosen to converge."""
+    """Advice where the method is not the default one, which was chosen to converge."""
     method, changed = run.method, []
     for path in ("acceleration", "relaxation", "coarse", "memory", "macro.strategy", "macro.basis", "sole.kind",
                  "sole.modulus_ratio", "sole.contact", "sole.contact_ratio", "search_direction.kplus"):

@@ -26,7 +26,7 @@ COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energ
 
 def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields | None = None,
              detached: Iterable[list[str]] = (), discretisation_error: float | None = None) -> list[str]:
-    """What a reader of the results must know.
+    """Sentences that a reader of the results must know.
 
     sides : per subdomain (steps, n_E, 3) displacement
     detached : names per load step; where such bodies are means nothing, so that they are left out
@@ -117,7 +117,7 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
     deep = [DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in pairs]
 
     def overlaps(step: int | None, chosen: Iterable[int]) -> Iterator[tuple[int, Overlap]]:
-        """Which of the chosen pairs are inside each other, and how deep; every part is made once."""
+        """The chosen pairs that are inside each other, and how deep; every part is made once."""
         solids = {v: parts[v].at(step) for v in {v for k in chosen for v in pairs[k]}}
         for k in chosen:
             one, two = pairs[k]

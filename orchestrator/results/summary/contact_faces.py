@@ -35,7 +35,7 @@ CHANGED = 1e-9
 
 @dataclass
 class Face:
-    """What two bodies touch with: pieces of one plane or of one round face.
+    """A face that two bodies touch with: pieces of one plane or of one round face.
 
     bodies : their names; kind : plane, head (a bolt's plane across its axis), bore (round, with room), round, face (neither)
     axis : (3,) normal of the plane or axis; through : (3,) a point of it; friction : coefficient
@@ -52,7 +52,7 @@ class Face:
 
     @property
     def name(self) -> str:
-        """As it is told."""
+        """The face's name in the results."""
         return " | ".join(self.bodies) + (f" ({self.kind})" if self.kind not in ("plane", "face") else "")
 
     def goes_on(self, other: Face, apart: float) -> bool:
@@ -146,7 +146,7 @@ def _told(scene: Scene, fields: InterfaceFields, face: Face, slips: Sequence[int
 
 def slip_load(scene: Scene, slipping: np.ndarray, used: np.ndarray, normal: np.ndarray, names: Sequence[str],
               reactions: np.ndarray) -> dict[str, Any]:
-    """From which load step (from 1) on a face slips; the load at that step and the one before, and where between, as far as that is known.
+    """Load step (from 1) from which on a face slips; the load at that step and the one before, and where between, as far as that is known.
 
     The load is the force, or the sum of the forces, of the entries of ``boundary`` that change then, in the direction in which it
     changes along the face; of supports that move, if no load does. It is null where none changes, ``at`` also where no two steps

@@ -130,7 +130,7 @@ def _with_moment(interval: np.ndarray, about: Sequence[float], why: str = "") ->
 
 
 def _what(probe: PointProbe | SurfaceProbe | SectionProbe) -> str:
-    """What a probe's interval is of: no energy bounds the stress at a point."""
+    """Quantity that a probe's interval is of: no energy bounds the stress at a point."""
     if isinstance(probe, PointProbe):
         return "stress, mean over the tet at the point" if probe.quantity == "stress" else "displacement"
     if isinstance(probe, SectionProbe) or probe.quantity == "resultant":
@@ -188,7 +188,7 @@ def _error_kind(bound: Bound) -> str | None:
 
 
 def _error_factor(bound: Bound) -> float | None:
-    """With what friction has multiplied a guaranteed error; None where nothing has."""
+    """The factor by which friction has multiplied a guaranteed error; None where nothing has."""
     factor = getattr(bound, "factor", 1.0)
     return factor if _error_kind(bound) == "guaranteed" and factor > 1 else None
 
@@ -200,13 +200,13 @@ def _shares(found: Shares | None) -> dict[str, object] | None:
 
 
 def _backward(found: Backward | None) -> dict[str, object] | None:
-    """How far surfaces are shifted at most for the result to be exact, in all load steps and in each; None where that is not known."""
+    """Largest shift of surfaces for which the result would be exact, in all load steps and in each; None where that is not known."""
     each = found and {"normal": found.normal.tolist(), "tangential": found.tangential.tolist()}
     return each and {name: max(steps) for name, steps in each.items()} | {"load_steps": each}
 
 
 def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object]:
-    """What happens on interfaces that are not perfect; empty where all are.
+    """State of interfaces that are not perfect; empty where all are.
 
     names : of the entries of ``boundary``
     """
@@ -231,7 +231,7 @@ def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:
 
 
 def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
-    """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
+    """Caution where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
     own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
             "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "

@@ -13,7 +13,7 @@ SHOWN = 12  # on screen
 
 
 def sentences(summary: Mapping[str, object]) -> str:
-    """What is certified at the last load step."""
+    """Sentences on what is certified at the last load step."""
     found, units = summary.get("intervals"), units_of(summary)
     if not found:
         return ""

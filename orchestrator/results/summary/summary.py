@@ -94,7 +94,7 @@ def blackbox_seconds(timing: Mapping[str, object]) -> float:
 
 
 def stage_seconds(timing: Mapping[str, object]) -> list[tuple[str, float]]:
-    """What each stage of ``STAGES`` is called and the seconds that it took, those that took some; the rest of the total last."""
+    """Names of ``STAGES`` and the seconds that they took, those that took some; the rest of the total last."""
     rows = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
     return [*rows, ("everything else", max(0.0, (timing.get("total") or 0.0) - sum(seconds for _, seconds in rows)))]
 

@@ -44,7 +44,7 @@ def _placed(scene: Scene, sides: Sequence[np.ndarray]) -> dict[str, tuple[list[I
 
 
 def tools_moved(scene: Scene, sides: Sequence[np.ndarray]) -> list[dict[str, Any]]:
-    """Of every tool displacement of its point and rotation in degrees, per load step."""
+    """Every tool's displacement of its point and rotation in degrees, per load step."""
     return [{"name": name, "about": tool.driven.about.tolist(), "displacement": moved[:, :3].tolist(),
              "rotation": np.degrees(moved[:, 3:]).tolist()} for name, (_, tool, moved) in _placed(scene, sides).items()]
 

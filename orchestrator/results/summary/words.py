@@ -49,7 +49,7 @@ def _iterations(summary: Mapping[str, object]) -> str:
 
 
 def _error(summary: Mapping[str, object]) -> str:
-    """How far the result is from the discrete solution."""
+    """Sentence on the distance from the discrete solution."""
     kind = summary.get("error_kind") or "guaranteed"
     kind += _numbers(summary, "error_factor", ", {:.3g} times what it is with limits of friction that are known")
     return _numbers(summary, "error_bound", f"{{:.2e}}  ({kind}, relative, energy norm)")
@@ -64,7 +64,7 @@ def _backward(summary: Mapping[str, object]) -> str:
 
 
 def balance_sentences(summary: Mapping[str, object]) -> list[str]:
-    """Where no energy error is known for want of balanced forces near the run's, in words; a limit load says more."""
+    """Sentences where no energy error is known for want of balanced forces near the run's; a limit load says more."""
     return [f"{some(names, NAMES)}: near the forces of load step {steps} none were found that the laws allow and that balance "
             f"{'it' if len(names) == 1 else 'them'}: no error is known"
             for steps, names in _alike(summary.get("unbalanced") or ()) if not summary.get("limit_load")]
@@ -84,7 +84,7 @@ def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], st
 
 
 def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
-    """What supports carry, or what loads add up to, at the last load step."""
+    """Sentences on the forces of supports, or the sum of loads, at the last load step."""
     def told(summary: Mapping[str, object]) -> str:
         names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
         kinds = summary.get("reaction_kinds") or ["support"] * len(names)
@@ -100,7 +100,7 @@ def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
 
 
 def _tools(summary: Mapping[str, object]) -> str:
-    """How far each is at the last load step."""
+    """Sentences on each tool's place at the last load step."""
     units = units_of(summary)
     return "\n".join(f"{tool['name']}: {_vector(move := tool['displacement'][-1], ROUNDED * max(map(abs, move)))}{units['length']}"
                      + (f", turned by {_vector(turn, ROUNDED * max(map(abs, turn)))}°" if any(turn := tool["rotation"][-1]) else "")
@@ -180,14 +180,14 @@ def _nonlinear(summary: Mapping[str, object]) -> str:
 
 
 def _bolts(summary: Mapping[str, object]) -> str:
-    """What they carry at the last load step."""
+    """Sentences on the bolts' forces at the last load step."""
     return "\n".join(f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}" + (
         f"; shear {bolt['shear'][-1]:.3g}, bending {bolt['bending'][-1]:.3g}" if bolt.get("shear") else "")
         for bolt in summary.get("bolts") or ())
 
 
 def hold_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
-    """Which bodies are detached or weakly held, at which load steps, in words; ``brief``: one sentence of each kind."""
+    """Sentences on bodies that are detached or weakly held, and at which load steps; ``brief``: one sentence of each kind."""
     place = "where stabilisation leaves it" if summary.get("stabilised") else "undetermined"
     return [f"{some(names, NAMES)}: {what} at load step {steps}; {'its' if len(names) == 1 else 'their'} rigid position is {place}"
             for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole"))
@@ -195,7 +195,7 @@ def hold_sentences(summary: Mapping[str, object], brief: bool = False) -> list[s
 
 
 def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
-    """How much stabilisation carried, and which bodies live by it at which load steps, in words; ``brief``: one sentence of these."""
+    """Sentences on what stabilisation carried, and the bodies that live by it at which load steps; ``brief``: one sentence of these."""
     if not (found := summary.get("stabilised")):
         return []
     force, work = map(_times, (found["force"], found["work"]))
@@ -209,7 +209,7 @@ def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> 
 
 
 def place_sentences(summary: Mapping[str, object]) -> list[str]:
-    """How far places of bodies are determined, in a sentence: which are beyond a few tolerances, and which not at all."""
+    """Sentence on how far places of bodies are determined: which are beyond a few tolerances, and which not at all."""
     found, tolerance = summary.get("places"), summary.get("tolerance")
     if not found:
         return []
@@ -289,7 +289,7 @@ def _codes(summary: Mapping[str, object]) -> str:
 
 
 def _workers(summary: Mapping[str, object]) -> str:
-    """On their idleness in the iterations."""
+    """Sentence on the workers' idleness in the iterations."""
     period = (summary.get("workload") or {}).get("iterations") or {}
     if not (workers := period.get("workers")):
         return ""
@@ -300,7 +300,7 @@ def _workers(summary: Mapping[str, object]) -> str:
 
 
 def _ranks(summary: Mapping[str, object]) -> str:
-    """What they tell each other and hold."""
+    """Sentence on what ranks send each other and hold."""
     ranks = ((summary.get("workload") or {}).get("iterations") or {}).get("ranks") or ()
     if len(ranks) < 2 or not (count := summary.get("iterations")):
         return ""
@@ -313,7 +313,7 @@ def _ranks(summary: Mapping[str, object]) -> str:
 
 
 def _skipped(summary: Mapping[str, object]) -> str:
-    """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
+    """Sentence on what was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
     return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
                      for entry in summary.get("skipped") or ())
 

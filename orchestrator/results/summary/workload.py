@@ -126,7 +126,7 @@ class Spent:
 
 
 def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
-    """What all ranks have used, under the keys of summary.json."""
+    """The use of all ranks, under the keys of summary.json."""
     codes = codes_of_all([rank.codes for rank in ranks])
     for number, entry in codes.items():
         entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]

@@ -108,7 +108,7 @@ def _components(held: Held, component: int) -> Told:
 
 
 def _directions(held: Held, entry: int, ground: Interface) -> Told:
-    """What a ground holds, whatever the forces."""
+    """Directions that a ground holds, whatever the forces."""
     laws = ground.laws(len(held.values))
     direction, holds = laws[0].holds
     which, at = np.nonzero(holds)
@@ -117,7 +117,7 @@ def _directions(held: Held, entry: int, ground: Interface) -> Told:
 
 
 def _across(held: Held, jumps: list[Interface], problems: Problems) -> Circuits:
-    """What the jumps make one; adds a problem where they do not add up round a circuit."""
+    """Nodes that the jumps make one; adds a problem where they do not add up round a circuit."""
     label, steps = held.label, len(held.values)
     count = int(label.max()) + 1
     shift = np.zeros((steps, count, 3))
@@ -222,7 +222,7 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
 
 
 def _opposite(interface: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Where corners of the slave lie on the master's facets.
+    """Places of the slave's corners on the master's facets.
 
     Returns place : (p,) int, nodes of the slave
     others : (p, 3) int, nodes of the master; weight : (p, 3) shares of these, that sum up to 1

@@ -28,7 +28,7 @@ SAME = 1e-12
 
 def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: Sequence[Sequence[float]],
                      problems: Problems) -> list[BoundaryEntry]:
-    """What each entry of ``boundary:`` does, and to which faces.
+    """Effect of each entry of ``boundary:``, with its faces.
 
     factors : per entry (steps,) what multiplies it
     """
@@ -51,7 +51,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
 
 
 def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems) -> Any:
-    """What an entry of ``boundary:`` does to faces (k, 3 or 6)."""
+    """Effect of an entry of ``boundary:`` on faces (k, 3 or 6)."""
     where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems)
     return entry.kind.made(entry.given, where)
 
@@ -100,7 +100,7 @@ def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.
 
 @dataclass
 class Held:
-    """What is prescribed on split nodes.
+    """Displacements prescribed on split nodes.
 
     label : (N,) int, of ``moving_as_one``
     by : (N, 3) int, the last entry that prescribes each component, −1 for none
@@ -142,7 +142,7 @@ class Held:
 
 def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndarray, numbering: SplitNumbering,
               label: np.ndarray, steps: int, problems: Problems) -> Held:
-    """What displacement entries prescribe on split nodes; a later entry that agrees repeats an earlier one.
+    """Displacements that entries prescribe on split nodes; a later entry that agrees repeats an earlier one.
 
     cell_subdomain : (m,) int
     label : (N,) int, of ``moving_as_one``

@@ -28,7 +28,7 @@ THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone
 
 @dataclass(frozen=True)
 class Layer:
-    """What is to lie behind some faces.
+    """Layer to lie behind some faces.
 
     name : of the body that it is
     triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each

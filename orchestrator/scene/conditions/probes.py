@@ -168,7 +168,7 @@ class Finder:
         return cells[best], clamped[best], places[best[0]] if len(best) else at
 
     def _path(self, asked: PathProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Line | None:
-        """Where parts meet a point belongs to the one that the path comes from."""
+        """Points of a path; where parts meet, a point belongs to the one that the path comes from."""
         ends = np.array(asked.along, dtype=float)
         at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
         cells, weights, before = np.full(len(at), -1), np.zeros((len(at), 4)), None

@@ -25,7 +25,7 @@ SAID = 3
 
 @dataclass(frozen=True)
 class Hinge:
-    """What joins two bodies in points alone: an edge or a corner that they share, or few points of an interface.
+    """Hinge that joins two bodies in points alone: an edge or a corner that they share, or few points of an interface.
 
     cells : one of either body
     points : (n, 3) where they move alike
@@ -46,7 +46,7 @@ def motions(nodes: np.ndarray) -> np.ndarray:
 
 
 def motions_about(nodes: np.ndarray, centre: np.ndarray, size: float) -> np.ndarray:
-    """The same as (n, 3, 6), rotations about any ``centre`` (3,) and divided by any ``size``, a length."""
+    """Rigid motions (n, 3, 6), rotations about any ``centre`` (3,) and divided by any ``size``, a length."""
     arm = (nodes - centre) / size
     columns = np.zeros((len(nodes), 3, 6))
     columns[:, range(3), range(3)] = 1.0

@@ -198,7 +198,7 @@ def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[Code
 
 
 def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
-    """What a subdomain goes by: its own name and, if it lies in one volume, that volume's."""
+    """Names of a subdomain: its own name and, if it lies in one volume, that volume's."""
     inside = np.unique(mesh.volume[subdomain.cells])
     return [subdomain.name] + ([mesh.volumes[inside[0]]] if len(inside) == 1 else [])
 

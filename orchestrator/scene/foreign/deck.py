@@ -93,7 +93,7 @@ def runs_on(file: Path, path: KeyPath) -> bool:
 
 
 def period(file: Path, path: KeyPath) -> float:
-    """How long the load step of a file of loads lasts: the second number of *STATIC's own line, where the file begins with it.
+    """Duration of a load file's step: the second number of *STATIC's own line, where the file begins with it.
 
     Raises InputError: no length of time
     """
@@ -133,7 +133,7 @@ def _new(options: dict[str, str]) -> bool:
 
 
 def _first(file: Path) -> tuple[str, str]:
-    """Where the first line is that says something, in files included too, and the line; a card where there is none."""
+    """Place of the first line that says something, in files included too, and the line; a card where there is none."""
     return next(((f"{at}:{number}", text) for text, at, number in Inclusion(file).spliced()), (f"{file}:1", "*"))
 
 
@@ -186,7 +186,7 @@ def _solid(kind: str, row: Row) -> tuple[str, int] | None:
 
 
 class Deck(Model):
-    """What of a deck is read.
+    """Contents of a deck, as far as they are read.
 
     file : the deck
     path : of its key in the YAML

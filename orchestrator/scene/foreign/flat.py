@@ -81,7 +81,7 @@ def between_nodes(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, n
 
 
 def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, path: KeyPath, name: str) -> None:
-    """Of triangles (k, 3), indices of nodes with numbers ids (n,).
+    """Check a surface of triangles (k, 3), indices of nodes with numbers ids (n,).
 
     Raises InputError: edges that two faces pass in the same direction, faces that fold back on each other
     """
@@ -131,7 +131,7 @@ def missing_faces(points: np.ndarray, triangles: np.ndarray, others: np.ndarray,
 
 
 def _planes(points: np.ndarray, triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Of each plane with much of the area, which triangles (k,) lie on it, and its normal."""
+    """Planes with much of the area: the triangles (k,) on each, and its normal."""
     vectors = area_vectors(points, triangles)
     area = np.linalg.norm(vectors, axis=1)
     left, size = np.ones(len(triangles), dtype=bool), size_of(points)

@@ -39,7 +39,7 @@ def outer_surfaces(mesh: Mesh) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def fitted(joints: Joints, others: list[tuple[np.ndarray, np.ndarray]]) -> Joints:
-    """The same nodes, with diagonals that are edges of other bodies wherever they can be.
+    """Flip diagonals to edges of other bodies wherever they can be.
 
     others : points (n, 3) and triangles (k, 3) of the surface of each other body
     """

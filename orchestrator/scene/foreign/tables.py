@@ -62,7 +62,7 @@ def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
 
 
 def checked_nodes(rows: list[tuple[int, list[float]]], file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
-    """The same from lines with their numbers."""
+    """Nodes from lines with their numbers, checked."""
     for line, row in rows:
         if len(row) != 4 or row[0] != int(row[0]):
             raise _bad(path, file, line, f"{len(row)} numbers: {row[:5]}", "id, x, y, z for each node")

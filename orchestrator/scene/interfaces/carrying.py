@@ -82,7 +82,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
 
 
 def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> list[Face]:
-    """Which of the pair's smooth faces each interface is a piece of: pieces that share nodes with normals alike are of one."""
+    """The pair's smooth face that each interface is a piece of: pieces that share nodes with normals alike are of one."""
     result = [(*pair, number) for number, pair in enumerate(pairs)]
     for pair in dict.fromkeys(pairs):
         own = [number for number, other in enumerate(pairs) if other == pair]
@@ -99,7 +99,7 @@ def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> li
 
 
 def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tuple[dict, dict, np.ndarray]:
-    """What the nodes of interfaces hold, each of a face between a pair of bodies, the slave's first.
+    """Areas that nodes of interfaces hold, each of a face between a pair of bodies, the slave's first.
 
     Returns, per face, (N,) the interface in which most is covered around each slave node, and (N, 3) the area along
     the normals of all pieces; (N,) bool, nodes that several pairs of bodies have
@@ -120,7 +120,7 @@ def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tup
 
 
 def _tell(waiting: Sequence[Interface], group: Sequence[Face], corners: Sequence[bool], problems: Problems) -> None:
-    """What share of bodies' faces carries nothing, if it is more than a little."""
+    """Caution on the share of bodies' faces that carries nothing, if it is more than a little."""
     for pair in dict.fromkeys(group):
         area = np.array([i.surfaces.segments.area.sum() * (own == pair) for i, own in zip(waiting, group)])
         lost = float(area[np.array(corners)].sum() / area.sum())

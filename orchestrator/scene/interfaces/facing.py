@@ -46,7 +46,7 @@ class Facing:
 
     @property
     def area(self) -> float:
-        """What both have in common."""
+        """Area that both have in common."""
         return float(self.segments.area.sum())
 
     @property
@@ -139,7 +139,7 @@ def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], i
 
 
 def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]:
-    """Where two bodies lie on each other as an entry has it."""
+    """Surfaces of two bodies that lie on each other as an entry has it."""
     laws = search.laws
     return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart),
                   not LAWS[laws[index].law].as_one)
@@ -166,7 +166,7 @@ def _same_nodes(surfaces: Surfaces) -> bool:
 
 
 def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
-    """Which of two bodies is a part of quadratic elements whose mesh is not ours; None: neither, or both.
+    """The one of two bodies that is a part of quadratic elements whose mesh is not ours; None: neither, or both.
 
     Bonded it is the slave: its nodes' forces are then any, and its functions between nodes, which are not the triangles', are
     not asked for. Under a law that opens it is the master: uniform pressure is tension at the corners of its faces.
@@ -176,7 +176,7 @@ def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
 
 
 def _for_all_pieces(search: Search, pair: tuple[Body, Body], index: int, asked: Asked) -> int | None:
-    """Which side is the slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
+    """The slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
     if asked.slave is not None or not any(map(search.cut_further, pair)):
         return asked.slave
     named = tuple(search.partition.body(b.subdomain) for b in pair)

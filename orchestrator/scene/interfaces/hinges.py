@@ -65,14 +65,14 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
 
 
 def _interface(search: Search, pair: tuple[int, int], split: np.ndarray) -> Interface:
-    """Of split nodes (n,) of the first side and what the second one has of the same nodes, without facets."""
+    """Interface without facets, of split nodes (n,) of the first side and the second side's split nodes of the same nodes."""
     nodes, corners = search.numbering.nodes[split], 3 if search.numbering.corners.shape[1] == 4 else 6
     return search.interface(pair, (nodes, nodes), np.empty((0, corners), dtype=int), np.empty((0, 2), dtype=int),
                             normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
 
 
 class _Around:
-    """What is around some split nodes (k,): the volumes, and with ten-node tets the ends of the edges that they are amid."""
+    """Surroundings of some split nodes (k,): the volumes, and with ten-node tets the ends of the edges that they are amid."""
 
     def __init__(self, search: Search, split: np.ndarray):
         self.search, numbering = search, search.numbering

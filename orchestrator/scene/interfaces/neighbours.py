@@ -80,7 +80,7 @@ def _gap(search: Search, pair: tuple[int, int], seen: Near) -> str:
 
 
 def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:
-    """By pair of volumes: what is near without an interface, and the entry that governs."""
+    """By pair of volumes: faces that are near without an interface, and the entry that governs."""
     laws, paired = search.laws, paired_faces(search.numbering, found)
     loose = {id(b): np.flatnonzero(~np.isin(pack(b.triangles[:, :3], search.numbering.total), paired)) for b in search.bodies}
     governing: dict[tuple[int, int], int] = {}
@@ -121,18 +121,18 @@ def _near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | 
 
 
 def _both(one: Near, two: Near) -> Near:
-    """What is near between the same parts in several places."""
+    """Join what is near between the same parts in several places."""
     first = min(one, two, key=lambda n: abs(n.distance))
     return replace(first, touching=one.touching + two.touching, miss=max(one.miss, two.miss))
 
 
 def _path(search: Search, index: int) -> KeyPath:
-    """What to blame: the entry that governs, or the mesh where the user has written none."""
+    """The key to blame: the entry that governs, or the mesh where the user has written none."""
     return ("interfaces", index) if search.asked and index >= 0 else ("mesh",)
 
 
 def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, index: int) -> None:
-    """What faces opposite each other mean for two parts that are joined elsewhere or not."""
+    """Tell what faces opposite each other mean for two parts that are joined elsewhere or not."""
     problems, names = search.problems, " and ".join(repr(search.mesh.volumes[v]) for v in pair)
     path, where = _path(search, index), format_point(seen.where)
     if joined:
@@ -180,7 +180,7 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
 
 
 def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, int]]) -> None:
-    """Where pairs are found rather than named, adds a problem for each piece without any, with the nearest other part.
+    """Where pairs are found rather than named, add a problem for each piece without any, with the nearest other part.
 
     links : (k, 2) int each, cells on both sides of the interfaces
     told : pairs of volumes that have been complained of already

@@ -36,7 +36,7 @@ class Solid:
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """The same of all."""
+        """The box around all."""
         return self.boxes[0].min(axis=0), self.boxes[1].max(axis=0)
 
     @cached_property
@@ -54,7 +54,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Overlap:
-    """How deep one part is in the other, where that is, and the local mesh size."""
+    """Depth of one part in the other, its place, and the local mesh size."""
 
     depth: float
     where: np.ndarray

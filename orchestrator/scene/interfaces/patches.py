@@ -182,7 +182,7 @@ def _report_unused(search: Search, pairs: list[tuple[str, str]]) -> None:
 
 
 def _how_far(search: Search, entry: Any) -> str:
-    """How far apart the nearest nodes are of the parts that an entry names."""
+    """Distance of the nearest nodes of the parts that an entry names."""
     sides = [[b for b in search.bodies if search.laws.means(pattern, search.known(b))] for pattern in entry.pair]
     pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
     if not pairs or len(pairs) > MOST:

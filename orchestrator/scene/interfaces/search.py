@@ -61,7 +61,7 @@ class Laws:
         return hits[-1] if hits else -1
 
     def foreseen(self, first: Iterable[str], second: Iterable[str]) -> int:
-        """The same for two sides that may turn out to have no interface: no entry counts as used."""
+        """The entry for two sides that may turn out to have no interface: no entry counts as used."""
         hits = self._matching(first, second)
         return hits[-1] if hits else -1
 
@@ -82,19 +82,19 @@ class Laws:
         return self.entries[index] if index >= 0 else BONDED
 
     def slave(self, index: int, first: Iterable[str], second: Iterable[str]) -> int | None:
-        """Which side, 0 or 1, an entry has for the slave; None: neither, or both by the same word."""
+        """The side, 0 or 1, that an entry makes the slave; None: neither, or both by the same word."""
         chosen = [self[index].slave is not None and self.means(self[index].slave, side) for side in (first, second)]
         return None if chosen[0] == chosen[1] else chosen.index(True)
 
     def tolerance(self, index: int) -> float:
-        """How far apart faces may be that an entry pairs, in units of the element size."""
+        """Distance up to which an entry pairs faces, in units of the element size."""
         entry = self[index]
         if entry.tolerance != "auto":
             return entry.tolerance
         return TOUCHING if entry.found else REACH if entry.apart else COINCIDE
 
     def opposite(self, index: int) -> float:
-        """What the cosine between the normals of faces has to be below that an entry pairs."""
+        """Bound on the cosine between normals of faces that an entry pairs."""
         angle = self[index].angle
         return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(angle)))
 
@@ -179,7 +179,7 @@ class Search:
         return pieces(self.faces, np.zeros(len(self.mesh.cells), dtype=int))
 
     def inside(self, one: int, two: int) -> Overlap | None:
-        """How deep two volumes are in each other; None: not worth mentioning."""
+        """Depth of two volumes in each other; None: not worth mentioning."""
         both = [self._solid(v) for v in (one, two)]
         if overlap(*both) is None:
             return None
@@ -191,11 +191,11 @@ class Search:
         return self.partition.names[sides[0]], self.partition.names[sides[1]]
 
     def known(self, body: Body) -> tuple[str, str]:
-        """What an entry may call a body: its subdomain's name, and its volume's."""
+        """Names by which an entry may call a body: its subdomain's name, and its volume's."""
         return self.partition.names[body.subdomain], self.mesh.volumes[body.volume]
 
     def called(self, sides: tuple[int, int], volumes: Sequence[np.ndarray]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """What an entry may call two subdomains that meet with cells of some volumes.
+        """Names by which an entry may call two subdomains that meet with cells of some volumes.
 
         Inside one volume only the subdomains' names count: a law for a part against all others is not meant for
         the cuts within that part.

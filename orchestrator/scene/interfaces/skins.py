@@ -62,7 +62,7 @@ class Surface:
         return self.sagitta * np.fmin(UNSURE, TURNED * turn)
 
     def some(self, chosen: np.ndarray) -> Surface:
-        """Of some of the facets, by index or mask."""
+        """Surfaces of some of the facets, by index or mask."""
         return Surface(self.normals[chosen], self.means[chosen], self.bulge[chosen])
 
 
@@ -76,14 +76,14 @@ class Skin:
 
     @classmethod
     def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Skin:
-        """Of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known.
+        """The skin of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known.
 
         given : (k, 3, 3) normals that the CAD model has at their corners, nan where it has none
         """
         return cls(body, face, surface_of(nodes, body.triangles, face, given))
 
     def under(self, triangles: np.ndarray) -> Surface:
-        """What some of its facets (m, 3 or 6), given by their nodes, stand for."""
+        """Surfaces that some of its facets (m, 3 or 6), given by their nodes, stand for."""
         size = int(self.body.triangles[:, :3].max()) + 1
         keys, wanted = (pack(t[:, :3], size) for t in (self.body.triangles, triangles))
         order = np.argsort(keys)

@@ -31,7 +31,7 @@ class Cylindrical:
 
     @classmethod
     def of(cls, frame: Any) -> Cylindrical | None:
-        """Of the YAML's entry; None without one."""
+        """The value of the YAML's entry; None without one."""
         return None if frame is None else cls(np.array(frame.direction), np.array(frame.at, dtype=float))
 
     def directions(self, points: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class Ground(ABC):
 
 @dataclass(frozen=True)
 class OnFaces:
-    """Where an entry of ``boundary`` acts, and when.
+    """Place and time of an entry of ``boundary``.
 
     path : of what the entry says, in the YAML
     nodes : (n, 3), all of the mesh
@@ -174,7 +174,7 @@ class OnFaces:
     problems: Problems
 
     def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-        """Of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
+        """Rows of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
         several = vector if isinstance(vector[0], list) else [vector]
         given = np.array([[x is not None for x in row] for row in several])
         if (given != given[0]).any():
@@ -191,7 +191,7 @@ class OnFaces:
 
 @dataclass(frozen=True)
 class InVolumes:
-    """Where an entry of ``loads`` acts, and when.
+    """Place and time of an entry of ``loads``.
 
     path : of what the entry says, in the YAML
     cells : (k,) int; volume : (k,) of each
@@ -259,6 +259,6 @@ class Kind:
 
     @classmethod
     def made(cls, value: Any, where: Any) -> Any:
-        """What comes of a value: ``Forces``, ``Prescribed`` or a ``Ground`` on faces; ``Forces``, ``Strain`` or None (with a
+        """The effect of a value: ``Forces``, ``Prescribed`` or a ``Ground`` on faces; ``Forces``, ``Strain`` or None (with a
         problem) in volumes."""
         raise NotImplementedError

@@ -49,7 +49,7 @@ class Displacement(Kind):
 
     @classmethod
     def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
-        """The same place is not told two different things."""
+        """Require that one place is not told two different things."""
         seen: dict[tuple[str, int], tuple[KeyPath, Any]] = {}
         for path, value, entry in entries:
             for component, values in enumerate(zip(*_rows(value))):

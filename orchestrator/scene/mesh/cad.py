@@ -60,7 +60,7 @@ def _kind(tag: int) -> Shape:
 
 @dataclass(frozen=True)
 class Sizing:
-    """How large elements of a solid may be.
+    """Size of a solid's elements.
 
     largest, least : lengths; none: gmsh's own choice
     per_circle : elements on a full circle; 0: curvature does not count
@@ -72,7 +72,7 @@ class Sizing:
 
     @classmethod
     def of(cls, h: Any) -> Sizing:
-        """Of a value of ``h`` in the YAML."""
+        """The sizing for a value of ``h`` in the YAML."""
         return cls(h.max, h.min, h.curvature) if isinstance(h, Curved) else cls(None if h is None else float(h))
 
     def apply(self, per_circle: float, finest: float | None) -> None:
@@ -106,7 +106,7 @@ def check_curvature(solids: Iterable[tuple[Iterable[int], Sizing]]) -> None:
 
 
 def sizes_of(names: list[str], h: Any) -> dict[str, Sizing]:
-    """By name of a solid; of several patterns that match, the last wins.
+    """Sizes by name of a solid; of several patterns that match, the last wins.
 
     Raises InputError: patterns that match nothing, solids that none matches
     """

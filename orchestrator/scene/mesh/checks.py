@@ -57,7 +57,7 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
 
 
 def bad_file(path: Path | str, found: str, expected: str, cure: str) -> InputError:
-    """What to raise of a mesh file."""
+    """The error to raise of a mesh file."""
     return wrong(("mesh", "file"), f"{path}: {found}", expected, cure)
 
 

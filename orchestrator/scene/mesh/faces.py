@@ -81,7 +81,7 @@ def _even(triangles: np.ndarray) -> np.ndarray:
 
 
 def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
-    """How many parts of the mesh faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
+    """Number of parts of the mesh that faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
     inner = faces.inner
     a, b = faces.owner[inner], faces.neighbour[inner]
     keep = labels[a] == labels[b]

@@ -86,7 +86,7 @@ def _check_kinds(path: Path, kinds: set[str]) -> None:
 
 
 def _load(path: Path) -> meshio.Mesh:
-    """What the reader of a file's ending makes of it."""
+    """Read a file with the reader of its ending."""
     ending = path.suffix.lower()
     if not path.is_file():
         raise bad_file(path, "no such file", "an existing mesh file", "check the path")
@@ -184,7 +184,7 @@ def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[
 
 
 def _read_by_gmsh(path: Path) -> meshio.Mesh:
-    """What gmsh reads: its groups become physical names, as in its own files.
+    """Read with gmsh: its groups become physical names, as in its own files.
 
     gmsh takes what it does not know for a script, and runs the options that it finds beside a file: the content is looked at
     first, and gmsh sees the file in a folder where nothing else is, in a process that can start no other.
@@ -212,7 +212,7 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
 
 
 def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
-    """What to say of volumes that gmsh (4.1) knew and did not save."""
+    """Sentence on volumes that gmsh (4.1) knew and did not save."""
     if path.suffix.lower() != ".msh" or "gmsh:geometrical" not in raw.cell_data or not raw.field_data:
         return []
     with path.open("rb") as file:

@@ -65,7 +65,7 @@ class Grains:
         return any(self._merge_at(a, b, place, loops, grains, narrow) for place in self._places(a, b))
 
     def _places(self, a: int, b: int) -> list[np.ndarray]:
-        """Where the merged vertex may go, so that what lies on sides of the box stays there."""
+        """Places for the merged vertex, so that what lies on sides of the box stays there."""
         more, less = np.all(self.sides[a] >= self.sides[b]), np.all(self.sides[b] >= self.sides[a])
         if more and less:
             return [(self.points[a] + self.points[b]) / 2, self.points[a], self.points[b]]

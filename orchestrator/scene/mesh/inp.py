@@ -140,5 +140,5 @@ def _shape(kind: str, row: Row) -> tuple[str, int]:
 
 
 def solid_nodes(kind: str) -> int:
-    """How many nodes elements of a type have by its name, C3D8R or the like; 0: they are no solids."""
+    """Number of nodes of an element type by its name, C3D8R or the like; 0: they are no solids."""
     return int("".join(c for c in kind[3:] if c.isdigit()) or 0) if kind.startswith("C3D") else 0

@@ -201,7 +201,7 @@ def cards(path: Path) -> Iterator[Card]:
 
 
 def cards_of_a_model(path: Path) -> list[Card]:
-    """The same of a file that may not begin with data; raises InputError where it does."""
+    """Cards of a file that may not begin with data; raises InputError where it does."""
     found = list(cards(path))
     if found and not found[0][0]:
         found[0][2][0].fail("data above the first card", "a card first, such as *NODE")
@@ -209,5 +209,5 @@ def cards_of_a_model(path: Path) -> list[Card]:
 
 
 def problem(where: str, found: str, expected: str) -> InputError:
-    """Of a file; ``where`` in it."""
+    """Problem of a file, ``where`` in it."""
     return wrong(("mesh", "file"), where + found, expected, "mend the file, or save it again as gmsh's .msh")

@@ -26,7 +26,7 @@ IN_PLANE, ROUNDING = 1e-6, 1e-12
 
 @dataclass
 class Mended:
-    """What was done to a mesh: times that a node was moved; edges whose ends have become one node; how many of these had to
+    """Changes made to a mesh: times that a node was moved; edges whose ends have become one node; how many of these had to
     leave a plane face between volumes, and the farthest that a node has left it, a length."""
 
     moved: int = 0
@@ -35,7 +35,7 @@ class Mended:
     by: float = 0.0
 
     def told(self, h: float) -> str:
-        """In words, for elements of size h."""
+        """The changes in words, for elements of size h."""
         bent = f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most" if self.bent else ""
         return f"{self.moved} node{'s' * (self.moved != 1)} moved, {self.merged} short edge{'s' * (self.merged != 1)} merged{bent}"
 
@@ -106,12 +106,12 @@ def _mended_at(stars: Stars, cell: int, fitness: Fitness, bend: bool, done: Mend
 
 
 def _off(way: np.ndarray, free: np.ndarray) -> float:
-    """How far a vector leads out of the space of orthonormal directions (3, k)."""
+    """Distance of a vector from the space of orthonormal directions (3, k)."""
     return float(np.linalg.norm(way - free @ (free.T @ way)))
 
 
 def _moved(nodes: np.ndarray, cells: np.ndarray, node: int, free: np.ndarray, was: float, fitness: Fitness) -> tuple[float, np.ndarray]:
-    """Where a node best goes, in some directions (3, k), and how good the worst of its tets (m, 4) is there."""
+    """Best place of a node, in some directions (3, k), and the quality of the worst of its tets (m, 4) there."""
     place, best = nodes[node], was
     if not free.shape[1]:
         return best, place

@@ -18,7 +18,7 @@ from orchestrator.scene.shapes import Shape
 
 @dataclass(frozen=True)
 class StandIn:
-    """What a volume is that stands for a part whose mesh is not ours, see ``foreign.standin``.
+    """A volume that stands for a part whose mesh is not ours, see ``foreign.standin``.
 
     volume : index of the volume
     first : its first node; its nodes follow each other, those of its joints first; joints : how many of them are the joints'
@@ -77,7 +77,7 @@ class Mesh:
 
     @property
     def diagonal(self) -> float:
-        """Of the box around all nodes, a length."""
+        """Diagonal of the box around all nodes, a length."""
         return float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
 
     @property

@@ -184,7 +184,7 @@ def corner_angles(triangles: np.ndarray) -> np.ndarray:
 
 
 def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np.ndarray | None:
-    """How good some bodies are, from the triangles that bound them.
+    """Quality of some bodies, from the triangles that bound them.
 
     points : (v, 3) coordinates
     triangles : (t, 3) int, indices into the points, turning outward

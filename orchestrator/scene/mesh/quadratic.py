@@ -39,7 +39,7 @@ TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)
 
 
 def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
-    """The same mesh with ten-node tets (m, 10), and its faces with six nodes (f, 6)."""
+    """The mesh with ten-node tets (m, 10), and its faces with six nodes (f, 6)."""
     n = len(mesh.nodes)
     ends, edge = edges_of(mesh.cells, TET_EDGES)
     nodes = np.vstack([mesh.nodes, mesh.nodes[ends].mean(axis=1)])
@@ -138,7 +138,7 @@ class Choice:
 
 
 def choose_element(mesh: Mesh, materials: list[Any], cell_material: np.ndarray) -> Choice:
-    """What to take for a mesh of four-node tets; materials and cell_material are empty where they are wrong, which is told elsewhere."""
+    """Element to take for a mesh of four-node tets; materials and cell_material are empty where they are wrong, which is told elsewhere."""
     if mesh.foreign:
         return Choice("P1", "parts of other programs are met by four-node tets alone")
     unknowns = 3 * (len(mesh.nodes) + len(edges_of(mesh.cells, TET_EDGES)[0]))

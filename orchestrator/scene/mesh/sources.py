@@ -103,12 +103,12 @@ def _together(parts: list[OnePart], sizes: Mapping[int, Sizes]) -> Mesh:
 
 
 def _in_part(index: int, part: OnePart, path: KeyPath) -> KeyPath:
-    """Where a problem with the mesh of a part stands."""
+    """Locate a problem with the mesh of a part."""
     return ("parts", index, *(path[1:] if part.h is not None and path == ("mesh", "h") else path))
 
 
 def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[Mesh]:
-    """What stands for parts whose mesh is not ours, with the place of each in the YAML; ``meshes`` are ours."""
+    """Stand-ins for parts whose mesh is not ours, with the place of each in the YAML; ``meshes`` are ours."""
     from orchestrator.scene.foreign.standin import fitted, outer_surfaces, stand_in  # with it comes SciPy
 
     made, problems, others = [], Problems(), [surface for mesh in meshes for surface in outer_surfaces(mesh)]

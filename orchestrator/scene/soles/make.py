@@ -68,7 +68,7 @@ def _first_alike(layers: Sequence[tuple[str, list[Facets]]]) -> list[int]:
 
 
 def _elsewhere(pair: tuple[Sole, Sole], shift: np.ndarray) -> tuple[Sole, Sole]:
-    """The same soles, moved; one and the same object where they are."""
+    """The soles, moved; one and the same object where they are."""
     one, two = pair
     moved = replace(one, points=one.points + shift)
     return moved, moved if two is one else replace(two, points=two.points + shift)

@@ -71,7 +71,7 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
 
 
 def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
-    """Of the YAML's entry; raises InputError: an STL file that is none, or whose surface is not closed or turned inside out."""
+    """Surface of the YAML's entry; raises InputError: an STL file that is none, or whose surface is not closed or turned inside out."""
     if tool.plane is not None:
         return Plane(np.array(tool.plane.at), np.array(tool.plane.direction))
     if tool.sphere is not None:
@@ -110,7 +110,7 @@ def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
 
 
 def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
-    """What moves a layer: on all its faces, or on those of its back where it is loaded.
+    """Motion of a layer: on all its faces, or on those of its back where it is loaded.
 
     front : how many of its nodes lie on the part
     """

@@ -42,7 +42,7 @@ class SixMotions(Field):
 
 @dataclass(frozen=True)
 class Driven(Ground):
-    """What a tool does at every load step.
+    """Motion of a tool at every load step.
 
     about : (3,) the point that moves, and about which it turns
     prescribed : (6,) bool, which of the motions are, rotations in radians
@@ -58,7 +58,7 @@ class Driven(Ground):
 
     @classmethod
     def of(cls, tool: Tool, middle: np.ndarray, factors: Sequence[float]) -> Driven:
-        """Of the YAML's entry; factors (steps,) multiply it where it lists nothing per load step."""
+        """The motion of the YAML's entry; factors (steps,) multiply it where it lists nothing per load step."""
         amounts = tool.amounts
         rows = amounts if len(amounts) > 1 else len(factors) * amounts
         factor = np.ones(len(factors)) if len(amounts) > 1 else np.array(factors, dtype=float)
@@ -69,14 +69,14 @@ class Driven(Ground):
         return cls(middle if tool.about is None else np.array(tool.about), prescribed, moves, loads)
 
     def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
-        """Of a surface that moves with the tool, as ``Ground`` says."""
+        """Laws of a surface that moves with the tool, as ``Ground`` says."""
         motions = np.ascontiguousarray(motions_about(points, self.about, 1.0).transpose(2, 1, 0))
         return [GROUND["coupling"](motions, self.prescribed, np.where(self.prescribed, move, load), True)
                 for move, load in zip(self.moves, self.loads)]
 
     @property
     def told(self) -> Prescribed | Driven:
-        """What acts on the nodes of the tool: displacements where all of its motions are prescribed, else itself."""
+        """Conditions on the nodes of the tool: displacements where all of its motions are prescribed, else itself."""
         return Prescribed(np.ones(3, dtype=bool), self.moves, SixMotions(self.about)) if self.prescribed.all() else self
 
     def displaced(self, points: np.ndarray) -> np.ndarray:

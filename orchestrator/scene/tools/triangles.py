@@ -39,7 +39,7 @@ class Triangles(Surface):
 
     @classmethod
     def of(cls, points: np.ndarray, triangles: np.ndarray) -> Triangles:
-        """Of triangles (k, 3) int on points (n, 3), outward."""
+        """Surface of triangles (k, 3) int on points (n, 3), outward."""
         smooth = surface_of(points, triangles, np.full(len(triangles), -1))
         return cls((points.min(axis=0) + points.max(axis=0)) / 2, points[triangles], facet_normals(points, triangles)[0], smooth)
 

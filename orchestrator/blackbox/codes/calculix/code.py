@@ -61,11 +61,11 @@ class CalculiX(Code):
         return [self.executable, "-i", requests]
 
     def environment(self) -> dict[str, str]:
-        """Without CalculiX's own variables for threads."""
+        """The environment without CalculiX's own variables for threads."""
         return {key: value for key, value in super().environment().items() if key != "NUMBER_OF_CPUS" and not key.startswith("CCX_NPROC")}
 
     def version(self) -> str:
-        """What CalculiX says it is, e.g. "2.20"; empty when it does not answer."""
+        """CalculiX's own version, e.g. "2.20"; empty when it does not answer."""
         return self._version
 
     @cached_property
@@ -121,7 +121,7 @@ class CalculixWorker(RunWorker):
                 "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20", self.code.install) from error
 
     def load(self, index: int, model: Model) -> None:
-        """As ``Worker`` says; a load case and some unit loads are solved for the check, and for what they cost."""
+        """Load a model; a load case and some unit loads are solved for the check, and for what they cost."""
         tally = self.tallies[index] = Tally(model.name, len(model.trace))
         with self.telling("loading failed", model.name):
             self._loaded[index] = loaded = self._store(model, True, "assemble")

@@ -19,7 +19,7 @@ PLACED = 1e-9  # of the joints' extent: nodes nearer than this are where they sh
 
 
 class AlgebraWorker(Worker):
-    """What a worker does, without a process. Of a model the first nodes stand for the part: its joints', then those of the layer behind
+    """A worker without a process. Of a model the first nodes stand for the part: its joints', then those of the layer behind
     them, which have no stiffness; soles are plain matter, whose stiffness is added.
 
     A nonlinear part is elastic to all requests but ``advance``, which commits load steps by replay: whoever answers for it keeps nothing

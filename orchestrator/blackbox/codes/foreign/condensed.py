@@ -136,7 +136,7 @@ class Condensed:
 
     @cached_property
     def floor(self) -> float:
-        """What missing digits do to a result, relative, in energy: S u = f and (S + E)(u + δ) = f give ‖δ‖_S ≤ ‖S^-½ E S^-½‖
+        """Relative error in energy that missing digits leave in a result: S u = f and (S + E)(u + δ) = f give ‖δ‖_S ≤ ‖S^-½ E S^-½‖
         ‖u‖_S on what is no rigid motion, to first order, and a part that others hold as well does no worse."""
         if self.error is None:
             return 0.0
@@ -236,7 +236,7 @@ def check_modulus(part: Condensed, young: float | None, path: KeyPath, name: str
 
 
 def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """What rigid motions cost that should be free: the relative error of S's entries that would explain it; the cost of each of the six
+    """Energy of rigid motions, which should be none: the relative error of S's entries that would explain it; the cost of each of the six
     motions; and the stiffness against independent ones, ascending. Where entries have relative errors r of random signs, (S R)_i is about
     r/√3 · √Σ_j S_ij² R_j²."""
     R = motions_about(joints.points, joints.centre, joints.size).reshape(-1, 6)

@@ -98,7 +98,7 @@ class DeckCode(ForeignCode):
         return u
 
     def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
-        """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u. What loads
+        """Fields on the deck's own mesh, see ``ForeignCode``: S u − b act on its joints, and springs k on them are held by k u. What loads
         inside do and what the joints do are superposed: a run for each file of loads, and one for each load step. Where matter flows,
         load steps are replayed under the forces of the interfaces."""
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)

@@ -36,7 +36,7 @@ class ForeignCode(Code):
     guarded: ClassVar[bool] = False
 
     class Settings(CodeSettings):
-        """What ``parts`` says of one part."""
+        """One part's entry in ``parts``."""
 
         element: Literal["P1"] = "P1"
         transport: Literal["file"] = "file"
@@ -58,7 +58,7 @@ class ForeignCode(Code):
 
     @property
     def name(self) -> str:
-        """In messages and in the summary: its kind."""
+        """The name in messages and in the summary: its kind."""
         return self.settings.part.kind
 
     def made(self) -> Condensed:
@@ -66,7 +66,7 @@ class ForeignCode(Code):
         raise NotImplementedError
 
     def condensed(self) -> Condensed:
-        """The same, made once per process for each part."""
+        """The condensed part, made once per process."""
         return self._kept()[0]
 
     @property
@@ -83,11 +83,11 @@ class ForeignCode(Code):
         return wrong((*self.settings.place, key), found, expected, cure)
 
     def check(self) -> None:
-        """As ``Code`` says: the part is brought to its joints."""
+        """Check the part by condensing it to its joints."""
         self.condensed()
 
     def own_fields(self, u: Any, force: Any) -> OwnFields:
-        """What it ends with, given the displacements (steps, n, 3) of its joints and the forces on them."""
+        """Fields at the end, given the displacements (steps, n, 3) of its joints and the forces on them."""
         joints = self.condensed().joints
         return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
 
@@ -106,7 +106,7 @@ class ForeignCode(Code):
         raise NotImplementedError
 
     def _kept(self) -> tuple[Condensed, float]:
-        """What it is on its joints, and the CPU seconds that took: once per process for each entry, and for its files as they are."""
+        """The part condensed to its joints, and the CPU seconds that took; once per process for an entry and its files as they are."""
         part, settings = self.settings.part, self.settings
         files = [name for key in part.files for name in as_list(getattr(part, key) or [])]
         key = (type(self), part.model_dump_json(), settings.name, len(settings.factors), *map(_stamp, files))

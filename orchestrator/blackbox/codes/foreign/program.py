@@ -32,7 +32,7 @@ class ProgramCode(ForeignCode):
     """A part that is a program."""
 
     class Settings(ForeignCode.Settings):
-        """What ``parts`` says of one part."""
+        """One part's entry in ``parts``."""
 
         @property
         def writes_results(self) -> bool:
@@ -44,7 +44,7 @@ class ProgramCode(ForeignCode):
         return ProgramRuns(self.settings.part, self.settings.place, self.settings.name)
 
     def made(self) -> Condensed:
-        """As ``ForeignCode`` says; every answer is judged on the way."""
+        """Condense the program's part; every answer is judged on the way."""
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints, runs = read_joints(part, path, name), self.runs()
         answers = Answers.of(runs, joints, (self.settings.young or 1.0) * _face(joints))
@@ -75,7 +75,7 @@ class ProgramCode(ForeignCode):
 
 @dataclass(frozen=True)
 class Answers:
-    """What a program has answered to unit forces.
+    """A program's answers to unit forces.
 
     springs : (3n,) k that were added
     compliance, inverse : (3n, 3n) C = (S + k)⁻¹, symmetric, and S + k
@@ -107,7 +107,7 @@ class Answers:
 
     @classmethod
     def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> Answers:
-        """Of a program that is asked now.
+        """Answers of a program that is asked now.
 
         spring : a first guess of k
         Raises InputError: it is not linear, elastic, positive and repeatable

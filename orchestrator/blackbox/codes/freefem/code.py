@@ -40,7 +40,7 @@ _BLAS_FOLDERS = ("openblas-serial", "openblas-pthread")
 
 
 def missing() -> Problem | None:
-    """What keeps FreeFEM from being started: the first thing found."""
+    """The first thing found that keeps FreeFEM from being started."""
     wanted, server, folder = os.environ.get("ORCHESTRATOR_FREEFEM", ""), script(SERVER), environment().get("FF_LOADPATH", "")
     if executable() is None:
         return Problem(("blackbox", "code"), f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path",
@@ -87,7 +87,7 @@ def _openblas() -> Path | None:
 
 
 def environment() -> dict[str, str]:
-    """What FreeFEM's processes need in theirs: folders of plugins and includes, OpenBLAS."""
+    """Variables that FreeFEM's processes need: folders of plugins and includes, OpenBLAS."""
     result = {name: os.environ.get(name, "") for name in ("FF_LOADPATH", "FF_INCLUDEPATH", "LD_LIBRARY_PATH")}
     for name, folder in (("FF_LOADPATH", _PLUGIN_FOLDER), ("FF_INCLUDEPATH", _INCLUDE_FOLDER)):
         if not result[name] and Path(folder).is_dir():
@@ -98,7 +98,7 @@ def environment() -> dict[str, str]:
 
 
 def report() -> list[str]:
-    """What is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
+    """List what is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
     folder = environment().get("FF_LOADPATH", "")
     things = [("FreeFEM", executable(), f"FreeFEM: {INSTALL}"),
               *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}")
@@ -165,7 +165,7 @@ class FreeFem(MessageCode):
         return {FORM_SERVER: form_server(Path(self.settings.form))} if self.settings.form else {}
 
     def check(self) -> None:
-        """Of a form: FreeFEM compiles it, and is asked for nothing."""
+        """Compile a form with FreeFEM, which is asked for nothing else."""
         if not self.settings.form:
             return
         with tempfile.TemporaryDirectory(prefix="orchestrator-form-") as folder:
@@ -179,11 +179,11 @@ class FreeFem(MessageCode):
             raise not_compiled(Path(self.settings.form), done.stdout, self.meaning(done.returncode))
 
     def told(self, model: Model) -> Model:
-        """Of a form: regions are the volumes of the mesh, then the matter of soles."""
+        """Regions of a form: the volumes of the mesh, then the matter of soles."""
         return with_volumes(model) if self.settings.form else model
 
     def environment(self) -> dict[str, str]:
-        """With its folders of plugins and includes, and OpenBLAS."""
+        """The environment with its folders of plugins and includes, and OpenBLAS."""
         result = {**super().environment(), **self._environment}
         if self.settings.form:  # what it includes is beside it
             folders = [str(Path(self.settings.form).parent), *filter(None, [result.get("FF_INCLUDEPATH")])]
@@ -195,7 +195,7 @@ class FreeFem(MessageCode):
         self._said = f"{numbers[0]:g}" if len(numbers) else ""
 
     def version(self) -> str:
-        """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9. E.g. "4.9 (package
+        """FreeFEM's own version and, where it comes from a package, the package's: Debian's 4.11 says 4.9. E.g. "4.9 (package
         freefem++ 4.11+dfsg1-3)"; empty when it does not answer."""
         said, origin = self._said or _version(self.executable), package(self.executable)
         return said + (f" (package {origin})" if origin else "")

@@ -51,7 +51,7 @@ class Weights:
 
 def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave_area: np.ndarray, counts: tuple[int, int],
                 dual: bool = True) -> Weights:
-    """What the multipliers of a slave surface integrate to.
+    """Integrals of a slave surface's multipliers.
 
     segments : of all its facets
     slave, master : (k₁, 3 or 6), (k₂, 3 or 6) int, nodes of the facets; functions are quadratic where they are six
@@ -77,7 +77,7 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
 
 
 def _integrated(segments: Segments, slave_area: np.ndarray, dual: bool, quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
-    """What each overlap (m,) adds, of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
+    """Contribution of each overlap (m,), of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
     and of the master, ∫ψ (m, 3, 1), the area (m,)."""
     size, one, two = segments.fans
     size = size * slave_area[segments.slave][:, None]

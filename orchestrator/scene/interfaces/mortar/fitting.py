@@ -78,7 +78,7 @@ def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mes
 
 
 def again(surfaces: Surfaces, apart: float) -> Surfaces:
-    """The same facets with what they have in common where they are now, apart by as much as they were."""
+    """Fit the facets' overlaps where they are now, apart by as much as they were."""
     slave, master = surfaces.facets
     return replace(surfaces, segments=find_segments(slave, master, apart + SLANTED * slave.size))
 

@@ -22,7 +22,7 @@ from orchestrator.scene.mesh.geometry import local_size
 
 @dataclass(frozen=True)
 class Moving:
-    """What an interface is paired anew from.
+    """Surfaces that an interface is paired anew from.
 
     surfaces : as they are before loading, whole smooth faces
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
@@ -64,7 +64,7 @@ class Moving:
         return self._embedded(replace(now, segments=segments.nearest(now.area), resting=self.surfaces.area, under=under))
 
     def paired(self, now: Mortar, moved: tuple[np.ndarray, np.ndarray]) -> Mortar:
-        """The same in the place of the present operators, whose facets and cells behind them stay what they are."""
+        """Pair anew in the place of the present operators, whose facets and cells behind them stay what they are."""
         return replace(self.at(moved), triangles=now.triangles, cells=now.cells)
 
     def _embedded(self, surfaces: Surfaces) -> Mortar:

@@ -154,7 +154,7 @@ def hats(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
 
 
 def weights_of(surfaces: Surfaces) -> Weights:
-    """What the multipliers integrate to; beside a slave of three-node faces, with the master's corners alone."""
+    """Integrals of the multipliers; beside a slave of three-node faces, with the master's corners alone."""
     six = surfaces.triangles[0].shape[1] == 6
     return multipliers(surfaces.segments, *(t if six else t[:, :3] for t in surfaces.triangles), surfaces.area,
                        tuple(len(x) for x in surfaces.points), dual=not six)

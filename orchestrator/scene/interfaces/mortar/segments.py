@@ -49,7 +49,7 @@ class Segments:
         return Segments(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
     def numbered(self, slaves: np.ndarray, masters: np.ndarray) -> Segments:
-        """The same with other numbers of facets, given for each old one."""
+        """Renumber the facets, by a number for each old one."""
         return replace(self, slave=slaves[self.slave], master=masters[self.master])
 
     def nearest(self, area: np.ndarray) -> Segments:
@@ -130,7 +130,7 @@ def _clipped(slave: Facets, master: Facets, reach: np.ndarray, i: np.ndarray, j:
 
 
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:
-    """What is left of polygons where a coordinate of theirs is not negative.
+    """Cut polygons to where a coordinate of theirs is not negative.
 
     corners : (m, v, 6) coordinates of the corners, the last of each polygon repeated; count : (m,) how many it has
     edge : which of the coordinates

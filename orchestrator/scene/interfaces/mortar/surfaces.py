@@ -45,7 +45,7 @@ class Surfaces:
     @classmethod
     def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray], cells: tuple[np.ndarray, np.ndarray],
            segments: Segments, more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
-        """Of the facets that overlap some other, and no more but for those that are asked for.
+        """The surface of the facets that overlap some other, and of those that are asked for.
 
         points : (n, 3) all nodes; triangles : global ids of the nodes of the facets of either side; cells : behind them
         segments : in the numbers of these facets
@@ -62,7 +62,7 @@ class Surfaces:
                    tuple(c[own] for c, own in zip(cells, met)), segments.numbered(*place))
 
     def moved(self, points: np.ndarray) -> Surfaces:
-        """The same facets where their nodes (n, 3) are now; the overlaps stay what they were."""
+        """The facets where their nodes (n, 3) are now; the overlaps stay what they were."""
         return replace(self, points=tuple(points[n] for n in self.nodes))
 
     @cached_property
@@ -131,7 +131,7 @@ MORE, SLANTED = 1.5, 0.05
 
 @dataclass(frozen=True)
 class Matter:
-    """What the choice of the slave looks at, beside the surfaces.
+    """Matter behind the sides, for the choice of the slave.
 
     young : (m,) modulus of each cell of the mesh; held : (n,) bool, nodes of which some component is prescribed
     """
@@ -142,7 +142,7 @@ class Matter:
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of two sides.
+    """Conditions asked of two sides.
 
     as_one : whether the law makes them deform as one
     slave : 0 or 1 where the user has chosen the first or the second side; None: as they are
@@ -156,7 +156,7 @@ class Asked:
 
 def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter, asked: Asked,
                     slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
-    """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
+    """The slave, 0 or 1, on a patch on which two bodies lie on each other, and the surfaces, the slave's first.
 
     points : (n, 3) nodes of the mesh
     segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
