@@ -98,7 +98,7 @@ def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: in
     told, count = summary["workload"]["iterations"]["ranks"], summary["iterations"]
     each = {name: max(rank[key] for rank in told) / count for name, key in (("messages", "messages"), ("sums", "reductions"), ("MB", "bytes"))}
     row = {"case": case, "ranks": ranks, "workers": workers, **shares(summary, seconds), "others": round(others, 1), "cpu": cpu,
-           "waiting": max(rank["share"] for rank in told), **each, "MB": each["MB"] / 1e6}
+           "waiting": max(rank["idle_share"] for rank in told), **each, "MB": each["MB"] / 1e6}
     row["efficiency"] = efficiency(row, next((r for r in study.rows if r["case"] == case), row))
     study.note(row, f"{case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} iterations, {seconds:.1f} s, "
                     f"efficiency {row['efficiency']:.2f}, others' load {others:.1f}")

@@ -12,7 +12,7 @@ from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.summary import blackbox_seconds, code_label, jsonable, stage_seconds, units_of
 
 LARGEST = 6  # stages named
-SHOWN = 8  # reactions on screen
+SHOWN = 8  # reactions on screen, ranks
 OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
 NAMES = 6  # bodies in a sentence
 FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
@@ -304,10 +304,12 @@ def _ranks(summary: Mapping[str, object]) -> str:
     ranks = ((summary.get("workload") or {}).get("iterations") or {}).get("ranks") or ()
     if len(ranks) < 2 or not (count := summary.get("iterations")):
         return ""
-    waiting, messages, sums, sent, memory = ([row[name] for row in ranks]
-                                             for name in ("share", "messages", "reductions", "bytes", "memory_peak_mb"))
+    idle, messages, sums, sent, memory = ([row[name] for row in ranks]
+                                          for name in ("idle_share", "messages", "reductions", "bytes", "memory_peak_mb"))
     memory = summary.get("rank_memory_peak_mb") or memory
-    return (f"waiting {100 * min(waiting):.0f} to {100 * max(waiting):.0f} % of the iterations; per iteration and rank at most "
+    each = [f"{100 * share:.0f}" for share in idle]
+    told = ", ".join(each) if len(each) <= SHOWN else f"{100 * min(idle):.0f} to {100 * max(idle):.0f}"
+    return (f"idle for {told} % of the iterations, waiting for each other; per iteration and rank at most "
             f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
             f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted")
 

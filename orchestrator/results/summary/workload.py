@@ -32,7 +32,7 @@ class Workload:
     usage, watch : what is observed: the black box's workers, and the stages
     team : the ranks; what this one waits for others is part of its stages
 
-    Peak memory is that of the rank's own process since it was started, at the end of the period; its CPU seconds are those of
+    A rank is idle while it waits for others: its codes have nothing to do either. Peak memory is that of the rank's own process since it was started, at the end of the period; its CPU seconds are those of
     all its threads, the codes' not among them.
     """
 
@@ -54,7 +54,7 @@ class Workload:
             "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
             "workers": [_row(rank, since(late, early)) for late, early in zip(self._then[2], workers)],
-            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "share": waited / wall,
+            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "idle_share": waited / wall,
                        "messages": now[3] - messages, "reductions": now[5] - reductions, "bytes": now[4] - sent,
                        "memory_peak_mb": memory_peak_mb()}]}
 
