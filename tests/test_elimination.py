@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from orchestrator.method.coarse import elimination
+from orchestrator.method.coarse import elimination, layout, subtrees
 from orchestrator.method.coarse.elimination import BlockPattern, Elimination
 from orchestrator.compiled import compiled
 
@@ -54,8 +54,8 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
 
 def test_bands_end_within_fronts(monkeypatch):
     """And their last panel is narrower."""
-    monkeypatch.setattr(elimination, "PANEL", 2 * SIZE)
-    monkeypatch.setattr(elimination, "BAND", 5 * SIZE)
+    monkeypatch.setattr(layout, "PANEL", 2 * SIZE)
+    monkeypatch.setattr(layout, "BAND", 5 * SIZE)
     ends, bodies = lattice(5)
     pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(4)
     matrix = pattern.matrix(rng.normal(size=(len(pattern.indices), SIZE, SIZE)), 20.0)
@@ -63,6 +63,25 @@ def test_bands_end_within_fronts(monkeypatch):
     assert max(made.layout.sizes[:, 0]) > made.layout.band
     found = made.factors(matrix.data).solve(right)
     assert np.linalg.norm(matrix @ found.ravel() - right.ravel()) < 1e-12 * np.linalg.norm(right)
+
+
+@pytest.mark.parametrize("cores", [2, 4])
+def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
+    """Whatever the number of cores; each front is eliminated once, after those that it takes from."""
+    ends, bodies = lattice(6)
+    pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(5)
+    values, right = rng.normal(size=(len(pattern.indices), SIZE, SIZE)), rng.normal(size=(bodies, SIZE))
+    alone = pattern.factors(values, 20.0).solve(right)
+    monkeypatch.setattr(subtrees, "WORTH", 0.0)
+    monkeypatch.setattr(elimination, "cores", lambda: cores)
+    other = BlockPattern(ends, bodies, SIZE)
+    made, (order, bounds) = other.elimination, other.elimination._apart
+    assert len(bounds) > cores and np.array_equal(np.sort(order), np.arange(len(made.fronts)))
+    place, above = np.argsort(order), made.layout.parent
+    assert (place[above >= 0] < place[above[above >= 0]]).all()
+    run = np.searchsorted(bounds, place, side="right")
+    assert ((run == run[above]) | (run[above] == len(bounds) - 1))[above >= 0].all(), "subtrees share nothing"
+    assert np.array_equal(other.factors(values, 20.0).solve(right), alone)
 
 
 def test_few_operations_beside_a_dense_matrix():

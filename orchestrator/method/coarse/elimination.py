@@ -21,17 +21,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.compiled import cores, in_parts
+from orchestrator.method.coarse.layout import Layout
+from orchestrator.method.coarse.subtrees import side_by_side
 from orchestrator.method.interface.factor import dissection
 
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
-PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
-BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
 
 
 class BlockPattern:
@@ -114,6 +114,7 @@ class Elimination:
         rests = [np.sort(place[np.array(sorted(rest), dtype=int)]) for _, rest, _ in groups]
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
+        self._apart = side_by_side(self.layout.parent, np.array([_operations(*front, size) for front in self.fronts]), cores())
         self._work: np.ndarray | None = None
 
     def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
@@ -125,66 +126,17 @@ class Elimination:
         """
         from orchestrator.method.coarse.fronts import PRODUCT, eliminate
 
+        order, bounds = self._apart
         (a, m), result = self.layout.sizes.T, instead
         if self._work is None:  # fresh pages cost as much as what is done on them
             self._work = np.empty((m**2).sum())
         if result is None:
             result = Factors(self, np.empty(((a + m) * a).sum()), np.empty((a * m).sum()))
-        if eliminate(PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work) >= 0:
+        given = PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work, order, bounds
+        sound = in_parts(eliminate, len(bounds) - 2, *given, part=1) if len(bounds) > 2 else []
+        if not all(sound) or not eliminate(len(bounds) - 2, len(bounds) - 1, *given):
             raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
         return result
-
-
-class Layout(NamedTuple):
-    """Fronts as ``fronts`` wants them; bodies are numbered in the order of elimination.
-
-    panel, band : their rows
-    sizes : (F, 2) int, rows that are eliminated, rows that are left
-    places : (F, 3) int, where a front begins in all L, all U, and all that is left
-    starts : (F,) int, the first body of each
-    enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
-    children : (F + 1,) int, where its children begin in ``child``
-    rests : (F + 1,) int, where the bodies that it leaves begin in ``rest``, and in ``within``: their places in its parent
-    """
-
-    panel: int
-    band: int
-    sizes: np.ndarray
-    places: np.ndarray
-    starts: np.ndarray
-    enters: np.ndarray
-    enter: np.ndarray
-    children: np.ndarray
-    child: np.ndarray
-    rests: np.ndarray
-    rest: np.ndarray
-    within: np.ndarray
-
-    @classmethod
-    def of(cls, fronts: np.ndarray, rests: Sequence[np.ndarray], entries: tuple[np.ndarray, np.ndarray], size: int) -> Layout:
-        """Of fronts (F, 2).
-
-        rests : per front, ascending, the bodies that it leaves
-        entries : rows and columns (n,) of the matrix's blocks
-        """
-        starts, none, panel = _starts(fronts[:, 0]), np.zeros(0, dtype=int), max(1, PANEL // size) * size
-        front_of = np.repeat(np.arange(len(fronts)), fronts[:, 0])
-        parent = np.array([front_of[rest[0]] if len(rest) else -1 for rest in rests], dtype=int)
-
-        def places(front: int, bodies: np.ndarray) -> np.ndarray:
-            """Where some of its bodies are, eliminated ones first."""
-            return np.where(bodies < starts[front + 1], bodies - starts[front], fronts[front, 0] + np.searchsorted(rests[front], bodies))
-
-        of = front_of[np.minimum(*entries)]
-        blocks, enters = np.argsort(of, kind="stable"), _starts(np.bincount(of, minlength=len(fronts)))
-        enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
-                 for front, own in enumerate(np.split(blocks, enters[1:-1]))]
-        child, (a, m) = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):], size * fronts.T
-        return cls(panel, max(1, BAND // panel) * panel, size * fronts,
-            np.column_stack([_starts(lengths)[:-1] for lengths in ((a + m) * a, a * m, m**2)]), starts[:-1],
-            enters, np.concatenate([np.zeros((0, 3), int), *enter]),
-            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]), np.concatenate([none, *rests]),
-            np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
 
 
 @dataclass
@@ -206,11 +158,6 @@ class Factors:
         result = np.empty(right.shape)
         solve((self.of.order, tuple(self.of.layout), self.own, self.beside), np.ascontiguousarray(right, float), result)
         return result
-
-
-def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
-    """(n + 1,) where each of some runs starts, and the end."""
-    return np.concatenate([[0], np.cumsum(lengths, dtype=int)])
 
 
 def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:

@@ -141,9 +141,10 @@ def _inverted_by_panels(P, panel, product):
 
 
 @compiled
-def eliminate(product, blocks, layout, own, beside, work):
-    """Eliminate all fronts, children before parents: −1, or the number of one whose pivot vanishes.
+def eliminate(start, stop, product, blocks, layout, own, beside, work, order, bounds):
+    """Eliminate fronts, children before parents; False if a pivot of one vanishes.
 
+    start, stop : of the runs of fronts, which are in that order and begin where ``bounds`` says
     product : address of BLAS's product
     blocks : (b, size, size) of the matrix
     layout : as ``elimination.Layout`` has it
@@ -152,15 +153,15 @@ def eliminate(product, blocks, layout, own, beside, work):
     band, sizes = layout[1], layout[2]
     right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[11].size
     runs = np.empty((most, 3), np.int64)
-    for f in range(len(sizes)):
+    for f in order[bounds[start] : bounds[stop]]:
         a, m = sizes[f]
         _entered(f, blocks, layout, own, work, right, runs)
         for p in range(0, a, band):
             if not _across(f, p, product, layout, own, beside, right):
-                return f
+                return False
         if m:
             _left(f, product, layout, own, beside, work, runs)
-    return -1
+    return True
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
