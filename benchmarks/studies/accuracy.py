@@ -45,6 +45,7 @@ COARSEST, FINER = 0.25, 2**0.5  # sizes of the first mesh, and of a uniform mesh
 PLANE = ("l_shape", "hole", "slit", "punch")  # whose energies tell true errors
 FEWER, HARDLY_MORE = 5.0, 1.2  # times the seconds that uniform meshes take: where stresses are singular, and where they are not
 SINGULAR, REGULAR = ("l_shape", "slit", "punch"), ("hole", "hertz")
+ENDLESS = {"l_shape": 0.46, "slit": 0.5, "hole": 0.2, "punch": 0.29, "hertz": 0.0}  # 1 − λ of all edges at most; of 202.5° at the hole
 EXPONENT = {"l_shape": 0.5445, "slit": 0.5}  # λ < 2/3: sin 3πλ/2 = λ; a crack's tip, until elements are smaller than the slit is wide
 
 
@@ -245,6 +246,10 @@ def _asked(study: Study, name: str, element: str, asked: float, true: Truth, uni
     else:
         study.target(f"{name}, {element}, {asked:.0%} with {most:,} elements", "told where not reached",
                      f"{told}: {found[-1].summary['stop_reason']}", not found[-1].converged)
+    grows = found[-1].summary["peak_stress"].get("grows")
+    if len(meshes) > 2 and name in ENDLESS:
+        study.target(f"{name}, {element}, {asked:.0%}: largest stress", f"grows as h^-{ENDLESS[name]:.2f}" if ENDLESS[name] else "has a limit",
+                     f"grows as h^-{grows:.2f}" if grows else "not told to grow", bool(grows) == bool(ENDLESS[name]))
     if uniform:
         _beside(study, f"{name}, {element}, {asked:.0%}", name in REGULAR, seconds, error, uniform)
     return met

@@ -12,6 +12,7 @@ from orchestrator import run as one
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside, set_aside_again
+from orchestrator.accuracy.peaks import growth, peak_of
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Accuracy, Tolerance
@@ -148,6 +149,9 @@ class _Refinement:
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
                                      time.perf_counter() - self.since, self.passes.refined, self.passes.kept, share, known))
+        self.passes.done[-1].peak = peak_of(solution)
+        if grows := growth([done.peak for done in self.passes.done]):
+            summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
         self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.accuracy.measured import Energies
+from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Maps
 from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
@@ -34,6 +35,7 @@ class Pass:
     iterations_error : bound or estimate of the iterations', None where it is not known; error : both
     seconds : wall time; refined : what was meshed anew for it, nothing in the first; kept : what was not
     quantities : name → what is told of each that an accuracy is asked of, see ``Quantity.told``
+    peak : the largest stress, and the size of elements there
     """
 
     elements: int
@@ -46,6 +48,7 @@ class Pass:
     kept: list[str] = field(default_factory=list)
     told: float | None = None
     quantities: dict[str, dict] = field(default_factory=dict)
+    peak: Peak | None = None
 
     def estimated_of(self, name: str) -> float:
         """The mesh's error as its estimate tells it by itself: of the quantity of that name, or of none in the energy norm."""

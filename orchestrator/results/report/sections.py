@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -138,8 +139,9 @@ def meshes(summary: Mapping[str, object]) -> list[str]:
         return []
     rows = [(str(k), f"{one['elements']:,}", f"{one['mesh_error']:.2%}",
              "not known" if one["iterations_error"] is None else f"{one['iterations_error']:.1e}", f"{one['error']:.2%}",
-             f"{one['seconds']:.1f}", ", ".join(one["refined"]) or "–") for k, one in enumerate(found["meshes"], 1)]
-    head = ("mesh", "elements", "its error", "iterations'", "together", "seconds", "meshed anew")
+             f"{one['seconds']:.1f}", *map("{:.4g}".format, one["peak"] or (math.nan, math.nan)), ", ".join(one["refined"]) or "–")
+            for k, one in enumerate(found["meshes"], 1)]
+    head = ("mesh", "elements", "its error", "iterations'", "together", "seconds", "peak stress", "size there", "meshed anew")
     told = (f"Asked for: {found['asked']:.2%}, " if found["asked"] else "") + f"reached: {found['reached']:.2%}, energy norm, estimated."
     names = found["meshes"][-1]["quantities"]
     each = [(str(k), *(quantity_text(name, one["quantities"][name]) for name in names)) for k, one in enumerate(found["meshes"], 1)]

@@ -78,7 +78,9 @@ def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], st
         part = f" of {found['part']}" if found["part"] else ""
         when = f", load step {found['load_step']}" if (summary.get("load_steps") or 1) > 1 else ""
         at = _vector(found["at"], ROUNDED * max(map(abs, found["at"])))
-        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {at}{part}{when})"
+        grows = found.get("grows")
+        endless = f"\nsingular: from mesh to mesh it grows as h^-{grows:.2f}, h the size of elements there, without limit" if grows else ""
+        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {at}{part}{when}){endless}"
 
     return told
 
