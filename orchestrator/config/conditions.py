@@ -8,7 +8,7 @@ from typing import Any
 from orchestrator.config.base import no_direction
 from orchestrator.config.boundary import Entry
 from orchestrator.config.mesh import KINDS
-from orchestrator.config.paths import dotted, find, get, is_number, is_per_step, is_vectors, law_of, shown
+from orchestrator.config.paths import dotted, entries, find, get, is_number, is_per_step, is_vectors, law_of, shown
 from orchestrator.config.tools import LISTED, PLACE
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
@@ -18,9 +18,7 @@ ACTING = {"boundary": ON_FACES, "loads": IN_VOLUMES}
 
 def places(data: Any) -> Iterator[Problem]:
     """A place is a plane or a box."""
-    for path, on in find(data, ("boundary", "*", "on")):
-        if not isinstance(on, dict):
-            continue
+    for path, on in entries(data, "boundary", "*", "on"):
         plane, at, box = (on.get(key) is not None for key in ("plane", "at", "box"))
         if (plane, at, box) not in ((True, True, False), (False, False, True)):
             given = [key for key in ("plane", "at", "box") if on.get(key) is not None]
@@ -36,13 +34,13 @@ def acting(data: Any) -> Iterator[Problem]:
     """Rules of the kinds of loads and supports; a frame must have something to turn."""
     for group, kinds in ACTING.items():
         for name, kind in kinds.items():
-            yield from kind.broken_among([(path, entry[name], entry) for path, entry in find(data, (group, "*"))
-                                          if isinstance(entry, dict) and entry.get(name) is not None])
-        for path, entry in find(data, (group, "*")):
-            given = [name for name in kinds if isinstance(entry, dict) and entry.get(name) is not None]
+            yield from kind.broken_among([(path, entry[name], entry) for path, entry in entries(data, group, "*")
+                                          if entry.get(name) is not None])
+        for path, entry in entries(data, group, "*"):
+            given = [name for name in kinds if entry.get(name) is not None]
             for name in given:
                 yield from kinds[name].broken((*path, name), entry[name], entry)
-            if isinstance(entry, dict) and entry.get("frame") is not None and not any(kinds[name].turned(entry[name]) for name in given):
+            if entry.get("frame") is not None and not any(kinds[name].turned(entry[name]) for name in given):
                 yield Problem((*path, "frame"), "a frame with nothing to turn",
                               "a frame beside a displacement, a traction, or stiffness of a foundation", "remove the frame")
 
@@ -58,20 +56,17 @@ def directions(data: Any) -> Iterator[Problem]:
 def load_steps(data: Any) -> Iterator[Problem]:
     """Histories exist, and all entries agree on the number of steps."""
     histories = get(data, "histories") or {}
-    entries: list[tuple[KeyPath, dict[str, Any], list[str]]] = []  # with the keys that list something for each load step
+    listing: list[tuple[KeyPath, dict[str, Any], list[str]]] = []  # with the keys that list something for each load step
     for group in ("boundary", "loads", "interfaces", "bolts"):
         keys = [name for name, kind in ACTING.get(group, {}).items() if kind.listed]
-        for path, entry in find(data, (group, "*")):
-            if isinstance(entry, dict):
-                own = law_of(entry).Parameters.per_step if group == "interfaces" else keys
-                entries.append((path, entry, [key for key in own if is_per_step(entry.get(key))]))
-    entries += [(path, tool, [key for key in LISTED if is_per_step(tool.get(key))]) for path, tool in find(data, PLACE)
-                if isinstance(tool, dict)]
-    for path, own in (found for kind in KINDS for found in find(data, ("parts", "*", kind))):
-        if isinstance(own, dict):
-            entries.append((path, own, ["loads"] if isinstance(own.get("loads"), list) and len(own["loads"]) > 1 else []))
+        for path, entry in entries(data, group, "*"):
+            own = law_of(entry).Parameters.per_step if group == "interfaces" else keys
+            listing.append((path, entry, [key for key in own if is_per_step(entry.get(key))]))
+    listing += [(path, tool, [key for key in LISTED if is_per_step(tool.get(key))]) for path, tool in entries(data, *PLACE)]
+    for path, own in (found for kind in KINDS for found in entries(data, "parts", "*", kind)):
+        listing.append((path, own, ["loads"] if isinstance(own.get("loads"), list) and len(own["loads"]) > 1 else []))
     counts: list[tuple[KeyPath, int]] = []
-    for path, entry, listed in entries if isinstance(histories, dict) else []:
+    for path, entry, listed in listing if isinstance(histories, dict) else []:
         counts += [((*path, key), len(entry[key])) for key in listed]
         history = entry.get("history")
         if not isinstance(history, str):
@@ -94,10 +89,10 @@ def load_steps(data: Any) -> Iterator[Problem]:
 def what_histories_multiply(data: Any) -> Iterator[Problem]:
     """A history beside a law belongs to something that the law prescribes, and its factors suit it."""
     histories = get(data, "histories")
-    entries = [(path, law_of(entry).Parameters, entry) for path, entry in find(data, ("interfaces", "*"))]
-    entries += [(path, LAWS[BOLT_LAW].Parameters, entry) for path, entry in find(data, ("bolts", "*"))]
-    for path, parameters, entry in entries:
-        name = entry.get("history") if isinstance(entry, dict) else None
+    multiplied = [(path, law_of(entry).Parameters, entry) for path, entry in entries(data, "interfaces", "*")]
+    multiplied += [(path, LAWS[BOLT_LAW].Parameters, entry) for path, entry in entries(data, "bolts", "*")]
+    for path, parameters, entry in multiplied:
+        name = entry.get("history")
         if not isinstance(name, str):
             continue
         factors = get(histories, name)

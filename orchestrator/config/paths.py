@@ -36,6 +36,17 @@ def find(data: Any, pattern: KeyPath, at: KeyPath = ()) -> Iterator[tuple[KeyPat
         yield from find(data.get(pattern[0]), pattern[1:], (*at, pattern[0]))
 
 
+def entries(data: Any, *pattern: str | int) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    """Mappings among all that ``find`` finds."""
+    return ((path, value) for path, value in find(data, pattern) if isinstance(value, dict))
+
+
+def codes(data: Any) -> Iterator[tuple[KeyPath, dict[str, Any]]]:
+    """Entries of ``blackbox``, whether it is one or a list."""
+    yield from entries(data, "blackbox")
+    yield from entries(data, "blackbox", "*")
+
+
 def get(data: Any, *path: str | int) -> Any:
     """The value at a path, or None when there is none."""
     return next((value for _, value in find(data, path)), None)

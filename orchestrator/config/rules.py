@@ -15,7 +15,7 @@ from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import accuracies, dotted, find, get, is_number, is_vectors, law_of, shown
+from orchestrator.config.paths import accuracies, codes, dotted, entries, find, get, is_number, is_vectors, law_of, shown
 from orchestrator.config.tools import PLACE, SHAPES, tools_fit
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
@@ -38,9 +38,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
 
 def exactly_one(data: Any) -> Iterator[Problem]:
     for pattern, keys in ONE_OF.items():
-        for path, value in find(data, pattern):
-            if not isinstance(value, dict):
-                continue
+        for path, value in entries(data, *pattern):
             given = [key for key in value if key in keys and value[key] is not None]
             if len(given) > 1:
                 yield Problem((*path, given[1]), " and ".join(given) + " together", "exactly one of " + ", ".join(keys),
@@ -56,30 +54,29 @@ def belongs_to(data: Any) -> Iterator[Problem]:
     meshes = (("mesh",), ("parts", "*", "mesh"))
     for pattern, key, partner in (*((mesh, key, "step") for mesh in meshes for key in ("h", "conforming", "exclude", "refine")),
                                   (("subdomains",), "split_above", "groups")):
-        for path, value in find(data, pattern):
-            if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
+        for path, value in entries(data, *pattern):
+            if value.get(key) is not None and value.get(partner) is None:
                 yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only", f"remove {key}, or use {partner}")
     for mesh in meshes:
-        for path, value in find(data, mesh):
-            sizes = value.get("h") if isinstance(value, dict) else None
-            if isinstance(sizes, dict) and "curvature" not in sizes and value.get("conforming") is not False:
-                yield Problem((*path, "h"), "an element size for each solid, where solids share their faces",
-                              "one number, or solids that share nothing", "write conforming: false beside it")
-            if isinstance(sizes, dict):
+        for path, value in entries(data, *mesh):
+            if isinstance(sizes := value.get("h"), dict):
+                if "curvature" not in sizes and value.get("conforming") is not False:
+                    yield Problem((*path, "h"), "an element size for each solid, where solids share their faces",
+                                  "one number, or solids that share nothing", "write conforming: false beside it")
                 for name, size in [("", sizes), *sizes.items()]:
                     low, high = get(size, "min"), get(size, "max")
                     if is_number(low) and is_number(high) and low > high:
                         yield Problem((*path, "h", *[name] * bool(name)), f"min: {low:g} above max: {high:g}", "min below max", "swap them")
-            if isinstance(value, dict) and value.get("rename") is not None and value.get("step") is None and value.get("file") is None:
+            if value.get("rename") is not None and value.get("step") is None and value.get("file") is None:
                 yield Problem((*path, "rename"), "rename without step or file", "rename beside volumes of a file", "remove rename")
-    for path, tolerance in find(data, ("method", "tolerance")):
-        if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
+    for path, tolerance in entries(data, "method", "tolerance"):
+        if tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
             fixed = next((f"{key}: {shown(tolerance[key])}" for key in ("error", "law", "indicator")
                           if tolerance.get(key) is not None), "no error")
             yield Problem((*path, "fraction"), f"fraction beside {fixed}", "fraction beside error: auto only",
                           "remove fraction, or write error: auto")
-    for path, entry in find(data, ("interfaces", "*")):
-        for key, *told in law_of(entry).Parameters.broken(entry) if isinstance(entry, dict) else ():
+    for path, entry in entries(data, "interfaces", "*"):
+        for key, *told in law_of(entry).Parameters.broken(entry):
             yield Problem((*path, key), *told)
 
 
@@ -109,34 +106,32 @@ def accuracy_possible(data: Any) -> Iterator[Problem]:
     if isinstance(tolerance, dict) and not (is_number(error) and is_number(least) and error < least):
         yield Problem(("method", "tolerance"), f"{shown(tolerance)} beside accuracy", "error: a number below the accuracy, or nothing: "
                       "a tenth of the accuracy", "remove tolerance")
-    for path, part in find(data, ("parts", "*")):
-        if kind := next((kind for kind in KINDS if isinstance(part, dict) and part.get(kind) is not None), None):
+    for path, part in entries(data, "parts", "*"):
+        if kind := next((kind for kind in KINDS if part.get(kind) is not None), None):
             yield Problem((*path, kind), f"{kind} beside {dotted(where)}", "parts with meshes of this program's: the error of others "
                           "is not known, nor can they be meshed anew", f"remove {dotted(where)}")
-    for pattern in (("blackbox",), ("blackbox", "*")):
-        for path, entry in find(data, pattern):
-            if isinstance(entry, dict) and entry.get("form") is not None:
-                yield Problem((*path, "form"), f"a form beside {dotted(where)}", "matter of the YAML's young and poisson: of other matter "
-                              "stresses are not known", f"remove {dotted(where)}")
+    for path, entry in codes(data):
+        if entry.get("form") is not None:
+            yield Problem((*path, "form"), f"a form beside {dotted(where)}", "matter of the YAML's young and poisson: of other matter "
+                          "stresses are not known", f"remove {dotted(where)}")
     if isinstance(get(data, "parts"), list) and len(data["parts"]) > 1 and not get(data, "interfaces"):
         yield Problem(("parts",), f"{len(data['parts'])} parts and no interfaces, beside {dotted(where)}", "an entry for what joins them: "
                       "finer meshes of parts do not match any more", "add interfaces: [{between: auto, law: perfect}], or law: contact")
-    for path, probe in find(data, ("output", "probes", "*")):
-        if not isinstance(probe, dict) or probe.get("accuracy") is None:
-            continue
+    for path, probe in entries(data, "output", "probes", "*"):
         quantity, of = probe.get("quantity") or ("mean" if "on" in probe else ""), probe.get("of")
+        if probe.get("accuracy") is None:
+            continue
         if quantity in ("max", "min") or "stress" in (quantity, of):
             yield Problem((*path, "accuracy"), f"accuracy beside {quantity}{f' of {of}' if of else ''}", "a displacement at a point, its "
                           "mean over faces, a resultant or a section", "remove accuracy; method.accuracy has the field's stresses refined")
-    moving = any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*")))
-    if moving and where[0] == "output":
+    if _follows(data) and where[0] == "output":
         yield Problem(where, "accuracy beside pairing: follow", "sides that stay paired: what a small load does is asked of them as they "
                       "are", "write pairing: fixed")
 
 
 def following(data: Any) -> Iterator[Problem]:
     """Sides that are paired anew as they slide change what crosses them from one load step to the next."""
-    if not any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*"))):
+    if not _follows(data):
         return
     if get(data, "method", "macro", "on") == "all":
         yield Problem(("method", "macro", "on"), "all beside pairing: follow", "perfect: a macro problem across sides that slide "
@@ -148,14 +143,14 @@ def following(data: Any) -> Iterator[Problem]:
 
 
 def acceleration_fits(data: Any) -> Iterator[Problem]:
-    if get(data, "method", "acceleration") == "gmres" and not all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+    if get(data, "method", "acceleration") == "gmres" and not _perfect(data):
         yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
                       "a linear problem for gmres", "use anderson")
 
 
 def heeded(data: Any) -> Iterator[Problem]:
     """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
-    if get(data, "method", "tolerance", "law") is not None and all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+    if get(data, "method", "tolerance", "law") is not None and _perfect(data):
         yield Problem(("method", "tolerance", "law"), "law where all interfaces are perfect", "error: there the energy error is bounded",
                       "write error in its place")
     acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
@@ -179,7 +174,7 @@ def heeded(data: Any) -> Iterator[Problem]:
 def one_element(data: Any) -> Iterator[Problem]:
     """Require one element in all entries of ``blackbox``."""
     elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
-                for path, entry in find(data, ("blackbox", "*")) if isinstance(entry, dict)]
+                for path, entry in entries(data, "blackbox", "*")]
     for path, element in elements[1:]:
         if element != (first := elements[0][1]):
             yield Problem((*path, "element"), f"{element} beside {first}", "the same element in all entries",
@@ -209,8 +204,8 @@ def a_mesh(data: Any) -> Iterator[Problem]:
                       "exactly one of beam, box, polycrystal, file and step; or parts", "add mesh")
     elif mesh is not None and parts is not None:
         yield Problem(("parts",), "mesh and parts together", "one of the two", "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
-    bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")
-            and not part.get("deck")]  # which has moduli of its own
+    bare = [part.get("name") for _, part in entries(data, "parts", "*")
+            if not part.get("material") and not part.get("deck")]  # which has moduli of its own
     if data.get("materials") is None and (parts is None or bare):
         found = "null" if "materials" in data else "no materials"
         yield Problem(("materials",), found + (f", and no material of {bare[0]}" if bare else ""),
@@ -220,9 +215,7 @@ def a_mesh(data: Any) -> Iterator[Problem]:
 def parts_fit(data: Any) -> Iterator[Problem]:
     """Parts have names of their own, at most one element size, and one element."""
     yield from _called_twice(data, ("parts", "*"), "part", "")
-    for path, part in find(data, ("parts", "*")):
-        if not isinstance(part, dict):
-            continue
+    for path, part in entries(data, "parts", "*"):
         if part.get("h") is None:
             continue
         if get(part, "mesh", "step") is None:
@@ -231,8 +224,7 @@ def parts_fit(data: Any) -> Iterator[Problem]:
         elif get(part, "mesh", "h") is not None:
             yield Problem((*path, "h"), "h of the part and h of its mesh", "one of the two", "remove one")
     said = [(("parts", i, "element"), element) for i, element in elements_of(get(data, "parts"))]
-    code = get(data, "blackbox")
-    first = next((entry for entry in (code if isinstance(code, list) else [code]) if isinstance(entry, dict)), {})
+    first = next((entry for _, entry in codes(data)), {})
     if said and isinstance(element := first.get("element"), str):
         said.insert(0, (("blackbox", "element"), element))
     for path, element in said[1:]:
@@ -254,9 +246,8 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
             if cut != "groups" and not (isinstance(cut, dict) and cut.get("groups") and cut.get("split_above") is None):
                 yield Problem(("subdomains",), f"{shown(cut)} beside a part that is a {kind}", "groups: such a part is a subdomain",
                               "write subdomains: groups")
-            code = data.get("blackbox")
-            for entry in code if isinstance(code, list) else [code]:
-                if isinstance(entry, dict) and entry.get("element") == "P2":
+            for _, entry in codes(data):
+                if entry.get("element") == "P2":
                     yield Problem(("blackbox",), f"element: P2 beside a part that is a {kind}", "element: P1 there",
                                   "write element: P1, with a finer mesh; the part's own elements may be quadratic")
 
@@ -264,9 +255,7 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
 def probes_fit(data: Any) -> Iterator[Problem]:
     """Probes have names of their own, and keys that their quantity heeds."""
     yield from _called_twice(data, ("output", "probes", "*"), "probe", "probe_{}")
-    for path, probe in find(data, ("output", "probes", "*")):
-        if not isinstance(probe, dict):
-            continue
+    for path, probe in entries(data, "output", "probes", "*"):
         ends = probe.get("along")
         if is_vectors(ends) and len(ends) == 2 and ends[0] == ends[1]:
             yield Problem((*path, "along"), shown(ends), "two ends apart", "give another end, or at: for a point")
@@ -280,15 +269,14 @@ def probes_fit(data: Any) -> Iterator[Problem]:
 def planes_have_points(data: Any) -> Iterator[Problem]:
     """One coordinate says where a plane is along x, y or z alone."""
     for keys in (("output", "probes", "*", "section"), ("bolts", "*", "cut")):
-        for path, cut in find(data, keys):
-            if isinstance(cut, dict) and isinstance(cut.get("plane"), list) and is_number(cut.get("at")):
+        for path, cut in entries(data, *keys):
+            if isinstance(cut.get("plane"), list) and is_number(cut.get("at")):
                 yield Problem((*path, "at"), shown(cut["at"]), "a point on the plane, beside a direction", "write at: [x, y, z]")
 
 
 def certified_fits(data: Any) -> Iterator[Problem]:
     """Intervals are of what is linear in displacements and forces, and need an energy error."""
-    asked = [((*path, "certified"), probe) for path, probe in find(data, ("output", "probes", "*"))
-             if isinstance(probe, dict) and probe.get("certified") is True]
+    asked = [((*path, "certified"), probe) for path, probe in entries(data, "output", "probes", "*") if probe.get("certified") is True]
     for path, probe in asked:
         quantity, of = probe.get("quantity") or ("mean" if "on" in probe else "displacement"), probe.get("of") or "displacement"
         if quantity in ("max", "min"):
@@ -297,21 +285,30 @@ def certified_fits(data: Any) -> Iterator[Problem]:
     where = [path for path, _ in asked] + [("output", "certified")] * bool(get(data, "output", "certified"))
     if not where:  # laws are looked up for those who ask alone
         return
-    laws = [law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))]
-    other = [key for key in ("law", "indicator") if get(data, "method", "tolerance", key) is not None and not all(laws)]
-    moving = any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*")))
-    flowing = any(isinstance(entry, dict) and entry.get("nonlinear") is True for _, entry in find(data, ("blackbox", "*")))
+    perfect = _perfect(data)
+    other = [key for key in ("law", "indicator") if get(data, "method", "tolerance", key) is not None and not perfect]
+    flowing = any(entry.get("nonlinear") is True for _, entry in entries(data, "blackbox", "*"))
     for why, there, cure in ((f"tolerance: {{{''.join(other[:1])}: …}}", other, "write tolerance: {error: 1e-4}"),
-                             ("pairing: follow", moving, "write pairing: fixed"), ("nonlinear matter", flowing, "remove certified")):
+                             ("pairing: follow", _follows(data), "write pairing: fixed"), ("nonlinear matter", flowing, "remove certified")):
         if there:
             yield Problem(where[0], f"certified beside {why}", "a run that knows its energy error", cure)
+
+
+def _follows(data: Any) -> bool:
+    """Whether sides of some interface are paired anew as they slide."""
+    return any(entry.get("pairing") == "follow" for _, entry in entries(data, "interfaces", "*"))
+
+
+def _perfect(data: Any) -> bool:
+    """Whether all entries of ``interfaces`` are perfect."""
+    return all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*")))
 
 
 def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator[Problem]:
     """Entries of one name; without one, they have a default name with their number in it."""
     seen: dict[str, int] = {}
-    for path, entry in find(data, where):
-        name = (entry.get("name") or default.format(path[-1] + 1)) if isinstance(entry, dict) else ""
+    for path, entry in entries(data, *where):
+        name = entry.get("name") or default.format(path[-1] + 1)
         if name and isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
             yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
 
