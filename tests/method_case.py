@@ -50,6 +50,18 @@ def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     return prepare(Part.of_all(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
 
 
+def decomposed(made: Config) -> Decomposition:
+    """A configuration, ready to iterate, its black box closed."""
+    with box_of(made) as blackbox:
+        return prepared(made, build_scene(made), blackbox)
+
+
+def close(one, two, tolerance=1e-9) -> bool:
+    """Whether arrays are alike, to a share of the largest number."""
+    one, two = np.asarray(one), np.asarray(two)
+    return np.abs(one - two).max() <= tolerance * np.abs(two).max()
+
+
 def box_of(made: Config):
     """The black box of a configuration."""
     return make_blackbox(made.blackbox)

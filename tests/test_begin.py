@@ -5,17 +5,12 @@ import re
 import gmsh
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.scene.inspection import units_remark
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import bricks
-
-
-def call(*words):
-    return CliRunner().invoke(app, list(map(str, words)))
 
 
 def test_a_beam_runs_as_it_stands(tmp_path):
@@ -59,7 +54,7 @@ def test_labels_that_programs_made_up_become_short_names_and_surfaces_are_told_a
         assert shaft
         gmsh.write(str(model))
     page = tmp_path / "model.html"
-    done = CliRunner().invoke(app, ["inspect", str(model), "--h", "4", "--html", str(page)])
+    done = call("inspect", model, "--h", 4, "--html", page)
     assert done.exit_code == 0, done.output
     lines = done.stdout.splitlines()
     assert "translator" not in done.stdout and {"solid_1", "solid_2", "solid_3"} <= {line.split()[0] for line in lines if line.strip()}

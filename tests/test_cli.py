@@ -10,10 +10,9 @@ from types import ModuleType
 import pytest
 import results_case as case
 from processes import begin, gone, running
-from typer.testing import CliRunner
+from yaml_case import call
 
 from orchestrator import loops
-from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.folder import ResultsFolder
@@ -22,10 +21,6 @@ from orchestrator.results.summary.summary import write_summary
 
 ROOT = Path(__file__).parents[1]
 BEAM = str(ROOT / "configs" / "traction_beam.yaml")
-
-
-def call(*arguments: str):
-    return CliRunner().invoke(app, arguments)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from contact_case import contact, converged
-from method_case import box_of, prepared
+from method_case import decomposed
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config.model import Config
@@ -23,12 +23,6 @@ from orchestrator.scene.build import build_scene
 def rough_top(x):
     """Lifted and bent: no node of a pair lies on the other."""
     return x + np.outer(0.002 + 0.01 * x[:, 0] ** 2, [0.0, 0.0, 1.0])
-
-
-def decomposed(config):
-    scene = build_scene(config)
-    with box_of(config) as blackbox:
-        return prepared(config, scene, blackbox)
 
 
 def rigidly(config):

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import results_case as case
-import yaml_case
-from typer.testing import CliRunner
+from yaml_case import bar, call
 
-from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.results.compare.compare import compare
 from orchestrator.results.compare.picture import difference
@@ -20,16 +18,12 @@ from orchestrator.results.solution import Solution
 from orchestrator.solving import solve
 
 
-def call(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def bars(tmp_path_factory) -> Path:
     """Results of a bar, of one pulled by 1e-6 more, and of one pulled by 1e-12 more."""
     folder = tmp_path_factory.mktemp("bars")
     for name, pull in (("one", 10.0), ("more", 10.0 * (1 + 1e-6)), ("rounded", 10.0 * (1 + 1e-12))):
-        assert call("run", yaml_case.bar(folder, name, pull), "--quiet").exit_code == 0
+        assert call("run", bar(folder, name, pull), "--quiet").exit_code == 0
     return folder
 
 

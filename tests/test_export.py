@@ -4,15 +4,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from yaml_case import call
 
 from orchestrator import optional
-from orchestrator.cli import app
 from orchestrator.results.folder import ResultsFolder
-
-
-def call(*arguments: object):
-    return CliRunner().invoke(app, ["export", *map(str, arguments)])
 
 
 def folder(path: Path) -> Path:
@@ -23,19 +18,19 @@ def folder(path: Path) -> Path:
 
 def test_what_is_missing_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(optional, "find_spec", lambda name: None)
-    done = call(folder(tmp_path), tmp_path / "out.xlsx")
+    done = call("export", folder(tmp_path), tmp_path / "out.xlsx")
     assert done.exit_code == 2 and "pandas is not installed" in done.stderr and "latin-orchestrator[tables]" in done.stderr
-    assert call(tmp_path, tmp_path / "out.ods").exit_code == 2
+    assert call("export", tmp_path, tmp_path / "out.ods").exit_code == 2
 
 
 @pytest.mark.skipif(not (find_spec("pandas") and find_spec("openpyxl") and find_spec("pyarrow")), reason="needs the extra [tables]")
 def test_tables_are_the_same_in_a_workbook_and_in_files(tmp_path):
     import pandas
 
-    assert call(folder(tmp_path), tmp_path / "out.xlsx").exit_code == 0
+    assert call("export", folder(tmp_path), tmp_path / "out.xlsx").exit_code == 0
     book = pandas.read_excel(tmp_path / "out.xlsx", sheet_name=None)
     assert list(book) == ["interfaces", "probes"] and book["interfaces"]["fx"].tolist()[0] == 1.5 and book["interfaces"]["fx"].isna()[1]
-    assert call(tmp_path, tmp_path / "out.parquet").exit_code == 0
+    assert call("export", tmp_path, tmp_path / "out.parquet").exit_code == 0
     assert pandas.read_parquet(tmp_path / "out-probes.parquet")["tip.ux"].tolist() == [0.25]
     (tmp_path / "empty").mkdir()
-    assert call(tmp_path / "empty", tmp_path / "out.xlsx").exit_code == 2
+    assert call("export", tmp_path / "empty", tmp_path / "out.xlsx").exit_code == 2

@@ -4,16 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-from yaml_case import blocks
+from yaml_case import blocks, call
 
-from orchestrator.cli import app
 from orchestrator.results.figures.graph import layout
 from orchestrator.scene.graph import MOST, Edge, Graph, Node
-
-
-def call(*words):
-    return CliRunner().invoke(app, ["inspect", *map(str, words)])
 
 
 def rows(text):
@@ -21,25 +15,25 @@ def rows(text):
 
 
 def test_two_blocks(tmp_path):
-    done = call(blocks(tmp_path), "--graph", tmp_path / "graph.png")
+    done = call("inspect", blocks(tmp_path), "--graph", tmp_path / "graph.png")
     assert done.exit_code == 0, done.output
     told = [[cell.strip() for cell in row if cell.strip()] for row in rows(done.stdout)]
     assert ["slice 0", "1", "in_process.py", "P1", "81", "1", "-", "displacement on z = 0"][:2] == told[3][:2]
     assert told[3][3:] == ["P1", "81", "1", "-", "displacement on z = 0"] and told[4][-1] == "displacement on z = 1"
     assert told[-1] == ["slice 0 | slice 1", "contact", "friction 0.2", "matching", "1", "9"]
     assert (tmp_path / "graph.png").read_bytes().startswith(b"\x89PNG")
-    assert call(blocks(tmp_path), "--graph", "-").stdout == done.stdout
+    assert call("inspect", blocks(tmp_path), "--graph", "-").stdout == done.stdout
 
 
 def test_loads_in_volumes_and_what_contact_alone_holds(tmp_path):
     path = blocks(tmp_path, boundary=[{"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}], loads=[{"body_force": [0, 0, -1]}])
-    told = call(path, "--graph", "-").stdout.splitlines()
+    told = call("inspect", path, "--graph", "-").stdout.splitlines()
     assert told[3].endswith("-      displacement on z = 0; body_force") and told[4].endswith("1      body_force")
 
 
 def test_grounds_are_nodes(tmp_path):
     path = blocks(tmp_path, boundary=[{"on": {"plane": "z", "at": 0.0}, "foundation": {"normal": 1e4, "tangential": 1e4}}])
-    assert "support" in call(path, "--graph", "-").stdout
+    assert "support" in call("inspect", path, "--graph", "-").stdout
 
 
 @pytest.mark.parametrize("words, said", [
@@ -48,7 +42,7 @@ def test_grounds_are_nodes(tmp_path):
 def test_what_is_refused(tmp_path, monkeypatch, words, said):
     blocks(tmp_path)
     monkeypatch.chdir(tmp_path)
-    done = call(*words)
+    done = call("inspect", *words)
     assert done.exit_code == 2 and said in done.stderr
 
 
@@ -59,7 +53,7 @@ def test_a_program_is_not_started_unasked(tmp_path):
                                 "subdomains": "groups", "boundary": []}))
     (tmp_path / "post.sh").write_text(f"#!/bin/sh\ntouch {tmp_path}/started\n")
     (tmp_path / "post.sh").chmod(0o755)
-    done = call(path, "--graph", "-")
+    done = call("inspect", path, "--graph", "-")
     assert done.exit_code == 2 and "--run-programs" in done.stderr and not (tmp_path / "started").exists()
 
 

@@ -18,12 +18,11 @@ import in_process  # noqa: F401 - the code that runs in this process
 import meshio
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 from quick import late
+from yaml_case import call
 
 import orchestrator
 from orchestrator import build_scene
-from orchestrator.cli import app
 from orchestrator.errors import InputError
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
@@ -63,10 +62,6 @@ FORGED = {
     "pickled.npz": pickle.dumps(eval), "pickled.h5": pickle.dumps(eval), "code.py": f"open('{MARK}', 'w')",
 }
 OPTIONS = ("msh", "unv", "bdf", "med", "step", "brep")
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def written(folder, mesh=BOX, blackbox="{code: in-process, workers: 1}"):

@@ -1,10 +1,9 @@
 """What the tests of the method find in process, FreeFEM finds: every kind of scene they use, solved by both."""
 
-import numpy as np
 import pytest
 from contact_case import BOTTOM, CASES, TOP, contact
 from in_process import FREEFEM, IN_PROCESS
-from method_case import CLAMP, CUBES, METIS, config, irregular, layered, method
+from method_case import CLAMP, CUBES, METIS, close, config, irregular, layered, method
 from test_method import BENT, LOADS, STRIPES
 from test_soft_modes import flat, mixed
 from quick import quick
@@ -54,11 +53,6 @@ def of_both(make, changes):
         found = solve(made, build_scene(made))
         assert found.iterated.converged, found.iterated.stop_reason
         yield found
-
-
-def close(one, two, tolerance):
-    one, two = np.asarray(one), np.asarray(two)
-    return np.abs(one - two).max() <= tolerance * np.abs(two).max()
 
 
 def made_to(solved):

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 from contact_case import contact
 from benchmarks.problems.lap_joint import lap_joint
-from typer.testing import CliRunner
+from yaml_case import call
 
 from orchestrator import InputError, build_scene, config_from, solve
-from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
@@ -19,10 +18,6 @@ from orchestrator.scene.fits import bolts, fits, pressed, round_faces
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import make_mesh, placed
 from orchestrator.scene.shapes import Shape, shape_of
-
-
-def call(*words):
-    return CliRunner().invoke(app, list(map(str, words)))
 
 
 def section(**keys):

@@ -9,7 +9,7 @@ import scipy.sparse.linalg as spla
 from blackbox_case import box, chain, difference, settings
 from contact_case import BOTTOM, TOP, contact, contacts, converged, monolithic, two_boxes, written
 from in_process import FREEFEM
-from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, method, prepared, saved, solved
+from method_case import CLAMP, CUBES, METIS, box_of, close, config, irregular, method, prepared, saved, solved
 from quadratic_case import assemble_ten, with_middles
 from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 from quick import late, quick
@@ -29,11 +29,6 @@ from orchestrator.scene.mesh.sources import bricks
 
 P2 = {"blackbox": {**FREEFEM, "element": "P2"}}  # quicker here than in process
 STEEL = [{"young": 200e3, "poisson": 0.3}]
-
-
-def close(a, b, tolerance=1e-9):
-    a, b = np.asarray(a), np.asarray(b)
-    return np.abs(a - b).max() <= tolerance * np.abs(b).max()
 
 
 # --- mesh and loads ---------------------------------------------------------------------------------------

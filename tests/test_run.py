@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 import pytest
 from in_process import FREEFEM
-from method_case import CLAMP, CUBES, METIS, config, method, solved
+from method_case import CLAMP, CUBES, METIS, close, config, method, solved
 from pictures import pixels, share, shows_matter
 from processes import begin, gone, nothing_left, working_below
 from typer.testing import CliRunner
@@ -35,11 +35,6 @@ CONTRACT_KEYS = {
     "name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error", "residuals",
     "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions", "status_counts",
     "timing", "versions", "config", "memory_peak_mb"}
-
-
-def close(a, b, tolerance=1e-9):
-    a, b = np.asarray(a), np.asarray(b)
-    return np.abs(a - b).max() <= tolerance * np.abs(b).max()
 
 
 def same_run(one, two, tolerance=1e-9):

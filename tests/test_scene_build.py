@@ -6,6 +6,7 @@ import gmsh
 import meshio
 import numpy as np
 import pytest
+from method_case import CLAMP, saved
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
@@ -21,8 +22,6 @@ from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh, StandIn, split_numbering
 from orchestrator.scene.partition import Partition, _gather_strays, make_partition
-
-CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
 
 
 def config(**changes):
@@ -56,12 +55,6 @@ def cubes(size, labels, names=None):
     used, cells = np.unique(mesh.cells[keep], return_inverse=True)
     return Mesh(mesh.nodes[used], cells.reshape(-1, 4), volume[keep],
                 names or [f"volume_{i}" for i in range(volume.max() + 1)], {}, "bricks")
-
-
-def saved(mesh, path):
-    """Writes a mesh with one reference number per volume, from 1."""
-    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_data={"medit:ref": [mesh.volume + 1]}).write(path)
-    return {"file": str(path)}
 
 
 def interfaces_of(mesh, fixed=None, entries=()):

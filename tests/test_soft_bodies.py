@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from contact_case import CASES, contact, monolithic
-from method_case import box_of, prepared
+from method_case import decomposed
 from quick import quick_sets
 
 from benchmarks.problems.cantilevers import beams, tip
@@ -33,12 +33,6 @@ def test_affine_fields_do_not_bend():
     """What the modes are for: with affine fields the same takes twice as long and more."""
     counts = {kind: solve(config, build_scene(config)).iterations for kind in ("auto", "affine") for config in (made(20, coarse=kind),)}
     assert 2 * counts["auto"] < counts["affine"]
-
-
-def decomposed(config):
-    scene = build_scene(config)
-    with box_of(config) as blackbox:
-        return prepared(config, scene, blackbox)
 
 
 def least(d):

@@ -3,7 +3,7 @@
 import method_case as case
 import numpy as np
 import pytest
-from in_process import FREEFEM, IN_PROCESS
+from in_process import IN_PROCESS
 
 from orchestrator.config.model import Config
 from orchestrator.timing import predicted_cost

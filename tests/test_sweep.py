@@ -7,23 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml_case
+from yaml_case import blocks, call
 from in_process import IN_PROCESS, InProcessWorker
-from typer.testing import CliRunner
 
 from orchestrator.blackbox.kept import key_of
 from orchestrator.blackbox.models.extended import body_model
-from orchestrator.cli import app
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError
 from orchestrator.results.compare.compare import compare
 from orchestrator.results.solution import Solution
 from orchestrator.scene.build import build_scene
 from orchestrator.sweep.variants import variants_of
-
-
-def call(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
@@ -61,14 +55,14 @@ def test_what_is_no_sweep_is_told(asked, zipped, found):
 
 
 def test_all_entries_of_a_list_are_changed_at_once(tmp_path):
-    path = yaml_case.blocks(tmp_path)
+    path = blocks(tmp_path)
     assert [e.friction for e in load_config(path, ["interfaces.*.friction=0.7"]).config.interfaces] == [0.7]
     with pytest.raises(InputError, match="'\\*' for bolts, which has no entries"):
         load_config(path, ["bolts.*.force=1"])
 
 
 def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, loads):
-    path = yaml_case.blocks(tmp_path)
+    path = blocks(tmp_path)
     folder = tmp_path / "sweep"
     done = call("sweep", path, "--vary", "interfaces.0.friction=0.1,0.4", "--output", folder)
     assert done.exit_code == 0, done.output
@@ -86,7 +80,7 @@ def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, lo
 
 @pytest.mark.long
 def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
-    path = yaml_case.blocks(tmp_path)
+    path = blocks(tmp_path)
     assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5,2e5", "--output", tmp_path / "no").exit_code == 2  # twice
     assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5", "--output", tmp_path / "sweep").exit_code == 0
     twice = Counter(loads)
@@ -98,7 +92,7 @@ def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
 
 @pytest.mark.long
 def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tmp_path, loads):
-    path = yaml_case.blocks(tmp_path)
+    path = blocks(tmp_path)
     arguments = ["sweep", path, "--vary", "interfaces.0.friction=-1,0.1,0.3", "--output", tmp_path / "sweep"]
     done = call(*arguments)
     assert done.exit_code == 2 and "2 of 3 converged" in done.output
@@ -117,7 +111,7 @@ def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tm
 
 @pytest.mark.long
 def test_a_run_that_stops_is_the_exit_code(tmp_path):
-    path = yaml_case.blocks(tmp_path)
+    path = blocks(tmp_path)
     done = call("sweep", path, "--vary", "method.max_iterations=2,500", "--output", tmp_path / "sweep")
     assert done.exit_code == 1 and "NOT converged" in done.output and "(max_iterations)" in done.output
     # it goes on where it stopped: iterations of earlier runs do not count
@@ -127,12 +121,12 @@ def test_a_run_that_stops_is_the_exit_code(tmp_path):
 
 
 def test_no_variant_that_is_valid_is_an_error_at_once(tmp_path):
-    done = call("sweep", yaml_case.blocks(tmp_path), "--vary", "interfaces.0.frction=1,2", "--output", tmp_path / "sweep")
+    done = call("sweep", blocks(tmp_path), "--vary", "interfaces.0.frction=1,2", "--output", tmp_path / "sweep")
     assert done.exit_code == 2 and "did you mean 'friction'?" in done.stderr and not (tmp_path / "sweep").exists()
 
 
 def test_models_are_told_apart_by_every_byte(tmp_path):
-    scene = build_scene(load_config(yaml_case.blocks(tmp_path)).config)
+    scene = build_scene(load_config(blocks(tmp_path)).config)
     one, two = (body_model(scene, s) for s in scene.subdomains[:2])
     assert key_of(one) == key_of(body_model(scene, scene.subdomains[0])) != key_of(two)
     one.nodes = np.nextafter(one.nodes, 2.0)

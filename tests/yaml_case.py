@@ -4,6 +4,14 @@ import json
 from pathlib import Path
 
 from in_process import IN_PROCESS
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+
+
+def call(*words: object):
+    """Calls the command line with these words; what it says and ends with."""
+    return CliRunner().invoke(app, list(map(str, words)))
 
 
 def blocks(folder: Path, **changes: object) -> Path:

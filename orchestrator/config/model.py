@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from orchestrator.config.base import Name, Names, Part, Vector, either
 from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
-from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads, Where
+from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
 from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
 from orchestrator.config.probes import Force, Probe
