@@ -24,6 +24,7 @@ from orchestrator.results.compare.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("*.md")), ROOT / "docs" / "porting.md"]
+CLUSTER = ROOT / ".venv-cluster/bin/python"
 NOTEBOOK = ROOT / "docs" / "tutorials" / "6_python.ipynb"
 MAY_FAIL = " || true"
 NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
@@ -32,9 +33,22 @@ NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 @pytest.mark.parametrize("path", TUTORIALS, ids=[path.stem for path in TUTORIALS])
 @pytest.mark.long
 def test_every_step_of_a_tutorial(path, tmp_path, monkeypatch):
+    follow(path, tmp_path, monkeypatch, sys.executable, MPIEXEC)
+
+
+@pytest.mark.long
+def test_ranks_in_what_the_container_has(tmp_path, monkeypatch):
+    """From a partitioned mesh to ParaView's files: Debian's Python, MPI and PETSc, as `make cluster` installs them there."""
+    if not CLUSTER.exists():
+        pytest.skip("make cluster has not been run")
+    follow(ROOT / "docs/tutorials/5_cluster.md", tmp_path, monkeypatch, str(CLUSTER), "/usr/bin/mpiexec")
+
+
+def follow(path, tmp_path, monkeypatch, python, mpiexec):
+    """Run a tutorial's commands with such a Python and MPI."""
     place, programs = tmp_path / "work", tmp_path / "bin"
     place.mkdir(), programs.mkdir()
-    for name, call in (("orchestrator", f"{sys.executable} -m orchestrator"), ("python", sys.executable), ("mpiexec", MPIEXEC)):
+    for name, call in (("orchestrator", f"{python} -m orchestrator"), ("python", python), ("mpiexec", mpiexec)):
         (programs / name).write_text(f'#!/bin/sh\nexec {call} "$@"\n')
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
