@@ -117,6 +117,12 @@ class Ranks(Team):
         self._wait(self._world.Ibcast(packed, root=0), packed)
         return thing if self.rank == 0 else pickle.loads(packed)
 
+    def spread(self, array: np.ndarray) -> np.ndarray:
+        if self.rank == 0:
+            self._count(array)
+        self._wait(self._world.Ibcast(array, root=0), array)
+        return array
+
     def cores(self) -> float:
         """Each core is shared evenly by the ranks of this node that may use it."""
         users = {rank: set(allowed) for rank, _, allowed in self._neighbours}

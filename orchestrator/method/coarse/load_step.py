@@ -31,7 +31,7 @@ class Bodies:
     team : the ranks
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
-    counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
+    counted : int, interfaces that this rank adds up; counts : how many each rank does; theirs : (P,) bool, this rank's node pairs
     pattern : of the Newton matrices, on rank 0
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
@@ -42,6 +42,7 @@ class Bodies:
     fields: PairFields
     K0: np.ndarray
     counted: np.ndarray
+    counts: tuple[int, ...]
     theirs: np.ndarray
     pattern: BlockPattern | None
     weight: np.ndarray
@@ -62,14 +63,16 @@ class Bodies:
     @classmethod
     def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
         """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank."""
-        counts = dealt(team, own, fields)
-        counted, theirs = np.flatnonzero(counts), np.repeat(counts, np.diff(fields.pairs.bounds))
+        chosen = dealt(team, own, fields)
+        counted, theirs = np.flatnonzero(chosen), np.repeat(chosen, np.diff(fields.pairs.bounds))
         mine = [fields.pairs.interfaces[i] for i in counted]
-        everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])
+        each = team.all_gather([(i.index, *i.subdomains) for i in mine])
+        everyones = sum(each, [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         pattern = BlockPattern(ends, fields.count, fields.size, order) if team.rank == 0 else None
-        return cls(team, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
+        counts = tuple(map(len, each))
+        return cls(team, fields, K0, counted, counts, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
@@ -83,10 +86,24 @@ class Bodies:
                                    epsilon)[counted]
             here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
-        gathered = team.gather(slopes)
-        if pattern is not None:
-            affine = pattern.values(-np.concatenate(gathered), self.K0)
+        everyones = self.gathered(slopes)
+        if everyones is not None:
+            affine = pattern.values(-everyones, self.K0)
         return replace(self, fields=fields, weight=weight, springs=springs, affine=affine)
+
+    def gathered(self, slopes: np.ndarray) -> np.ndarray | None:
+        """On rank 0 blocks of the interfaces of all ranks, one rank's after the other's; None elsewhere. Here are (counted, …)."""
+        team = self.team
+        if team.size == 1:
+            return slopes
+        if team.rank:
+            team.exchange({0: slopes}, {})
+            return None
+        ends = np.cumsum(self.counts)
+        result = np.empty((ends[-1], *slopes.shape[1:]), slopes.dtype)
+        result[: ends[0]] = slopes
+        team.exchange({}, {rank: result[ends[rank - 1]: ends[rank]] for rank in range(1, team.size)})
+        return result
 
 
 class LoadStep:
@@ -144,10 +161,8 @@ class LoadStep:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
         slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
-        everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
-        if not everyone:
-            return False
-        return bodies.affine - bodies.pattern.summed(np.concatenate(everyone))
+        everyones = bodies.gathered(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
+        return False if everyones is None else bodies.affine - bodies.pattern.summed(everyones)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
@@ -175,8 +190,10 @@ class Line:
         at.F = self.F + theta * self.dF
         force, team = at.answer(at.F).force, at.bodies.team
         work = np.vdot(self.against, force) + self.springs[0] + theta * self.springs[1]
-        if team.size > 1:  # most lines end at their first point: what ρ needs there travels along
+        if team.size > 1 and theta == 1:  # many lines end at their first point: what ρ needs there travels along
             work, carried = team.sum(work, at.carried(force, at.sprung + theta * self.sprung))
+        elif team.size > 1:
+            work, = team.sum(work)
         self.found = theta, force, carried
         return float(self.start + theta * self.slope - work)
 

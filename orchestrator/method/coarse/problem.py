@@ -124,14 +124,14 @@ class CoarseProblem:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
         pattern, factors, farthest = self.bodies.pattern, None, np.broadcast_to(radius, self.fields.count)
 
+        def ahead(rho: np.ndarray) -> np.ndarray:
+            return self.team.spread(np.empty_like(rho) if factors is None else -factors.solve(rho))
+
         def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
             nonlocal factors
             if pattern is not None:
                 factors = pattern.factors(matrix, shift)
-            return self._clipped(None if factors is None else -factors.solve(rho), farthest)
-
-        def ahead(rho: np.ndarray) -> np.ndarray:
-            return self.team.share(None if factors is None else -factors.solve(rho))
+            return self._clipped(ahead(rho), farthest)
 
         run, end = Newton(at, y, direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
@@ -143,10 +143,9 @@ class CoarseProblem:
             end = run.step()
         return run, end or "steps"
 
-    def _clipped(self, dy: np.ndarray | None, radius: np.ndarray) -> np.ndarray:
-        """(bodies, n) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
+    def _clipped(self, dy: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """(bodies, n) the step. A body that nothing touches has no stiffness to stop it: none moves further than
         its radius (bodies,)."""
-        dy = self.team.share(dy)
         move = self.farthest * np.linalg.norm(dy, axis=1)
         if not (move > radius).any():  # as all ranks see
             return dy
