@@ -63,7 +63,7 @@ RunPrograms = Annotated[bool, typer.Option(
 
 
 def _asked_of(path: Path, overrides: list[str] | None, ask: Callable[[Config], Answer]) -> Answer:
-    """What ``ask`` finds of a configuration; its errors say where in the file they are."""
+    """Findings of ``ask`` on a configuration; its errors say where in the file they are."""
     from orchestrator.config.load import load_config, located
 
     loaded = load_config(path, overrides or [])

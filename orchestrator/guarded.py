@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, errors shown rather than traced, signals and lost streams in good order.
+"""The end of a command: its exit code, errors shown rather than traced, signals and lost streams in good order.
 
 Ctrl-C and what means the same end a run also while modules are imported: libraries swallow exceptions that are raised then, or stay
 behind half made. Such an interrupt is raised as soon as the import is over.

@@ -1,4 +1,4 @@
-"""What ``orchestrator init`` proposes for parts that touch: contact and bonds, bolts with a pretension, load steps."""
+"""Proposals of ``orchestrator init`` for parts that touch: contact and bonds, bolts with a pretension, load steps."""
 
 from __future__ import annotations
 

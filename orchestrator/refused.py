@@ -1,4 +1,4 @@
-"""What the method refuses, told by the keys of the YAML that ask for it, and what several codes and matter of their own rule out."""
+"""Refusals of the method, by the keys of the YAML that ask for it; what several codes, and matter of their own, rule out."""
 
 from __future__ import annotations
 

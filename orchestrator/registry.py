@@ -1,4 +1,4 @@
-"""What can be added, one line each: interface laws, loads and supports, accelerations, monitors, codes, and their modules.
+"""Registry of all that can be added, a line each: interface laws, loads and supports, accelerations, monitors, codes, and their modules.
 
 Modules are imported when a name is first used, so that knowing the names costs nothing.
 

@@ -1,4 +1,4 @@
-"""From a scene to its solution: hand out parts, set them up, iterate, deliver, summarise."""
+"""Solution of a scene: hand out parts, set them up, iterate, deliver, summarise."""
 
 from __future__ import annotations
 

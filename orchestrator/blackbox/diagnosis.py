@@ -1,4 +1,4 @@
-"""Where answers differ from what they should be: the usual mistakes by name."""
+"""The usual mistakes of a solver, by name, from wrong answers."""
 
 from __future__ import annotations
 

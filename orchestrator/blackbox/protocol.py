@@ -1,4 +1,4 @@
-"""What the orchestrator asks of a finite element code, and nothing more.
+"""The protocol: all that the orchestrator asks of a finite element code.
 
 A black box receives meshes with materials and clamped dofs, and answers nodal forces with nodal displacements. It never hears of
 interfaces, search directions or macro problems: a sole is plain matter to it.

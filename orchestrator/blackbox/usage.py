@@ -1,4 +1,4 @@
-"""What a black box takes of the machine: seconds, memory, processes, folders.
+"""A black box's use of the machine: seconds, memory, processes, folders.
 
 Seconds of codes and workers count from when the workers were started; loading other models in the place of the first starts them anew.
 """

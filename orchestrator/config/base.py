@@ -1,4 +1,4 @@
-"""What all parts of the configuration share: strictness, the few composite types, axes and turns."""
+"""Base of all parts of the configuration: strictness, the few composite types, axes and turns."""
 
 from __future__ import annotations
 

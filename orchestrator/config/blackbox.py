@@ -14,7 +14,7 @@ from orchestrator.registry import CODES, DEFAULT_CODE
 
 
 class CodeSettings(Part):
-    """What the entries of all codes understand.
+    """Keys that the entries of all codes understand.
 
     A code derives its own from it: fewer words where it cannot do all, more keys where it has options. The last entry
     that matches a subdomain wins.
@@ -75,5 +75,5 @@ def settings_class(entry: Any) -> type[CodeSettings]:
 
 
 def entry_path(index: int, entries: Sequence[CodeSettings]) -> KeyPath:
-    """Where an entry stands in the YAML: a single one is the section itself."""
+    """Place of an entry in the YAML: a single one is the section itself."""
     return ("blackbox", index) if len(entries) > 1 else ("blackbox",)

@@ -1,4 +1,4 @@
-"""From pydantic's errors to problems a user can act on."""
+"""Problems that a user can act on, from pydantic's errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a YAML file and overrides to a validated configuration, or to all its problems at once."""
+"""A validated configuration, from a YAML file and overrides, or all of its problems at once."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class Config(Part):
     @model_validator(mode="before")
     @classmethod
     def _element_of_parts(cls, data: Any) -> Any:
-        """What all parts that say so agree on holds where ``blackbox`` names no element; disagreement is told by a rule."""
+        """Take for ``blackbox`` without an element the one that parts agree on; disagreement is told by a rule."""
         named = {element for _, element in elements_of(data.get("parts"))} if isinstance(data, dict) else set()
         if len(named) != 1:
             return data

@@ -1,4 +1,4 @@
-"""From the text of a YAML file to plain data, and the line of every key."""
+"""Plain data from the text of a YAML file, with the line of every key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an interface law is: one object that answers every question the other rooms have about it.
+"""The interface law: one object that answers every question the other rooms have about it.
 
 An instance holds the parameters of one interface. What works on node pairs is the same for all interfaces of a law,
 whose points are joined: these methods are static and find the parameters in ``Points``.

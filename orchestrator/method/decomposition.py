@@ -140,7 +140,7 @@ class Decomposition:
         return Bound(np.nan, np.nan, energy, still, delta)
 
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
-        """What the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
+        """The point that the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
         changed is extrapolated."""
         return fields if self.nonlinear is None else replace(fields, s=s)
 

@@ -1,4 +1,4 @@
-"""What a run tells those who listen: history, progress and checkpoint, and whoever else wants to know."""
+"""Events of a run, for those who listen: history, progress, checkpoint, and subscribers of the user's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the iterations end with: the input of all that is delivered; and load steps that need none, because they follow from others.
+"""The iterations' result: the input of all that is delivered; and load steps that need none, because they follow from others.
 
 Where all interfaces are perfect the problem is linear. The load vectors of all steps (prescribed displacements and nodal forces)
 are combinations of a few of them, and so are the solutions.

@@ -1,1 +1,1 @@
-"""What a run leaves behind: subscribers to its events, fields, summary, figures, report."""
+"""Results of a run: subscribers to its events, fields, summary, figures, report."""

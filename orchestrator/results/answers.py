@@ -48,7 +48,7 @@ class Answers:
     @classmethod
     def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = (),
            piece: Piece | None = None) -> Answers:
-        """Of a solved scene.
+        """Answers of a solved scene.
 
         detached : names of bodies that nothing holds, per load step
         piece : rank 0's, where there are several; the others ask for the extremes of theirs
@@ -113,7 +113,7 @@ class InterfaceTable:
 
     @classmethod
     def of(cls, scene: Scene, resultants: Resultants, fields: InterfaceFields | None) -> InterfaceTable:
-        """Of a solved scene."""
+        """Table of a solved scene."""
         every = scene.interfaces
         taken, lost = np.zeros((2, scene.steps, len(every)))
         pressure = np.full((scene.steps, len(every)), np.nan)

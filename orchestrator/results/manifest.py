@@ -1,4 +1,4 @@
-"""What of a results folder this program has written: nothing else in it is ever removed or replaced.
+"""Manifest of the files that this program has written in a results folder: nothing else in it is ever removed or replaced.
 
 ``.orchestrator/manifest`` has a line of JSON for each file, appended before the file gets its name: whatever ends a run, its files
 are known. A line holds the file's size, time and hash, so that one that somebody has changed since counts as theirs. Files

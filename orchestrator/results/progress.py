@@ -1,4 +1,4 @@
-"""How far a run is: on a terminal a line that changes, elsewhere a line of plain text from time to time."""
+"""Progress of a run: on a terminal a line that changes, elsewhere a line of plain text from time to time."""
 
 from __future__ import annotations
 

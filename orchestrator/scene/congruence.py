@@ -1,4 +1,4 @@
-"""What is the same but for a translation, so that work done for one of it serves all."""
+"""Subdomains that are the same but for a translation, so that work done for one serves all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What shape a surface has: plane, cylinder or sphere, from the nodes of its triangles, which lie on it."""
+"""Shapes of surfaces: plane, cylinder or sphere, from the nodes of its triangles, which lie on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which variants of a configuration are asked for, and what they are called."""
+"""Variants of a configuration that are asked for, and their names."""
 
 from __future__ import annotations
 

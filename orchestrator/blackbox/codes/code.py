@@ -1,4 +1,4 @@
-"""What a finite element code is to the orchestrator; the base of all of them.
+"""A finite element code as the orchestrator sees it: the base of all of them.
 
 Modules of codes are imported to validate a configuration: they load numpy and the transports only when they run.
 """

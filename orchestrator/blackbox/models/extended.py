@@ -1,4 +1,4 @@
-"""From scene to plain models: what is handed over to the black box.
+"""Plain models of the scene's subdomains with their soles, as they are handed to the black box.
 
 - the extended subdomains: mesh, loads' dofs and the soles of all interfaces, outer nodes clamped;
 - the soles alone, each interface apart, for the search direction k⁻;

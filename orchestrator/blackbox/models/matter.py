@@ -1,4 +1,4 @@
-"""What matter itself answers: nodal forces of linear elastic tets from a model's mesh and moduli, without any code.
+"""Matter's own answers: nodal forces of linear elastic tets from a model's mesh and moduli, without any code.
 
 With B the gradients of the shape functions at the integration points and w their shares of volume, the forces are
 f = Bᵀ w σ(B u). Four-node tets have constant gradients, one point; those of ten nodes linear ones, four points of the

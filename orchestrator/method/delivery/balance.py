@@ -1,4 +1,4 @@
-"""What interfaces carry as a whole, bonded ones too, and the balance of every body: loads, supports and interfaces add up to nothing.
+"""Resultants of interfaces, bonded ones too, and the balance of every body: loads, supports and interfaces add up to nothing.
 
 With f the nodal forces of side 2 on side 1 of an interface, x the nodes of side 1, n their normals and c its centre of area,
 

@@ -1,4 +1,4 @@
-"""From the last iteration to what is delivered: fields of all load steps, forces, and guards on them."""
+"""Delivery of the last iteration: fields of all load steps, forces, and guards on them."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Delivered:
 
     @property
     def sides(self) -> Parts | None:
-        """As ``continuous``; None where no interface opens."""
+        """Displacements as ``continuous``; None where no interface opens."""
         return self.contact and self.continuous
 
 

@@ -1,4 +1,4 @@
-"""What happens on the interfaces that can open or jump, per load step: from the delivered traces.
+"""Fields on the interfaces that can open or jump, per load step, from the delivered traces.
 
 Where an energy error is known, displacements are v's and forces are λ̂, which laws allow to the last digit, with their statuses (open,
 stick, slip); see ``stopping.certificate``. Elsewhere displacements and forces are the linear stage's, and only the status is the local

@@ -1,4 +1,4 @@
-"""What is delivered of forces where an energy error is known: λ̂, which the laws allow and which keeps every body in balance, and û.
+"""Delivered forces where an energy error is known: λ̂, which the laws allow and which keeps every body in balance, and û.
 
 û is u + R y + X, X the bodies' answer to what λ̂ loads them with beyond the linear stage's forces: one more back-substitution inside. What
 is not known of X to the last digit is a load ε on the boundary, far below the error; supports take its resultant, lest a body's forces add

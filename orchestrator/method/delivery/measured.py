@@ -1,4 +1,4 @@
-"""What is linear in displacements of nodes: values at points, means over faces, forces that matter carries."""
+"""Linear maps of nodes' displacements: values at points, means over faces, forces that matter carries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far bodies may be from their places, with an error in energy that is known.
+"""Distances that bodies may be from their places, with an error in energy that is known.
 
 Laws may hold to a tolerance while a body that next to nothing holds is hundreds of tolerances from its place. What holds bodies is seen
 as springs between rigid ones: at a pair the search direction's own stiffness keq, which is made for the bodies behind it, in those

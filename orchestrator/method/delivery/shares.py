@@ -1,4 +1,4 @@
-"""Where the energy error of a run comes from: E² is a sum over bodies and interfaces,
+"""Shares of a run's energy error: E² is a sum over bodies and interfaces,
 
     E² = Σ_bodies ‖v − û‖²_body + 2 Σ_interfaces γ(v, λ̂)
 

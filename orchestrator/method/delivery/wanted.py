@@ -1,4 +1,4 @@
-"""What is asked to be certified: what probes tell, as what it is of nodes' displacements; other forces, by their numbers."""
+"""Quantities to be certified: probes, as maps of nodes' displacements; other forces, by their numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the two sides of interfaces meet: jumps at points, forces of the points on either side (paper, eq. 5).
+"""Transfer between the two sides of interfaces: jumps at points, forces of the points on either side (paper, eq. 5).
 
 With the traces w of all sides in one vector and Q points,
 

@@ -1,4 +1,4 @@
-"""What two runs differ by, as a picture: the structure displaced by the difference of displacements, coloured by the stress of that."""
+"""Picture of the difference of two runs: the structure displaced by the difference of displacements, coloured by the stress of that."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is compared: numbers of one kind, and facts.
+"""Quantities that are compared: numbers of one kind, and facts.
 
 A difference is relative to the number itself, but where that is below ``SMALL`` of the largest of its kind in both folders to this
 share: a reaction that is zero but for rounding differs by the rounding of the largest force, and not by all of itself.

@@ -1,4 +1,4 @@
-"""What of summary.json and of the tables is compared, and what is told beside it.
+"""Quantities of summary.json and of the tables that are compared, and those that are told beside them.
 
 Numbers of the solution are judged. How it was reached (iterations, bounds, residuals, statuses of node pairs, which flip where nothing
 else does) is told; seconds, memory and versions are neither.

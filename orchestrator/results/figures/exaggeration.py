@@ -1,4 +1,4 @@
-"""How much larger than they are displacements are drawn: visible, and no body distorted, parted or sunk into another by that alone."""
+"""Factor by which displacements are drawn larger than they are: visible, and no body distorted, parted or sunk into another by it."""
 
 from __future__ import annotations
 

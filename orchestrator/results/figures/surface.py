@@ -1,4 +1,4 @@
-"""What one sees of a mesh: its outer faces, edges worth a line, what a cut shows, and the stresses there."""
+"""The visible surface of a mesh: its outer faces, edges worth a line, what a cut shows, and the stresses there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to do after a stop: the likely causes in this scene, with these settings, and their cures.
+"""Advice after a stop: the likely causes in this scene, with these settings, and their cures.
 
 What the stops mean is in ``monitors.ending``; the same table, for all scenes, is in docs/running.md.
 """

@@ -1,4 +1,4 @@
-"""What faces in contact carry of what friction can hold, and from which load on they slip.
+"""Faces in contact: what they carry of what friction can hold, and from which load on they slip.
 
 With p the pressure, t the friction traction and A the area of a point, r its arm about the centre of Σ μ p A, n the plane's normal,
 

@@ -1,4 +1,4 @@
-"""What summary.json says of a finished run."""
+"""Content of summary.json for a finished run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a bolted or clamped structure does, in a few sentences: what slips and from which load on, what bears, what bolts lose."""
+"""Verdict on a bolted or clamped structure, in a few sentences: what slips and from which load on, what bears, what bolts lose."""
 
 from __future__ import annotations
 

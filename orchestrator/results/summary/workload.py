@@ -1,4 +1,4 @@
-"""Who did what, who waited, and what all have used: stages of each rank and seconds of its workers, as in the paper's tables 3 and 4.
+"""Workload: who did what, who waited, and what all have used; stages of ranks and seconds of workers, as in the paper's tables 3 and 4.
 
 A record is plain data. Rows carry the rank they were measured on, so that those of several ranks are joined by
 putting their lists one after the other (``joined``).

@@ -1,4 +1,4 @@
-"""What holds bodies: interfaces that join them wholly, or in single points; and those that nothing but contact could hold."""
+"""Loose bodies: those that nothing but contact could hold; interfaces that join bodies wholly, or in single points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where probes are: points and paths found in their tets, surfaces in their faces, sections between tets."""
+"""Places of probes: points and paths found in their tets, surfaces in their faces, sections between tets."""
 
 from __future__ import annotations
 

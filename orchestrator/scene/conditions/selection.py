@@ -1,4 +1,4 @@
-"""What an ``on`` of the YAML means: faces of a named surface, a plane or a box; volumes and subdomains, their matter, loads and codes."""
+"""Selection by ``on``: faces of a named surface, a plane or a box; volumes and subdomains, their matter, loads and codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a part whose mesh is not ours shows of itself: the nodes and faces that it meets others on; who reads them."""
+"""Joints of parts whose mesh is not ours: the nodes and faces that they meet others on, and who reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where subdomains meet, and which law holds there.
+"""Interfaces: where subdomains meet, and which law holds there.
 
 ``opposite`` is the one search for facets that lie opposite each other: ``matching`` asks it for those whose nodes match,
 ``facing`` for those that do not, ``neighbours`` for what is near and has no interface. ``patches`` finds faces that are shared and

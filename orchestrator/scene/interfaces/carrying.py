@@ -1,4 +1,4 @@
-"""Which node of a slave carries a point in which interface, and the operators that follow.
+"""Points that nodes of a slave carry, each in one interface, and the operators that follow.
 
 A slave's node carries one point at most: several on the same nodes would say nearly the same thing, and what passes between
 them would be settled by many iterations. Where bodies are cut further, it has its point in the piece of the interface in which

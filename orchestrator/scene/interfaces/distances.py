@@ -1,4 +1,4 @@
-"""How far apart paired sides are before anything is loaded: as the geometry has it, down to the rounding of coordinates.
+"""Distances of paired sides before anything is loaded: as the geometry has it, down to the rounding of coordinates.
 
 Sides that are in each other by less than a thousandth of the element size are pressed together by as much, and that is told;
 deeper ones are refused: nobody is taken to have meant them.

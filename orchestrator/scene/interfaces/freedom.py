@@ -1,4 +1,4 @@
-"""Which components boundary conditions leave free on interfaces, and along which axis laws of bolts act there.
+"""Components that boundary conditions leave free on interfaces, and the axis along which laws of bolts act there.
 
 A bolt's cut runs along faces of tets, a zigzag; the force that it carries and the jump of its sides are along its axis all the same.
 """

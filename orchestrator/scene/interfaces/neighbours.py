@@ -1,4 +1,4 @@
-"""What is said of parts that are near or in each other and have no interface there, by name and with the distance.
+"""Messages on parts that are near or in each other and have no interface there, by name and with the distance.
 
 - faces that touch beside an interface of the same parts and belong to none: a joint with a hole, an error;
 - parts that touch without any, or that are within reach though nothing connects them, however indirectly: an error where
@@ -80,7 +80,7 @@ def _gap(search: Search, pair: tuple[int, int], seen: Near) -> str:
 
 
 def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:
-    """By pair of volumes: faces that are near without an interface, and the entry that governs."""
+    """Faces, by pair of volumes, that are near without an interface, and the entry that governs."""
     laws, paired = search.laws, paired_faces(search.numbering, found)
     loose = {id(b): np.flatnonzero(~np.isin(pack(b.triangles[:, :3], search.numbering.total), paired)) for b in search.bodies}
     governing: dict[tuple[int, int], int] = {}
@@ -180,7 +180,7 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
 
 
 def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, int]]) -> None:
-    """Where pairs are found rather than named, add a problem for each piece without any, with the nearest other part.
+    """Add, where pairs are found rather than named, a problem for each piece without any, with the nearest other part.
 
     links : (k, 2) int each, cells on both sides of the interfaces
     told : pairs of volumes that have been complained of already

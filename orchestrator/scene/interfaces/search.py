@@ -1,4 +1,4 @@
-"""What interfaces are sought in: a divided mesh; which entry of ``interfaces:`` governs a pair, and where problems are told."""
+"""The search for interfaces: a divided mesh; the entry of ``interfaces:`` that governs a pair, and where problems are told."""
 
 from __future__ import annotations
 

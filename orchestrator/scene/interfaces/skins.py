@@ -37,7 +37,7 @@ TURNED = 0.25
 
 @dataclass(frozen=True)
 class Surface:
-    """What facets (k,) stand for.
+    """The smooth surface that facets (k,) stand for.
 
     normals : (k, 3, 3) unit normals of the surface at their corners, outward; nan where it is not known
     means : (k, 3, 3) the same, where it is not known those of the facets around that are part of the same smooth face
@@ -151,7 +151,7 @@ def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
 
 
 def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Surface:
-    """What facets stand for.
+    """The smooth surface that facets stand for.
 
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
     face : (k,) int, the CAD face that each is on, −1 where that is not known

@@ -1,4 +1,4 @@
-"""What a kind of load or support tells of itself, where it acts, and what comes of it.
+"""Base of kinds of loads and supports: what each takes, where it acts, and its effect.
 
 Whatever acts is a sum of few fields in space, each times what the load steps multiply it with: Σ_m a_m(t) φ_m(x).
 """

@@ -1,4 +1,4 @@
-"""What gmsh knows of a CAD model beside its mesh: shapes of faces without any fit, element sizes where they are asked for."""
+"""A CAD model beside its mesh, as gmsh knows it: shapes of faces without any fit, element sizes where they are asked for."""
 
 from __future__ import annotations
 

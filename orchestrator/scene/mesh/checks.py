@@ -1,4 +1,4 @@
-"""What is asked before a mesh is read or made: is a file's content what its ending says, is there memory for the mesh.
+"""Checks before a mesh is read or made: a file's content is what its ending says, and there is memory for the mesh.
 
 gmsh takes whatever it does not know for a script, and runs it; other readers quote what they do not understand. A slip in h or a
 count must not take the machine's memory.

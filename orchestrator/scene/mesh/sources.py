@@ -1,4 +1,4 @@
-"""Where meshes come from: one function per key under ``mesh:``, in a module that only its users load; boxes; several put together."""
+"""Sources of meshes: one function per key under ``mesh:``, in a module that only its users load; boxes; several put together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a rigid tool moves, each of its six motions prescribed, or free and loaded; and how far it then is from points.
+"""Motion of a rigid tool, each of its six motions prescribed, or free and loaded; and its distance from points.
 
 Nodes of a tool move as small motions have it, s + ω × (x − p): a roller's surface slides along itself and leaves it nowhere. Where
 the tool's surface is follows from the turn itself. The normal at a node is the tool's where it comes nearest: under a ball that rolls

@@ -1,4 +1,4 @@
-"""What CalculiX reads and writes: input decks of a model and what to do with it, and results at full precision.
+"""CalculiX's files: input decks of a model and its load cases, and results at full precision.
 
 Decks: numbers have 14 digits, since CalculiX reads 20 characters of each. Dofs are written as node (from 1) and direction
 (1 to 3). Results: printed displacements have 7 digits. The same numbers stand as binary doubles in the file of Green functions

@@ -1,4 +1,4 @@
-"""What FreeFEM reads: meshes, and a form of the user's in its language as the matter of subdomains.
+"""FreeFEM's files: meshes, and a form of the user's in its language as the matter of subdomains.
 
 A mesh is medit's ``.meshb`` (version 2), which it reads fastest, of tets and their regions alone: clamped dofs travel by number, in the
 message that loads the model. A form is a file of macros and functions: ``Stiffness(u, v)``, and ``Loads(v)`` if it has loads of its own.

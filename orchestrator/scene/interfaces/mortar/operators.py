@@ -1,4 +1,4 @@
-"""What an interface carries whose sides are meshed each on its own: its points and two transfer operators.
+"""Mortar operators of an interface whose sides are meshed each on its own: its points and two transfer operators.
 
 Side 1 is the slave: it carries the points, with their law, normal, gap and history. Side 2 is the master. With the
 traces w₁, w₂ of either side and the forces q of the points (on side 1; −q on side 2),

@@ -1,4 +1,4 @@
-"""What two surface meshes have in common: each pair of facets that overlap, and the polygon in which they do.
+"""Overlaps of two surface meshes: each pair of facets that overlap, and the polygon in which they do.
 
 The master's facets are projected along the normal of each slave facet near them and clipped by its three edges
 (Sutherland & Hodgman, Comm. ACM 17, 1974), all pairs at once. Everything is done in barycentric coordinates: those of
