@@ -1,6 +1,7 @@
 """An accuracy that is asked for: meshes that are refined where it pays."""
 
 import json
+import math
 import signal
 import sys
 from pathlib import Path
@@ -13,16 +14,20 @@ from processes import begin
 from quick import quick
 
 from orchestrator import run as one
+from orchestrator.accuracy.changes import errors
+from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.loop import run
-from orchestrator.accuracy.passes import GOOD
+from orchestrator.accuracy.passes import GOOD, Pass
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
 from orchestrator.config.mesh import Mesh
+from orchestrator.config.method import Accuracy
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.method.delivery import quantities
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.scene.mesh.bisection import bisected
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
@@ -81,6 +86,33 @@ def test_sizes():
     assert needed([1000, 1100], [0.04, 0.05], 0.025, 2) == pytest.approx(1100 * 2**6)  # no worse than at a crack without grading
 
 
+def mesh_of(elements, error, **more):
+    return Pass(elements, elements, error, 0.0, error, 1.0, **{"memory": 1e8, **more})
+
+
+def test_room_in_memory_and_seconds():
+    done = [mesh_of(1000, 0.2, memory=3e8), mesh_of(8000, 0.1, memory=4.5e8)]  # 1.5e8 more for 1.5e5 more of elements^(4/3): 1 kB each
+    found = tightest(Accuracy(error=0.05, memory=1.0), done, 0.0, 64_000)
+    assert found.elements ** (4 / 3) == pytest.approx(160_000 + 5.5e8 / 1e3)
+    assert "0.45 were taken" in found.short and "64,000 elements, which take some 2.8 GB" in found.needed
+    assert tightest(Accuracy(error=0.05, memory=0.1), done, 0.0, 64_000).elements == 0
+    assert tightest(Accuracy(error=0.05, memory=1.0), done[:1], 0.0, 64_000).elements == pytest.approx((1e4 + 7e8 / 2250) ** 0.75)  # 10 kB an unknown
+    seconds = tightest(Accuracy(error=0.05, memory=1.0, seconds=9.0), done, 8.0, 64_000)
+    assert seconds.elements == pytest.approx(8000) and "take some 28 s" in seconds.needed
+    assert math.isinf(tightest(Accuracy(error=0.05), done, 0.0, 64_000).elements)
+
+
+@pytest.mark.parametrize("power", [1, 1.5, 2])
+def test_what_numbers_are_off_by(power):
+    """None less than true, the truth where a number falls as the energy norm's error does."""
+    told = errors([mesh_of(10**k, e, numbers={"a": 7 + 3 * e**power, "b": 1.0}) for k, e in enumerate((0.4, 0.15, 0.1))])
+    assert told["b"] == 0.0 and 3 * 0.1**power <= told["a"] * (1 + 1e-12) and told["a"] <= 5 * 3 * 0.1**power * (1 + 1e-12)
+    assert power > 1 or told["a"] == pytest.approx(0.3)
+    assert errors([mesh_of(10, 0.4, numbers={"a": 1.0})]) == {}
+    assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.2, 0.1, 0.09)]) == {"a": pytest.approx(0.09)}
+    assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.1, 0.09)]) == {}
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A run that nobody disturbs: its folder, code and summary."""
@@ -97,6 +129,9 @@ def test_asked_and_reached(whole):
     assert summary["error_bound"] <= 0.007 and last["refined"] == ["bent"]
     assert summary["config"]["method"]["accuracy"]["error"] == 0.07
     assert config_from(summary["config"]).method.accuracy.error == 0.07
+    told, (before, now) = found["numbers"]["peak_displacement"], (mesh["numbers"]["peak_displacement"] for mesh in found["meshes"][-2:])
+    assert told >= abs(now - before) * last["error"] / (found["meshes"][-2]["error"] - last["error"]) * (1 - 1e-12) > 0
+    assert "peak displacement ± " in dict(summary_rows(summary))["off by"]
     cells = read_npz(folder).discretisation_error
     assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
 
@@ -109,12 +144,14 @@ def test_limits(tmp_path):
     assert summary["accuracy"]["meshes"][-1]["elements"] < 2 * 600
     code, summary = refined(bent({"error": 0.001, "smallest": 10.0}), tmp_path)
     assert code == 1 and "smallest: 10" in summary["stop_reason"]
+    code, summary = refined(bent({"error": 0.001, "memory": 0.01}), tmp_path)
+    assert code == 1 and "0.01 GB of memory, of which" in summary["stop_reason"] and (tmp_path / "fields.npz").is_file()
     code, summary = refined(bent({"error": 0.001, "seconds": 1e-3}), tmp_path)
     assert code == 1 and "0.001 seconds, of which" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
 
 
 def beside_seconds(code, summary):
-    meshes = [{key: value for key, value in mesh.items() if key != "seconds"} for mesh in summary["accuracy"]["meshes"]]
+    meshes = [{key: value for key, value in mesh.items() if key not in ("seconds", "memory")} for mesh in summary["accuracy"]["meshes"]]
     return code, meshes, summary["peak_stress"], summary["converged"]
 
 

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
+from orchestrator.accuracy.changes import answers, errors
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
+from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside, set_aside_again
 from orchestrator.accuracy.peaks import growth, peak_of
@@ -29,7 +31,6 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.timing import EXPONENT
 
 STALLED = 0.9  # two meshes, one after the other, that leave this much of the error or more: it does not fall
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
@@ -148,8 +149,8 @@ class _Refinement:
         every = [one for one in (energy, *quantities) if one.asked]
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
-                                     time.perf_counter() - self.since, self.passes.refined, self.passes.kept, share, known))
-        self.passes.done[-1].peak = peak_of(solution)
+                                     time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], self.passes.refined, self.passes.kept,
+                                     share, known, peak_of(solution), answers(summary)))
         if grows := growth([done.peak for done in self.passes.done]):
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:
@@ -165,7 +166,7 @@ class _Refinement:
         summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
         summary["accuracy"] = {"asked": self.asked.error, "reached": energy.error, "met": met,
-                               "meshes": [vars(done) for done in self.passes.done]}
+                               "numbers": errors(self.passes.done), "meshes": [vars(done) for done in self.passes.done]}
         for probe in summary["probes"]:
             if probe["name"] in known:
                 probe["accuracy"] = known[probe["name"]]
@@ -195,13 +196,11 @@ class _Refinement:
         order = 2 if mesh.cells.shape[1] == 10 else 1
         enough = max(needed([p.elements for p in done], [p.estimated_of(one.name) ** (1 / one.power) for p in done],
                             one.goal(self.follows) ** (1 / one.power), order) for one in every)
-        spent = time.perf_counter() - self.begun
-        in_time = len(mesh.cells) * (max((asked.seconds or math.inf) - spent, 0.0) / done[-1].seconds) ** (1 / EXPONENT)
-        count = min(max(enough, LEAST_GROWTH * len(mesh.cells)), GROWTH * len(mesh.cells), asked.elements or math.inf, in_time)
-        if count < LEAST_GROWTH * len(mesh.cells):
-            short = (f"{asked.seconds:g} seconds, of which {spent:.0f} are spent," if count == in_time else f"{asked.elements:,} elements")
-            more = max(enough, LEAST_GROWTH * len(mesh.cells))
-            self.why = f"{short} are too few: about {more:,.0f} elements are needed"
+        least_count = LEAST_GROWTH * len(mesh.cells)
+        limit = tightest(asked, done, time.perf_counter() - self.begun, max(enough, least_count))
+        count = min(max(enough, least_count), GROWTH * len(mesh.cells), limit.elements)
+        if count < least_count:
+            self.why = f"{limit.short} are too few: {limit.needed} are needed"
             return
         followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
         plan = wanted(self.config, mesh, together(every, self.follows), count / followed, self.passes.maps, least)

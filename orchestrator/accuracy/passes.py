@@ -33,9 +33,11 @@ class Pass:
     mesh_error : estimated, raised where it was measured to tell too little; told : the share that the estimate by itself tells of it, no
         more than one, None where it is not measured
     iterations_error : bound or estimate of the iterations', None where it is not known; error : both
-    seconds : wall time; refined : what was meshed anew for it, nothing in the first; kept : what was not
+    seconds : wall time; memory : the program's and its codes' at the peak so far, bytes
+    refined : what was meshed anew for it, nothing in the first; kept : what was not
     quantities : name → what is told of each that an accuracy is asked of, see ``Quantity.told``
     peak : the largest stress, and the size of elements there
+    numbers : those of its summary, see ``changes.answers``
     """
 
     elements: int
@@ -44,11 +46,13 @@ class Pass:
     iterations_error: float | None
     error: float
     seconds: float
+    memory: float
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
     told: float | None = None
     quantities: dict[str, dict] = field(default_factory=dict)
     peak: Peak | None = None
+    numbers: dict[str, float] = field(default_factory=dict)
 
     def estimated_of(self, name: str) -> float:
         """The mesh's error as its estimate tells it by itself: of the quantity of that name, or of none in the energy norm."""

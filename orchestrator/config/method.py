@@ -108,7 +108,10 @@ class Accuracy(Part):
 
     error: Fraction | None = Field(None, description=(
         "of mesh and iterations together, relative, in the energy norm, between 0 and 1; none: probes have accuracies of their own"))
-    elements: Count | None = Field(None, description="no mesh has more tets than about this; none: as many as memory holds")
+    elements: Count | None = Field(None, description="no mesh has more tets than about this; none: no limit")
+    memory: Positive | None = Field(None, description=(
+        "GB that the program and its codes may take on all ranks together: meshes are only as fine as that is foreseen to hold; none: no "
+        "limit but the machine's"))
     seconds: Positive | None = Field(None, description="meshes are only as fine as will likely be solved on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(
         "elements are not made smaller than this, in the model's unit of length, where stresses grow without limit; none: no limit"))
@@ -159,6 +162,6 @@ class Method(Part):
         "error 1e-6: well below the discretisation error of any practical mesh"))
     accuracy: Accuracy | None = Field(None, description=(
         "the error that is asked for, 0.02 say: the run is repeated on meshes that are finer where it pays until its estimated error is "
-        "below; in place of tolerance; or {error, elements, seconds, smallest}; none: the mesh stays as it is"))
+        "below; in place of tolerance; or {error, elements, memory, seconds, smallest}; none: the mesh stays as it is"))
     max_iterations: Count = Field(500, description=(
         "of the whole run, all batches of load steps together; far above what a healthy run needs, so it only stops sick ones"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import inf, isfinite
+from math import hypot, inf, isfinite
 
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
@@ -16,6 +16,7 @@ SHOWN = 8  # reactions on screen, ranks
 OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
 NAMES = 6  # bodies in a sentence
 FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
+SURE = 1e-6  # of the largest number of its kind: an error that is not told
 ROUNDED = 1e-10  # of the largest of them: shown as zero
 
 
@@ -157,6 +158,23 @@ def _accuracy(summary: Mapping[str, object]) -> str:
     asked = f", {found['asked']:.2%} asked" if found["asked"] else ""
     return (f"{found['reached']:.2%} reached{asked}, energy norm, of mesh and iterations together; {len(found['meshes'])} meshes, "
             f"the last of {last['elements']:,} elements")
+
+
+def _off(summary: Mapping[str, object]) -> str:
+    """What numbers are off by, where an accuracy was asked for; components of a vector together, what is rounding left out."""
+    if not (found := (summary.get("accuracy") or {}).get("numbers")):
+        return ""
+    values, together = summary["accuracy"]["meshes"][-1]["numbers"], {}
+    for name, error in found.items():
+        head, _, axis = name.rpartition(".")
+        together.setdefault(head if axis in ("x", "y", "z") and head.startswith("reaction.") else name, []).append((values[name], error))
+    kinds = {name.partition(".")[0]: 0.0 for name in together}
+    for name, each in together.items():
+        kinds[name.partition(".")[0]] = max(kinds[name.partition(".")[0]], hypot(*(value for value, _ in each)))
+    told = [f"{name.replace('_', ' ').replace('reaction.', '')} ± {error:.1e}" for name, each in together.items()
+            if (error := hypot(*(error for _, error in each))) > SURE * kinds[name.partition(".")[0]]]
+    return "; ".join(told[:SHOWN]) + (f"; … and {len(told) - SHOWN} more in summary.json" if len(told) > SHOWN else "") + (
+        "  (estimated, by what the last meshes have changed)" if told else "")
 
 
 def shown_statuses(counts: Mapping[str, list[int]] | None) -> list[str]:
@@ -334,7 +352,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
-    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
+    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
     ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
     ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),
