@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from accuracy_case import PLACES, bent
 from in_process import IN_PROCESS
@@ -183,6 +184,29 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch
     code, summary = refined(bent(0.05), tmp_path)
     assert code == 1 and "gmsh cannot mesh it" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
     assert (tmp_path / "fields.npz").is_file()
+
+
+def test_a_killed_mesher_leaves_the_last_result(tmp_path):
+    """With what ended it; the same command goes on."""
+    path = tmp_path / "bar.brep"
+    with session():
+        gmsh.model.occ.addBox(0, 0, 0, 20, 10, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    problem = {**bent({"error": 0.1, "elements": 3000}), "mesh": {"step": str(path), "h": 5.0}, "boundary": [
+        {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "x", "at": 20}, "traction": [0, 0, 10]}]}
+
+    def kill(solution):
+        mesher, = (one for one in psutil.Process().children() if "orchestrator.apart" in one.cmdline())
+        mesher.kill()
+        return solution
+
+    code = run(Loaded(config_from(problem)), output=tmp_path, quiet=True, means=one.Means(judge=kill))
+    summary = read_summary(tmp_path)
+    assert code == 1 and "was ended by SIGKILL" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
+    assert len(read_npz(tmp_path).cells) == summary["accuracy"]["meshes"][0]["elements"] and not (tmp_path / GOOD).exists()
+    code, summary = refined(problem, tmp_path, resume=True)
+    assert code == 0 and summary["accuracy"]["met"] and len(summary["accuracy"]["meshes"]) > 1
 
 
 @pytest.mark.parametrize("dies", [True, False])

@@ -8,7 +8,8 @@ linear gain from the best of all fits, s = 2, others may not. On two meshes
 which is largest at s = 1: that is told. Where s is two it is (1 + r)/r times the truth, three where errors are halved, the factor of safety
 that Roache takes with two grids (P. J. Roache, Perspective: a method for uniform reporting of grid refinement studies, J. Fluids Eng. 116,
 1994, 405–413). Of the changes since the last two meshes the one that tells more counts, as one alone may be small by chance; where
-errors are nearly alike, r > ``CLEAR``, a change tells of chance only. Stresses at points may have no limit, and statuses are counts: of these nothing is told.
+errors are nearly alike, r > ``CLEAR``, a change tells of chance alone. Stresses at points may have no limit, and statuses are counts: of
+these nothing is told.
 """
 
 from __future__ import annotations

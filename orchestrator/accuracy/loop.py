@@ -13,6 +13,7 @@ from orchestrator.accuracy.changes import answers, errors
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
 from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
+from orchestrator.accuracy.mesher import mesher_for
 from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside, set_aside_again
 from orchestrator.accuracy.peaks import growth, peak_of
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
@@ -73,9 +74,13 @@ class _Refinement:
         self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
-        self.passes, self.plan, self.why, self.unsolved = Passes(), None, "", ""
+        self.passes, self.plan, self.why, self.unsolved, self.mesher = Passes(), None, "", "", None
 
     def run(self, resume: bool, **options: bool) -> int:
+        with mesher_for(self.config) as self.mesher:
+            return self._repeated(resume, **options)
+
+    def _repeated(self, resume: bool, **options: bool) -> int:
         folder, team = ResultsFolder(self.path), self.means.ranks.team
         if resume:
             self.passes = Passes.read(self.path)
@@ -131,7 +136,8 @@ class _Refinement:
         sizes: dict[int, dict] = {}
         for (part, name), one_map in self.passes.maps.items():
             sizes.setdefault(part, {})[name] = one_map
-        return replace(self.means, meshed=Meshed(sizes), judge=self._judged, artist=None, watch=None)
+        meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes)
+        return replace(self.means, meshed=meshed, judge=self._judged, artist=None, watch=None)
 
     def _judged(self, solution: Solution) -> Solution:
         """The solution with its estimate; what is to come of it is decided."""

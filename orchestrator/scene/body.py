@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,10 +46,11 @@ class Meshed:
     One that models or programs of others have a part in is never kept.
 
     sizes : part, 0 where there is only ``mesh`` → how small its elements are asked to be, beside what the configuration says
+    call : what calls the functions that make them, perhaps in another process
     """
 
-    def __init__(self, sizes: Mapping[int, Sizes] | None = None) -> None:
-        self._sizes = sizes or {}
+    def __init__(self, sizes: Mapping[int, Sizes] | None = None, call: Callable[..., Any] = lambda make, *given: make(*given)) -> None:
+        self._sizes, self._call = sizes or {}, call
         self._asked: object = None
         self._made: tuple[Mesh, Faces] | None = None
         self._quadratic: tuple[Mesh, Faces] | None = None  # the same of ten-node tets
@@ -74,7 +76,7 @@ class Meshed:
         parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
         if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
             self._made = self._quadratic = None  # not both at once
-            self._made = (make_mesh(config.mesh, sizes=self._sizes.get(0)) if config.mesh else
-                          make_parts(config.parts, run_programs, self._sizes))
+            self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0)) if config.mesh else
+                          self._call(make_parts, config.parts, run_programs, self._sizes))
             self._asked = config.mesh, parts
         return self._made
