@@ -108,7 +108,8 @@ def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per interface the forces (T, n, 3) on either side at its nodes, zero where prescribed, or at its points."""
     scene = solved.scene
     sides = sides_by_subdomain(scene)
-    space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
+    space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)],
+                          np.zeros(len(sides), dtype=int))
     result = []
     for interface, traces in zip(scene.interfaces, space.sides):
         pair = np.zeros((2, scene.steps, *interface.free.shape))

@@ -47,7 +47,7 @@ def solved(reference=True, **changes) -> Solution:
 
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
-    return prepare(Part.of_all(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
+    return prepare(Part.of(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
 
 
 def decomposed(made: Config) -> Decomposition:

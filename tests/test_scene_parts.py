@@ -5,10 +5,12 @@ import pickle
 import numpy as np
 import pytest
 from ranks_case import CASES
+from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.method.setup import Part
 from orchestrator.parallel.placement import ranks_of
+from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles.make import make_soles
@@ -72,10 +74,45 @@ def test_faces_of_loads_are_on_one_rank(cut):
 def test_a_rank_holds_little_more_than_its_share():
     """Of the neighbours a layer of cells: a quarter of 4 × 4 × 4 cubes of 5³ bricks is 16 of them and 16 to 24 layers."""
     scene = build_scene(config_from({"name": "cut", **cube(4, 5)}))
-    rank_of, known, whole = ranks_of(scene, 4), overview(scene), Part.of_all(scene)
-    size = len(pickle.dumps(whole))
-    for rank in range(4):
-        piece = part_of(scene, np.flatnonzero(rank_of == rank), known)
-        given = Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
-        assert len(pickle.dumps(given)) < (1 / 4 + 1 / 8) * size
-        assert len(piece.mesh.cells) < (1 / 4 + 1 / 8) * len(scene.mesh.cells)
+    rank_of = ranks_of(scene, 4)
+    size = len(pickle.dumps(Part.of(scene)))
+
+    def shares(team):
+        part = Part.handed_out(scene, rank_of, team)
+        part.space.link.team, part.meeting = ALONE, None
+        return len(pickle.dumps(part)) / size, len(part.scene.mesh.cells) / len(scene.mesh.cells)
+
+    for share in np.ravel(among(4, shares)):
+        assert share < 1 / 4 + 1 / 8
+
+
+@pytest.mark.parametrize("case", ["perfect", "contact", "parts in contact"])
+def test_ranks_number_traces_as_one_does(case):
+    scene = build_scene(config_from({"name": "cut", **CASES[case]}))
+    rank_of, one = np.arange(len(scene.subdomains)) % 3, Part.of(scene)
+
+    def of_rank(team):
+        part = Part.handed_out(scene, rank_of, team)
+        space, link, number = part.space, part.space.link, part.scene.number
+        whole, mine = one.space, rank_of[one.space.owner] == team.rank
+        assert np.array_equal(link.number, np.flatnonzero(mine)) and link.total == whole.size
+        for name, at in (("dof", link.number), ("global_dof", link.boundary_number)):
+            ours = getattr(space, name)
+            assert np.array_equal(3 * number[ours // 3] + ours % 3, getattr(whole, name)[at])
+        assert np.array_equal(space.gather < 0, whole.gather[mine] < 0)
+        there = space.gather >= 0
+        assert np.array_equal(link.boundary_number[space.gather[there]], whole.gather[mine][there])
+        assert np.array_equal(space.labels[space.label], whole.labels[whole.label[link.boundary_number]])
+        ghosts, = space.extended(link.number[None].astype(float))
+        assert np.array_equal(rank_of[whole.owner[ghosts[0].astype(int)]] == team.rank, np.arange(len(ghosts[0])) < space.size)
+        known, met = (set(zip(*(x[side].tolist() for side in ("one", "two")))) for x in (
+            {side: ghosts[0][getattr(space.transfer, side)] for side in ("one", "two")},
+            {side: getattr(whole.transfer, side)[mine[whole.transfer.one] | mine[whole.transfer.two]] for side in ("one", "two")}))
+        assert known == met or not whole.transfer.picks
+        for body, (centre, size, motions) in one.carried.frames.items():
+            ours = part.carried.frames[body]
+            assert all(np.allclose(x, y, rtol=1e-12, atol=1e-12 * np.abs(motions).max()) for x, y in zip(ours, (centre, size, motions)))
+        return link.number
+
+    numbers = among(3, of_rank)
+    assert np.array_equal(np.sort(np.concatenate(numbers)), np.arange(one.space.size))

@@ -34,7 +34,7 @@ def prepared():
         config = config_from({**BAR, "interfaces": interfaces, "method": method, "blackbox": IN_PROCESS})
         scene = build_scene(config)
         pools.append(make_blackbox(config.blackbox))
-        return prepare(Part.of_all(scene), make_soles(scene, config.method.sole), config.method, pools[-1], Stopwatch()), config.method
+        return prepare(Part.of(scene), make_soles(scene, config.method.sole), config.method, pools[-1], Stopwatch()), config.method
 
     yield make
     for pool in pools:

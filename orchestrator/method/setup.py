@@ -35,10 +35,10 @@ from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.convexity import check_convex
-from orchestrator.parallel.team import Meeting, Team
+from orchestrator.parallel.team import ALONE, Meeting, Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
-from orchestrator.scene.part import meetings, overview, part_of
+from orchestrator.scene.part import meeting_of, overview, part_of
 from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.timing import Savings, Stopwatch
@@ -51,7 +51,7 @@ class Part:
     scene : own subdomains, their interfaces, and of their neighbours what meets these
     space : numbering of its traces
     carried : rigid motions that go with what is prescribed, of the whole scene
-    meeting : what its fields' nodes are called on all ranks, where there are several, see ``meetings``
+    meeting : what its fields' nodes are called on all ranks, where there are several, see ``meeting_of``
     """
 
     scene: Scene
@@ -60,11 +60,16 @@ class Part:
     meeting: Meeting | None = None
 
     @classmethod
-    def of_all(cls, scene: Scene) -> Part:
-        """The scene in one part."""
+    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Part:
+        """Of a scene, or of a rank's part of one: all ranks ask together.
+
+        rank_of : (subdomains,) int, the rank of each; None: all are this one's
+        """
+        rank_of = np.zeros(len(scene.subdomains), dtype=int) if rank_of is None else rank_of
         sides = sides_by_subdomain(scene)
-        space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, sides[s.index]) for s in scene.subdomains])
-        return cls(scene, space, Carried.of(scene))
+        traces = [boundary_dofs(scene, scene.subdomains[e], sides[e]) for e in np.flatnonzero(rank_of == team.rank)]
+        return cls(scene, TraceSpace.of(scene, sides, traces, rank_of, team), Carried.of(scene, rank_of, team),
+                   meeting_of(scene, rank_of, team) if team.size > 1 else None)
 
     @classmethod
     def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> Part:
@@ -74,18 +79,9 @@ class Part:
         rank_of : (subdomains,) int, the rank of each
         """
         if team.size == 1:
-            return cls.of_all(scene)
-        if team.rank == 0:
-            whole, known, names = cls.of_all(scene), overview(scene), meetings(scene, rank_of, team.size)
-
-        def made(rank: int) -> Part:
-            piece = part_of(scene, np.flatnonzero(rank_of == rank), known)
-            return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried, names[rank])
-
-        part = team.hand_out(made)
-        part.space.link.team = team
-        part.meeting = replace(part.meeting, team=team)
-        return part
+            return cls.of(scene)
+        known = overview(scene) if team.rank == 0 else None
+        return cls.of(team.hand_out(lambda rank: part_of(scene, np.flatnonzero(rank_of == rank), known)), rank_of, team)
 
 
 def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,

@@ -266,11 +266,13 @@ class Overview:
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
     difficulty : what is difficult about the interfaces and subdomains
+    matched : (interfaces,) bool, as of the ``Scene``
     """
 
     sizes: np.ndarray
     loose: np.ndarray
     difficulty: Difficulty
+    matched: np.ndarray
 
 
 @dataclass
@@ -341,6 +343,13 @@ class Scene:
     def lame(self) -> np.ndarray:
         """(m, 2) float, Lamé's λ and μ of each cell."""
         return np.array([material.lame for material in self.materials])[self.cell_material]
+
+    @property
+    def matched(self) -> np.ndarray:
+        """(interfaces,) bool, whether the points of each are pairs of nodes."""
+        if self.overview is not None:
+            return self.overview.matched
+        return np.array([i.mortar is None for i in self.interfaces], dtype=bool)
 
     @cached_property
     def stand_ins(self) -> np.ndarray:

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.parallel.team import Meeting
+from orchestrator.parallel.classes import classes
+from orchestrator.parallel.team import Meeting, Team
 from orchestrator.scene.conditions.loose import loose_bodies
-from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -23,7 +23,8 @@ from orchestrator.scene.soles.overlap import difficulty, first_row
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
     opens = any(not i.law.joins for i in scene.interfaces)
-    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene))
+    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene),
+                    scene.matched)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -58,19 +59,37 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                  thermal=None if scene.thermal is None else scene.thermal[:, cells])
 
 
-def meetings(scene: Scene, rank_of: np.ndarray, ranks: int) -> list[Meeting]:
-    """Per rank, what the nodes of its fields are called on all ranks; of a whole scene.
+def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:
+    """What the nodes of a rank's fields are called on all ranks, which ask together; ``scene`` is the rank's part.
 
     Where all interfaces are perfect these are the mesh's nodes, ascending; else each own subdomain's, one subdomain after another.
     """
-    copies = Copies.of(scene)
-    opens = not all(i.law.perfect for i in scene.interfaces)
-    label, rank = copies.label if opens else copies.node, np.repeat(rank_of, np.diff(copies.ends))
-    names = [label[rank == r] for r in range(ranks)]
-    having = np.zeros(int(label.max()) + 1, dtype=np.int16)
-    for own in names:
-        having[np.unique(own)] += 1
-    return [Meeting(own, having[own] > 1) for own in (names if opens else map(np.unique, names))]
+    mine = rank_of == team.rank
+    own = [s for s in scene.subdomains if mine[s.index]]
+    if all(i.law.perfect for i in scene.interfaces):
+        theirs = np.zeros(len(scene.mesh.nodes), dtype=bool)
+        for s in scene.subdomains:
+            theirs[s.nodes] |= not mine[s.index]
+        nodes = np.unique(np.concatenate([s.nodes for s in own]))
+        return Meeting(scene.number[nodes], theirs[nodes], team)
+    counts = np.zeros(len(scene.subdomains))
+    counts[mine] = [len(s.nodes) for s in own]
+    starts = np.cumsum(np.concatenate([[0], counts[mine]])).astype(int)
+    counts = team.sum(counts)[0].astype(int)
+    names = np.concatenate([np.arange(n) + first for n, first in zip(counts[mine], (np.cumsum(counts) - counts)[mine])])
+    begin = dict(zip(np.flatnonzero(mine).tolist(), starts))
+    pairs: dict[int, list[np.ndarray]] = {}
+    within = [np.empty((2, 0), dtype=int)]
+    for i in scene.interfaces:
+        if i.law.perfect and i.mortar is None and len(i.nodes[0]):
+            copies = [begin[e] + nodes for e, nodes in zip(i.subdomains, i.nodes) if e in begin]
+            if len(copies) == 2:
+                within.append(np.stack(copies))
+            else:
+                pairs.setdefault(int(rank_of[list(i.subdomains)].sum() - team.rank), []).append(copies[0])
+    across = {rank: np.concatenate(copies) for rank, copies in pairs.items()}
+    label = classes(names, *np.concatenate(within, axis=1), across, team)
+    return Meeting(label, np.isin(label, label[np.concatenate([np.empty(0, int), *across.values()])]), team)
 
 
 def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:

@@ -19,29 +19,18 @@ brings the ghosts' values, point to point; fields are kept without them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.link import Link
 from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.transfer import Sides, Transfer
+from orchestrator.parallel.classes import classes
 from orchestrator.parallel.team import ALONE, Borders, Team
 from orchestrator.scene.model import Scene, Subdomain
-
-
-@dataclass
-class Link:
-    """A rank's exchange with its neighbours."""
-
-    number: np.ndarray  # (D,) and (B,) int, its trace dofs and boundary dofs in the numbering of the whole scene
-    boundary_number: np.ndarray
-    total: int  # trace dofs and subdomains of the whole scene
-    subdomain_count: int
-    sends: dict[int, np.ndarray] = field(default_factory=dict)  # per neighbouring rank, trace dofs to send and ghosts to receive
-    receives: dict[int, np.ndarray] = field(default_factory=dict)
-    team: Team = ALONE
 
 
 @dataclass
@@ -57,72 +46,46 @@ class TraceSpace:
     held_at: np.ndarray  # (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node + component
     transfer: Transfer  # how the two sides of all interfaces meet, with a point for every component that is free on both
     label: np.ndarray  # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
-    labels: np.ndarray  # (classes,) int, ascending, what these are called in the numbering of the whole scene
+    labels: np.ndarray  # (classes,) int, ascending, what these are called on all ranks: the lowest of their numbers in the whole scene
     link: Link  # what other parts have of it
 
     @classmethod
-    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> TraceSpace:
-        """Number the traces.
+    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray], rank_of: np.ndarray,
+           team: Team = ALONE) -> TraceSpace:
+        """Number the traces; where several ranks share a scene they do it together, each from its part.
 
         sides : per subdomain, its (interface, side) pairs
-        traces : per subdomain, its (t,) boundary dofs in local numbering, ascending
+        traces : per subdomain of this rank, its (t,) boundary dofs in local numbering, ascending
+        rank_of : (subdomains,) int, the rank of each
         """
-        subdomains, ends = scene.subdomains, np.cumsum([0] + [len(t) for t in traces])
-        listed = [(e, scene.interfaces[index], side) for e, pairs in enumerate(sides) for index, side in pairs]
-        free = joined([i.traced(side) for _, i, side in listed], (0, 3)).astype(bool)
-        nodes, counts = joined([i.nodes[side] for _, i, side in listed]), [len(i.nodes[side]) for _, i, side in listed]
-        at = np.repeat([e for e, _, _ in listed], counts).astype(int)
-        dofs, owner = (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free]
-        # all subdomains' own dofs, one after the other
+        mine = np.flatnonzero(rank_of == team.rank)
+        listed = [(e, index, side) for e in mine.tolist() for index, side in sides[e]]
+        count = len(listed)
+        listed += _far(scene, listed, rank_of)
+        dofs, owner, stops = _on_sides(scene, listed)
+        size, subdomains, ends = int(stops[count]), [scene.subdomains[e] for e in mine], np.cumsum([0] + [len(t) for t in traces])
+        # all own subdomains' dofs, one after the other
         starts = np.cumsum([0] + [3 * len(s.nodes) for s in subdomains])
-        everywhere = starts[owner] + dofs
+        everywhere = starts[np.searchsorted(mine, owner[:size])] + dofs[:size]
         held = np.flatnonzero(joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
         place = np.zeros(starts[-1], dtype=int)
         place[joined([start + trace for start, trace in zip(starts, traces)])] = np.arange(ends[-1])
-        gather, count = place[everywhere], len(dofs)
+        gather = place[everywhere]
         gather[held] = -1
-        stops = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[np.cumsum([0] + counts)]
-        own: list[list] = [[None, None] for _ in scene.interfaces]
-        for (_, i, side), a, b in zip(listed, stops[:-1], stops[1:]):
-            own[i.index][side] = np.arange(a, b)
-        transfer = Transfer.of(scene.interfaces, [tuple(s) for s in own], count)
-        label = _labels(transfer, gather, int(ends[-1]))
-        global_dof = joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)])
-        return cls(list(range(len(sides))), _slices(ends), global_dof, gather,
-                   3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs % 3, owner,
-                   np.column_stack([owner[held], dofs[held]]), transfer, label, np.arange(label.max(initial=-1) + 1),
-                   Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
-
-    def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> TraceSpace:
-        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team``.
-
-        rank_of : (subdomains,) int, the rank of each
-        this : which rank
-        nodes : (n,) int, ascending, the nodes of its part of the scene, in which ``global_dof`` and ``dof`` then count
-
-        Both sides of a message list its dofs in the order of the whole numbering: nothing has to be agreed on.
-        """
-        mine, rank = np.flatnonzero(rank_of == this), rank_of[self.owner]
-        own = np.flatnonzero(rank == this)
-        far = self.transfer.opposite(own)
-        far = far[rank[far] != this]
-        here = np.concatenate([own, far])
-        place = np.full(self.size, -1)
-        place[here] = np.arange(len(here))
-        theirs = {int(r): far[rank[far] == r] for r in np.unique(rank[far])}
-        met = {r: self.transfer.opposite(ghosts) for r, ghosts in theirs.items()}
-
-        counts = np.array([part.stop - part.start for part in self.boundary])
-        chosen = np.flatnonzero(np.repeat(rank_of, counts) == this)
-        position = np.full(len(self.global_dof) + 1, -1)  # held trace dofs have no boundary dof: the last one's, −1
-        position[chosen] = np.arange(len(chosen))
-        labels, label = np.unique(self.label[chosen], return_inverse=True)
-        link = Link(own, chosen, self.link.total, self.link.subdomain_count,
-                    {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()}, {r: place[ghosts] for r, ghosts in theirs.items()})
-        return TraceSpace(mine.tolist(), _slices(np.cumsum([0, *counts[mine]])), _on_nodes(self.global_dof[chosen], nodes),
-                          position[self.gather[own]], _on_nodes(self.dof[own], nodes), self.owner[here],
-                          self.held_at[np.isin(self.held, own)], self.transfer.renumbered(place, len(own), len(here)),
-                          label, labels, link)
+        none = np.empty(0, int)
+        own: list[list] = [[none, none] for _ in scene.interfaces]
+        for (_, index, side), a, b in zip(listed, stops[:-1], stops[1:]):
+            own[index][side] = np.arange(a, b)
+        transfer = Transfer.of(scene.interfaces, scene.matched, [tuple(s) for s in own], size, len(owner))
+        link, rank = Link.of(mine, np.bincount(owner[:size], minlength=len(sides))[mine], np.diff(ends), len(sides), team), rank_of[owner]
+        met = [rank_of[scene.interfaces[index].subdomains[1 - side]] for _, index, side in listed[:count]]
+        link.sends = {int(r): joined([own[index][side] for (_, index, side), to in zip(listed, met) if to == r])
+                      for r in np.unique(rank[size:])}
+        link.receives = {r: size + np.flatnonzero(rank[size:] == r) for r in link.sends}
+        labels, label = np.unique(_labels(transfer, gather, rank, link), return_inverse=True)
+        return cls(mine.tolist(), _slices(ends), joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)]), gather,
+                   3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs[:size] % 3, owner,
+                   np.column_stack([owner[held], dofs[held]]), transfer, label.ravel(), labels, link)
 
     @property
     def size(self) -> int:
@@ -238,15 +201,35 @@ def _slices(ends: np.ndarray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
 
 
-def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Dofs 3 * node + component where nodes are numbered by their place among some, ascending."""
-    return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
+def _far(scene: Scene, listed: list[tuple[int, int, int]], rank_of: np.ndarray) -> list[tuple[int, int, int]]:
+    """The sides (subdomain, interface, 0 or 1) that a rank's own ones meet on others, by subdomain, then by interface."""
+    if not listed:
+        return []
+    this, pairs = rank_of[listed[0][0]], ((scene.interfaces[index].subdomains[1 - side], index, 1 - side) for _, index, side in listed)
+    return sorted(side for side in pairs if rank_of[side[0]] != this)
 
 
-def _labels(transfer: Transfer, gather: np.ndarray, size: int) -> np.ndarray:
-    """(B,) int, number of the class of each boundary dof."""
+def _on_sides(scene: Scene, listed: list[tuple[int, int, int]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Dofs (D + G,) int of subdomains, 3 * node + component, that are traced on some sides, and (D + G,) whose; and where each side's
+    begin (sides + 1,)."""
+    sides = [(scene.interfaces[index], side) for _, index, side in listed]
+    free, nodes = joined([i.traced(side) for i, side in sides], (0, 3)).astype(bool), joined([i.nodes[side] for i, side in sides])
+    counts = [len(i.nodes[side]) for i, side in sides]
+    at = np.repeat([e for e, _, _ in listed], counts).astype(int)
+    stops = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[np.cumsum([0] + counts)]
+    return (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free], stops
+
+
+def _labels(transfer: Transfer, gather: np.ndarray, rank: np.ndarray, link: Link) -> np.ndarray:
+    """(B,) int, what the class of each boundary dof is called on all ranks: the lowest number of one of its dofs.
+
+    rank : (D + G,) int, whose trace dofs are
+    """
     bonded = np.repeat(transfer.perfect, np.diff(transfer.bounds)) & transfer.at_pairs
-    one, two = (gather[side[bonded]] for side in (transfer.one, transfer.two))
-    one, two = (side[(one >= 0) & (two >= 0)] for side in (one, two))  # held dofs are prescribed on either side
-    graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
-    return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)
+    one, two = (side[bonded] for side in (transfer.one, transfer.two))
+    places = np.concatenate([gather, np.full(len(rank) - len(gather), -1)])
+    both = (places[one] >= 0) & (places[two] >= 0)  # held dofs are prescribed on either side
+    here = one < len(gather)
+    own, far = np.where(here, one, two), np.where(here, two, one)  # in the order of the points, which is that of other ranks
+    across = {r: places[own[(far >= len(gather)) & (rank[far] == r)]] for r in link.sends}
+    return classes(link.boundary_number, places[one[both]], places[two[both]], across, link.team)

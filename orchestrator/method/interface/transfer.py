@@ -89,15 +89,18 @@ class Transfer:
     operators: Products | None = None  # of these points; None where nodes match everywhere
 
     @classmethod
-    def of(cls, interfaces: Sequence[Interface], sides: Sides, size: int) -> Transfer:
-        """Transfer of all interfaces of a scene, with a flat point for every component that both sides share."""
-        matched, perfect = (np.array(x, dtype=bool) for x in ([i.mortar is None for i in interfaces], [i.law.perfect for i in interfaces]))
+    def of(cls, interfaces: Sequence[Interface], matched: np.ndarray, sides: Sides, size: int, total: int) -> Transfer:
+        """Transfer of all interfaces of a scene, with a flat point for every component that both sides share.
+
+        matched, sides, size, total : as of the class
+        """
+        perfect = np.array([i.law.perfect for i in interfaces], dtype=bool)
         one = [a if i.mortar is None else a[i.mortar.dofs] for i, (a, _) in zip(interfaces, sides)]
         two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
         operators = None if matched.all() else Products.stacked([
-            Products.of_pairs(a, b, size) if i.mortar is None else Products.of_mortar(i.mortar, a, b, size)
+            Products.of_pairs(a, b, total) if i.mortar is None else Products.of_mortar(i.mortar, a, b, total)
             for i, (a, b) in zip(interfaces, sides)])
-        return cls(joined(one), joined(two), size, size, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, operators)
+        return cls(joined(one), joined(two), size, total, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, operators)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
         """The transfer with other operators of some interfaces, of as many points, by their place in the scene."""
@@ -240,34 +243,6 @@ class Transfer:
     @cached_property
     def _whole(self) -> bool:
         return bool(self.exists.all())
-
-    def opposite(self, dofs: np.ndarray) -> np.ndarray:
-        """Trace dofs, ascending, that meet some of the given ones; where nodes do not match, whole sides do."""
-        chosen = np.zeros(self.total, bool)
-        chosen[dofs] = True
-        met = self.partner[dofs]
-        found = [met[met != dofs]]
-        for index in np.flatnonzero(~self.matched):
-            one, two = self.sides[index]
-            found += [two] * bool(chosen[one].any()) + [one] * bool(chosen[two].any())
-        return np.unique(np.concatenate(found))
-
-    def renumbered(self, place: np.ndarray, size: int, total: int) -> Transfer:
-        """The flat points that have both sides in another numbering.
-
-        place : (D + G,) int, new number of each trace dof, −1 for those that are left out
-        """
-        known, none = place >= 0, np.empty(0, int)
-        whole = np.array([known[a].all() and known[b].all() for a, b in self.sides], dtype=bool)
-        kept = np.where(self.at_pairs, known[self.one] & known[self.two], np.repeat(whole, np.diff(self.bounds)))
-        operators = self.operators
-        if operators is not None:
-            columns = np.zeros(total, int)
-            columns[place[known]] = np.flatnonzero(known)
-            operators = Products(*(sp.csr_array(G[kept][:, columns]) for G in operators))
-        sides = [(place[a], place[b]) if w else (none, none) for (a, b), w in zip(self.sides, whole)]
-        return replace(self, one=place[self.one[kept]], two=place[self.two[kept]], size=size, total=total, sides=sides,
-                       bounds=np.concatenate([[0], np.cumsum(kept)])[self.bounds], operators=operators)
 
     def at(self, row: np.ndarray, bounds: np.ndarray) -> Transfer:
         """Points made of the flat ones that this one has.

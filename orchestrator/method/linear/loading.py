@@ -18,7 +18,8 @@ from orchestrator.blackbox.shared import assembled
 from orchestrator.method.interface.rows import dots, placed
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.scene.conditions.rigid import HELD, motions_about, size_of
+from orchestrator.parallel.team import Team
+from orchestrator.scene.conditions.rigid import HELD, motions_about
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.timing import Savings
@@ -175,12 +176,15 @@ class Carried:
     frames: dict[int, tuple[np.ndarray, float, np.ndarray]]  # body that is moved → centre, size, and (6, T) coefficients of its motions
 
     @classmethod
-    def of(cls, scene: Scene) -> Carried:
-        """Of a whole scene."""
+    def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Carried:
+        """Of a scene; of a rank's part of one, whose ``rank_of`` its subdomains are, together with all others."""
         joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
         body = components(*joined.T, len(scene.subdomains))[1]
-        return cls(body, {b: _fit(scene, [s for s, other in zip(scene.subdomains, body) if other == b]) for b in
-                          np.unique([body[s.index] for s in scene.subdomains if s.prescribed.any()])})
+        own, moved = [s for s in scene.subdomains if rank_of[s.index] == team.rank], np.zeros(body.max() + 1)
+        for s in own:
+            moved[body[s.index]] += s.prescribed.any()
+        bodies = np.flatnonzero(team.sum(moved)[0])
+        return cls(body, dict(zip(bodies.tolist(), _fits(scene, [[s for s in own if body[s.index] == b] for b in bodies], team))))
 
     def between(self, step: int, share: float) -> Carried:
         """At one load step alone, a share of the way from the one before to ``step``."""
@@ -204,11 +208,20 @@ class Carried:
         return np.where(fixed, 0.0, rigid), left
 
 
-def _fit(scene: Scene, pieces: list[Subdomain]) -> tuple[np.ndarray, float, np.ndarray]:
-    """Centre, size, and (6, T) coefficients of the motions of one body."""
-    held = [s for s in pieces if s.fixed.any()]
-    points = np.concatenate([scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in held])
-    centre, size = points.mean(axis=0), size_of(points)
-    rows = np.concatenate([motions_about(scene.mesh.nodes[s.nodes], centre, size)[s.fixed] for s in held])
-    values = np.concatenate([s.prescribed[:, s.fixed] for s in held], axis=1)
-    return centre, size, np.linalg.lstsq(rows, values.T, rcond=HELD)[0]
+def _fits(scene: Scene, bodies: list[list[Subdomain]], team: Team) -> list[tuple[np.ndarray, float, np.ndarray]]:
+    """Centre, size, and (6, T) coefficients of the motions of some bodies, of each this rank's pieces.
+
+    Each rank's rows are reduced to a triangle, whose least squares are the same (Demmel et al., SIAM J. Sci. Comput. 34, 2012).
+    """
+    held = [[s for s in pieces if s.fixed.any()] for pieces in bodies]
+    points = [np.concatenate([np.empty((0, 3)), *(scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in pieces)]) for pieces in held]
+    sums, counts = team.sum(np.array([p.sum(axis=0) for p in points]).reshape(-1, 3), [len(p) for p in points])
+    centres = sums / counts[:, None]
+    far = team.max(*(((p - c) ** 2).sum(axis=1).max(initial=0.0) for p, c in zip(points, centres))) if bodies else []
+    sizes, rows = [float(np.sqrt(x)) or 1.0 for x in far], []
+    for pieces, centre, size in zip(held, centres, sizes):
+        each = [np.column_stack([motions_about(scene.mesh.nodes[s.nodes], centre, size)[s.fixed], s.prescribed[:, s.fixed].T]) for s in pieces]
+        own = np.concatenate([np.empty((0, 6 + scene.steps)), *each])
+        rows.append(own if team.size == 1 else np.linalg.qr(own, mode="r"))
+    rows = [np.concatenate(same) for same in zip(*team.all_gather(rows))]
+    return [(c, size, np.linalg.lstsq(r[:, :6], r[:, 6:], rcond=HELD)[0]) for c, size, r in zip(centres, sizes, rows)]
