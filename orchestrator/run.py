@@ -27,8 +27,9 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.scene.build import build_scene
-from orchestrator.solving import Ranks, solve
+from orchestrator.scene.model import Scene
+from orchestrator.scene.pieces.outline import hollow
+from orchestrator.solving import Ranks, scene_of, solve
 from orchestrator.timing import Stopwatch
 
 
@@ -69,11 +70,12 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         with Progress(quiet) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
+            team.share((config, reference, means.judge is not None))
             with watch("mesh"):
-                scene = build_scene(config, run_programs=True, meshed=means.meshed)
-            with Record(folder, config, scene, watch, artist, resume=resume) as record:
-                team.share((config, reference, means.judge is not None))
-                solution = _balanced(config, [*record.subscribers, progress], record, reference, means.ranks)
+                made = [scene_of(config, means.ranks, reference, means.meshed)]
+            known = hollow(made[0]) if made[0].overview else made[0]
+            with Record(folder, config, known, watch, artist, resume=resume) as record:
+                solution = _balanced(config, [*record.subscribers, progress], record, made, reference, means.ranks)
                 progress.close()
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
@@ -96,12 +98,15 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
         begun(folder)
 
 
-def _balanced(config: Config, told: Sequence[Subscriber], record: Record, reference: bool, ranks: Ranks) -> Solution:
-    """The solution; where ranks turn out unbalanced, subdomains are placed anew and the run goes on from there."""
-    start, ranks, placed = record.start, replace(ranks, may_stop=record.keeps), []
+def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: list[Scene], reference: bool, ranks: Ranks) -> Solution:
+    """The solution; where ranks turn out unbalanced, subdomains are placed anew and the run goes on from there.
+
+    made : the scene or a part of it, taken out of the list so that nobody else holds it
+    """
+    start, ranks, placed, whole = record.start, replace(ranks, may_stop=record.keeps), [], None if record.scene.overview else record.scene
     while True:
         try:
-            solution = solve(config, record.scene, told, reference=reference, start=start, watch=record.watch, ranks=ranks)
+            solution = solve(config, made.pop() if made else whole, told, reference=reference, start=start, watch=record.watch, ranks=ranks)
             solution.summary["warnings"] += placed
             return solution
         except Unbalanced as found:
@@ -114,7 +119,8 @@ def follow(team: Team) -> int:
     is rank 0's."""
     while (given := team.share(None)) is not None:
         config, reference, judged = given
-        piece = _piece_of(config, reference, Ranks(team))
+        ranks = Ranks(team)
+        piece = _piece_of(config, [scene_of(config, ranks, reference)], reference, ranks)
         if judged:
             piece.estimate(False)  # as the judge has it
         if config.output.fields:
@@ -122,9 +128,10 @@ def follow(team: Team) -> int:
     return CONVERGED
 
 
-def _piece_of(config: Config, reference: bool, ranks: Ranks) -> Piece:
+def _piece_of(config: Config, made: list[Scene | None], reference: bool, ranks: Ranks) -> Piece:
+    """``made`` : as for ``_balanced``; None where rank 0 has all of it."""
     while True:
         try:
-            return solve(config, reference=reference, ranks=ranks)
+            return solve(config, made.pop() if made else None, reference=reference, ranks=ranks)
         except Unbalanced as found:
             ranks = replace(ranks, speeds=found.speeds)

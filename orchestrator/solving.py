@@ -24,7 +24,7 @@ from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
-from orchestrator.method.iterated import Iterated, LoadCases, common_load_cases
+from orchestrator.method.iterated import Iterated, LoadCases, load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.setup import Part, prepare
 from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds
@@ -34,13 +34,17 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.registry import LAWS
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.ranks import OnRanks, Piece
-from orchestrator.results.solution import Solution, fields_of
+from orchestrator.results.solution import Solution, fields_of, unsound
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.aside import set_aside
+from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
+from orchestrator.scene.pieces.make import make
+from orchestrator.scene.pieces.outline import hollow
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Savings, Stopwatch, predicted_cost
 
@@ -64,13 +68,14 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
           start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
-    scene : default: what ``build_scene`` makes of the configuration
+    scene : default: ``scene_of`` the configuration
     subscribers : told what goes on
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
     watch : where seconds are counted
-    ranks : that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only rank 0 gets
-        the solution, the others their pieces of its fields, and only its subscribers see whole states
+    ranks : that solve it together; each calls this. Of a scene each needs its part, where they have made these, else rank 0 alone,
+        which hands out its parts. Only rank 0 gets the solution, the others their pieces of its fields, and only its subscribers see
+        whole states
     Returns the solution, converged or not
     Raises InputError: the problem cannot be solved, or a code is not there
     Raises BlackBoxError: a code fails, hangs or answers nonsense
@@ -102,12 +107,13 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             raise wrong(MESH_BOUND, f"mesh_bound on {team.size} ranks", "one process", "start it without mpiexec, or remove mesh_bound")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
-        if scene is None and team.rank == 0:
+        if team.share(scene is None):
             told.stage("meshing")
             with watch("mesh"):
-                scene = build_scene(config, run_programs=True)
+                scene = scene_of(config, ranks, reference)
+        given, scene = [scene], None  # nobody else is to hold a part
         with by_keys():
-            return _Solving(config, scene, told, start, watch, ranks, reference).solution()
+            return _Solving(config, given, told, start, watch, ranks, reference).solution()
     except Unbalanced:
         raise
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
@@ -115,44 +121,62 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         raise
 
 
-class _Solving:
-    """One solution; every rank has its own, and the whole scene is on rank 0.
+def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Meshed | None = None) -> Scene | None:
+    """The scene of a configuration: this rank's part, where all ranks can make theirs together, see ``pieces``; else the whole on rank
+    0, which all other ranks get their parts of. All ranks ask together.
 
+    reference, meshed : as of ``solve`` and ``build_scene``
+    Raises InputError: as ``build_scene``
+    """
+    apart = ranks.team.share(meshed is None) and not reference
+    part = make(config, ranks.team, ranks.speeds) if apart else None
+    return part if part is not None or ranks.team.rank else build_scene(config, run_programs=True, meshed=meshed)
+
+
+class _Solving:
+    """One solution; every rank has its own.
+
+    whole : the whole scene, on rank 0; where ranks have made their parts themselves, its outline
     rank_of : (subdomains,) int
     exact : the undecomposed solution, on rank 0 where it is asked for
     """
 
-    def __init__(self, config: Config, whole: Scene | None, told: Subscribers, start: Start | None, watch: Stopwatch, ranks: Ranks,
+    def __init__(self, config: Config, given: list[Scene | None], told: Subscribers, start: Start | None, watch: Stopwatch, ranks: Ranks,
                  reference: bool):
         self.begun = time.perf_counter()
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
-        team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
-        self.whole = None if whole is None else with_own_loads(whole, self.codes)
+        team, self.codes, scene = ranks.team, with_workers(config.codes, ranks.team), given.pop()
+        self.apart = scene is not None and scene.overview is not None
+        self._made = [scene] * self.apart  # taken from here
+        whole = hollow(scene) if self.apart and not team.rank else None if self.apart else scene
+        self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
         self.bounds = MeshBounds(self.whole) if config.output.mesh_bound else None
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
-        self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
             self.whole, *_certified(config), config.output.moments_about), balanced=bool(config.accuracies)))
         if config.accuracies and not team.rank:
             check_sections(self.whole, config.accuracies)
         self.asked: Wanted = team.share(None if team.rank else Wanted.of(self.whole, list(config.accuracies), (), np.zeros(3)))
-        self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
+        self.rank_of: np.ndarray = scene.overview.rank_of if self.apart else team.share(
+            None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
     def solution(self) -> Solution | Piece:
         """The solution on rank 0, elsewhere this rank's piece of its fields."""
         team, watch = self.ranks.team, self.watch
         with watch("parts"):
-            parts = [Part.handed_out(self.whole, self.rank_of, team)]
+            made = Part.of(self._made.pop(), self.rank_of, team) if self.apart else Part.handed_out(self.whole, self.rank_of, team)
+            own = [made.scene.subdomains[e] for e in made.space.subdomains]
+            self.cases: LoadCases = load_cases(made.scene, self.config.method.skip, own, team)
+            parts = [made]
+            del made, own
         estimate, needed = DiscretisationEstimate(self.whole, self.cases), self.reference or self._follows_mesh
-        with set_aside(self.whole, team.size > 1 and not needed):
+        with set_aside(self.whole, team.size > 1 and not needed and not self.apart):
             delivered, piece, answers, setup_sweeps, spent = self._part_solved(
                 parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
             trim()  # of this rank's part nothing is left
-        fields = None
-        if team.rank == 0:
-            with watch("output"):
-                delivered = on_whole(delivered, self.whole)
-                fields = fields_of(self.whole, delivered, spent)
+        with watch("output"):
+            lost = [] if team.rank else unsound(self.whole, spent)
+            delivered, fields = self._whole_fields(delivered, piece, lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
             if self.bounds is not None:
@@ -165,7 +189,19 @@ class _Solving:
         summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
         with watch("output"):
             known = delivered.discretisation
-            return Solution.of(self.config, self.whole, delivered, fields.with_error(known and known.cells), summary, self.exact, piece)
+            fields = fields and fields.with_error(known and known.cells)
+            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece, lost)
+
+    def _whole_fields(self, delivered: Delivered, piece: Piece | None, lost: list[int]) -> tuple[Delivered, Fields | None]:
+        """Fields of the whole on rank 0, where they are asked for or it has the whole anyway; with its displacements on the mesh's nodes."""
+        if self.apart:
+            wanted = self.config.output.fields or self.config.output.figures
+            fields = piece.together(lost) if wanted else None
+            return replace(delivered, displacement=fields and fields.displacement), fields
+        if self.ranks.team.rank:
+            return delivered, None
+        delivered = on_whole(delivered, self.whole)
+        return delivered, fields_of(self.whole, delivered, lost)
 
     @property
     def _follows_mesh(self) -> bool:
@@ -220,7 +256,7 @@ class _Solving:
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
-            delivered, answers = deliver(d, chosen, self.cases, iterated, watch, self.wanted), None
+            delivered, answers = deliver(d, chosen, self.cases, iterated, watch, self.wanted, not self.apart), None
             if self.asked:
                 with watch("bound"):
                     answers = unit_answers(d, delivered, self.asked, method, watch)

@@ -16,7 +16,6 @@ from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import Means, Ranks, follow, run
 from orchestrator.solving import Ranks, solve
-from orchestrator.scene.build import build_scene
 
 
 
@@ -44,6 +43,16 @@ CASES = {
                      {"on": {"plane": "x", "at": 2}, "traction": [10, 0, 5]}], "blackbox": IN_PROCESS,
         "method": {"macro": {"strategy": "none"}, "search_direction": {"kplus": "full"}, "acceleration": "none",
                    "sole": {"kind": "layer"}, "tolerance": {"indicator": 1e-9}},
+    },
+    # blocks that are not cut along bricks, of a box that ranks make together; loads and supports of all kinds that are local
+    "blocks": {
+        "mesh": {"box": {"size": [3, 2, 2], "cells": [7, 6, 4]}, "scale": 0.5}, "subdomains": {"grid": [3, 2, 2]},
+        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}], "histories": {"up": [1, 0.5, 0], "down": [0, 1, 1]},
+        "boundary": [{"on": "xmin", "symmetry": True}, {"on": {"plane": "y", "at": 0}, "displacement": [None, 0, 0]},
+                     {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "pressure": 3.0, "history": "up"},
+                     {"on": "xmax", "hydrostatic": {"level": 0.7, "weight": 4.0}, "history": "down"},
+                     {"on": "ymax", "traction": [[1, 2, 3], [0, 0, 1], [1, 2, 4]]}],
+        "loads": [{"gravity": [0, 0, -1], "history": "up"}],
     },
     "soft modes": {
         "mesh": {"box": {"size": [4, 4, 0.25], "cells": [8, 8, 1]}}, "subdomains": {"grid": [2, 2, 1]},
@@ -151,7 +160,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     """What a case comes out as; on rank 0. ``nudge``: a force per volume on all of it."""
     loads = {"loads": [{"body_force": [nudge, -0.7 * nudge, 0.4 * nudge]}]} if nudge else {}
     config = config_from({"name": name, **CASES[name], **loads})
-    solved = solve(config, build_scene(config) if team.rank == 0 else None, ranks=Ranks(team))
+    solved = solve(config, ranks=Ranks(team))
     if team.rank:
         return None
     summary = solved.summary

@@ -14,7 +14,8 @@ from orchestrator.config.load import load_config
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.contact import OPEN, SLIP, STICK
 from orchestrator.laws.points import BONDED
-from orchestrator.results.summary.cautions import cautions, rotations
+from orchestrator.method.delivery.moved import rotations
+from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz

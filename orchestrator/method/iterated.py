@@ -22,8 +22,8 @@ from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Evaluation
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
-from orchestrator.parallel.team import Team
-from orchestrator.scene.model import Scene
+from orchestrator.parallel.team import ALONE, Team
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass(frozen=True)
@@ -166,33 +166,27 @@ class LoadCases:
         return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
 
 
-def load_cases(scene: Scene, skip) -> LoadCases:
-    """The steps to solve.
+def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None, team: Team = ALONE) -> LoadCases:
+    """The steps to solve, the same on all ranks, which ask together.
 
     skip : ``method.skip`` of the configuration
+    own : this rank's subdomains of its part of the scene; None: all
     """
-    if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not any(
-            s.remembers for s in scene.subdomains):
-        return _independent(_load_vectors(scene))
+    remembers = team.max(float(any(s.remembers for s in scene.subdomains)))[0]
+    if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not remembers:
+        return _independent(_load_vectors(scene.steps, scene.subdomains if own is None else own, team))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
-def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
-    """Load cases common to all ranks: rank 0 decides, which has the scene.
-
-    method : ``method`` of the configuration
-    """
-    return team.share(None if team.rank else load_cases(scene, method.skip))
-
-
-def _load_vectors(scene: Scene) -> np.ndarray:
-    """(n, T) prescribed displacements and forces, each relative to the largest; without entries that are always zero."""
+def _load_vectors(steps: int, own: Sequence[Subdomain], team: Team) -> np.ndarray:
+    """(n, T) prescribed displacements and forces, each relative to the largest; of several ranks the triangle of their least squares."""
     parts = []
     for name in ("prescribed", "loads"):
-        values = np.hstack([getattr(s, name).reshape(scene.steps, -1) for s in scene.subdomains]).T
+        values = np.hstack([getattr(s, name).reshape(steps, -1) for s in own]).T
         values = values[values.any(axis=1)]
-        parts.append(values / np.abs(values).max(initial=np.finfo(float).tiny))
-    return np.vstack(parts)
+        parts.append(values / team.max(np.abs(values).max(initial=np.finfo(float).tiny))[0])
+    loads = np.vstack(parts)
+    return loads if team.size == 1 else np.vstack(team.all_gather(la.qr(loads, mode="r")[0][:steps] if len(loads) else loads))
 
 
 def _independent(loads: np.ndarray) -> LoadCases:

@@ -46,18 +46,20 @@ class Answers:
     paths: list[dict[str, object]]
 
     @classmethod
-    def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = (),
-           piece: Piece | None = None) -> Answers:
+    def of(cls, scene: Scene, delivered: Delivered, fields: Fields | None, detached: Sequence[list[str]] = (),
+           piece: Piece | None = None, unsound: Sequence[int] = ()) -> Answers:
         """Answers of a solved scene.
 
+        fields : None: no probes are
         detached : names of bodies that nothing holds, per load step
         piece : rank 0's, where there are several; the others ask for the extremes of theirs
+        unsound : subdomains whose stresses are not to be believed
         """
         lost = None
         if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
-        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
+        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(unsound, lost)
         found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]

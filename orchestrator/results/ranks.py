@@ -85,21 +85,43 @@ class Piece:
             cells[:, chosen] = own
         return Estimate(found.relative, cells)
 
-    def extremes(self, believed: np.ndarray | None = None, lost: np.ndarray | None = None) -> Extremes | None:
+    def together(self, unsound: Sequence[int] = ()) -> Fields | None:
+        """Fields of the whole, on rank 0, which knows whose stresses are not to be believed; where all interfaces are perfect."""
+        f, number = self.fields, self.fields.meeting.label
+        everyone = self.team.gather((number, self.cells, f.nodes, number[f.cells], f.subdomain, f.lame, f.displacement, f.part))
+        if everyone is None:
+            return None
+        numbers, cells, *values = zip(*everyone)
+        nodes, tets, subdomain, lame, displacement, part = values
+        return Fields(_placed(numbers, nodes), _placed(cells, tets), _placed(cells, subdomain), _placed(cells, lame),
+                      _placed(numbers, displacement, 1), part=_placed(cells, part), parts=f.parts,
+                      believed=~np.isin(_placed(cells, subdomain), unsound) if len(unsound) else None)
+
+    def extremes(self, unsound: Sequence[int] = (), lost: np.ndarray | None = None) -> Extremes | None:
         """Those of the whole, on rank 0, which knows the parameters.
 
-        believed : (m,) bool, of all cells, as for ``Fields``
+        unsound : subdomains whose stresses are not to be believed
         lost : as for ``extremes``
         """
-        lost, unsound = self.team.share((lost, None if believed is None else np.flatnonzero(~believed)))
-        if unsound is not None:
-            self._know(believed=~np.isin(self.cells, unsound))
+        lost, unsound = self.team.share((lost, unsound))
+        if len(unsound):
+            self._know(believed=~np.isin(self.fields.subdomain, unsound))
         everyone = self.team.gather(extremes(self.fields.nodal, lost))
         return None if everyone is None else Extremes.joined(everyone)
 
     def _know(self, **more: np.ndarray) -> None:
         """Take in what is only known later; what was computed without it goes."""
         self.fields = replace(self.fields, **more)
+
+
+def _placed(numbers: Sequence[np.ndarray], values: Sequence[np.ndarray], axis: int = 0) -> np.ndarray:
+    """Values of all ranks where their numbers say, along an axis."""
+    shape = list(values[0].shape)
+    shape[axis] = 1 + max(int(n.max(initial=-1)) for n in numbers)
+    result = np.empty(shape, values[0].dtype)
+    for number, own in zip(numbers, values):
+        result[(slice(None),) * axis + (number,)] = own
+    return result
 
 
 def _mean(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], meeting: Meeting) -> np.ndarray:

@@ -39,7 +39,7 @@ class Solution:
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
     fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
-        asked for
+        asked for, where they were read or ranks have made the scene
     directory : the folder that it was read from
     scene : what was solved; None, as all that follows, where it was read from a folder
     iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
@@ -87,10 +87,13 @@ class Solution:
     quantities: Sequence[Quantity] = ()
 
     @classmethod
-    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
-           reference: Reference | None, piece: Piece | None = None) -> Solution:
-        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written."""
-        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
+    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields | None, summary: dict[str, object],
+           reference: Reference | None, piece: Piece | None = None, lost: Sequence[int] = ()) -> Solution:
+        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written.
+
+        lost : subdomains, as ``unsound`` has them
+        """
+        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece, lost)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
                    delivered.parts, reference, answers, delivered.joints, piece, config, delivered.quantities)
@@ -191,9 +194,13 @@ class Solution:
         return f"Solution({self.summary.get('name')}: {state} after {self.iterations} iterations{bound})"
 
 
-def fields_of(scene: Scene, delivered: Delivered, ranks: Sequence[Spent]) -> Fields:
-    """The fields of a run, without an estimate of their error; ``ranks`` tell which codes have matter of their own."""
+def unsound(scene: Scene, ranks: Sequence[Spent]) -> list[int]:
+    """Subdomains whose stresses are those of moduli that are not theirs; ``ranks`` tell which codes have matter of their own."""
     own = [number for number, code in codes_of_all([rank.codes for rank in ranks]).items() if code["own_matter"]]
-    foreign = [s.index for s in scene.subdomains if s.foreign or s.code in own]
+    return [s.index for s in scene.subdomains if s.foreign or s.code in own]
+
+
+def fields_of(scene: Scene, delivered: Delivered, lost: Sequence[int]) -> Fields:
+    """The fields of a run, without an estimate of their error; ``lost`` : as ``unsound`` has them."""
     return Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
-                     believed=~np.isin(scene.cell_subdomain, foreign) if foreign else None)
+                     believed=~np.isin(scene.cell_subdomain, lost) if lost else None)

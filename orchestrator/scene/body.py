@@ -18,6 +18,7 @@ from orchestrator.scene.mesh.quadratic import choose_element, quadratic
 from orchestrator.scene.mesh.size_map import Sizes
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Material
+from orchestrator.scene.partition import Partition
 
 # Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
 STEP_BYTES = 5 * 3 * 8
@@ -31,6 +32,7 @@ class Body:
 
     material : (m,) int, index into ``materials``, −1 for none
     choice : of the element, where that was left open
+    partition : where it is known with the mesh, as of a piece of one
     """
 
     mesh: Mesh
@@ -38,6 +40,7 @@ class Body:
     materials: list[Material]
     material: np.ndarray
     choice: object = None
+    partition: Partition | None = None
 
 
 class Meshed:

@@ -67,7 +67,8 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     """Everything the method needs to know of the problem.
 
     run_programs : whether parts that are programs are started; they alone know their joints
-    meshed : what makes the mesh; one that has been used before has it already where nothing that makes it has changed
+    meshed : what makes the mesh; one that has been used before has it already where nothing that makes it has changed; of a piece of a
+        mesh nothing is said that the others decide, see ``pieces``
     Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
         a bad mesh is reported alone, since nothing else can be judged without it; programs that may not be started
 
@@ -97,10 +98,11 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     loads, thermal, body_force = _loaded(config, plain, body, cut, boundary, problems)
     held = _supported(config, body, cut, joints, boundary, problems)
     _freed(config, body, cut, joints, held, problems)
-    if resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
+    whole = body.mesh.within is None  # a piece of a mesh may be held elsewhere, and what is asked for be there
+    if whole and resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
         # A selection that failed holds nothing: a second complaint would only distract.
         _check_held(bodies, cut, joints, held, problems)
-    probes = _watched(config, plain, cut, joints, problems)
+    probes = _watched(config, plain, cut, joints, problems) if whole else []
     problems.raise_if_any()
     _remark(config, body.mesh, problems)
     subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
@@ -119,7 +121,7 @@ def _divided(config: Config, body: Body, problems: Problems) -> Cut:
     """The subdomains, bolts cut."""
     mesh, cuts, failed = body.mesh, [], False
     try:
-        partition = make_partition(mesh, body.faces, config.subdomains)
+        partition = body.partition or make_partition(mesh, body.faces, config.subdomains)
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface, Scene
+from orchestrator.scene.model import BoundaryEntry, Interface, Scene, Subdomain
 from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.errors import some
 
@@ -34,20 +35,49 @@ def noted(scene: Scene) -> Iterator[str]:
     yield from scene.warnings
 
 
+@dataclass(frozen=True)
+class Acting:
+    """What acts on a scene, or on some of its subdomains.
+
+    moved : whether displacements are prescribed, or laws act by themselves; loaded : whether there are forces
+    largest : (entries, 3) of each entry of ``boundary`` the largest of its forces
+    held : (entries, 3) bool, whether all its nodes have these components prescribed
+    """
+
+    moved: bool
+    loaded: bool
+    largest: np.ndarray
+    held: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, own: Sequence[Subdomain]) -> Acting:
+        """On some subdomains; entries are those of the scene."""
+        moved = any(s.prescribed.any() for s in own) or any(law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
+        largest = [entry.forces.largest if entry.forces else np.zeros(3) for entry in scene.boundary]
+        held = [scene.fixed[entry.nodes].all(axis=0) for entry in scene.boundary]
+        return cls(moved, any(s.loads.any() for s in own), np.array(largest).reshape(-1, 3), np.array(held, dtype=bool).reshape(-1, 3))
+
+    @classmethod
+    def joined(cls, several: Sequence[Acting]) -> Acting:
+        """Of all from parts."""
+        return cls(any(x.moved for x in several), any(x.loaded for x in several), np.max([x.largest for x in several], axis=0),
+                   np.all([x.held for x in several], axis=0))
+
+    def sentences(self, boundary: Sequence[BoundaryEntry]) -> Iterator[str]:
+        """Nothing acts, or only where it goes straight into a support."""
+        if not self.moved and not self.loaded:
+            yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
+                   "nothing will move")
+        for entry, largest, held in zip(boundary, self.largest, self.held):
+            acts = largest > FLAT * largest.max()
+            if acts.any() and held[acts].all():
+                yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
+                       "it: it goes straight into the support and moves nothing")
+
+
 def unloaded(scene: Scene) -> Iterator[str]:
     """Nothing acts, or only where it goes straight into a support."""
-    moved = any(s.prescribed.any() for s in scene.subdomains) or any(law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
-    if not moved and not any(s.loads.any() for s in scene.subdomains):
-        yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
-               "nothing will move")
-    for entry in scene.boundary:
-        largest = entry.forces.largest if entry.forces else np.zeros(3)
-        acts = largest > FLAT * largest.max()
-        if not acts.any():
-            continue
-        if scene.fixed[entry.nodes][:, acts].all():
-            yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
-                   "it: it goes straight into the support and moves nothing")
+    yield from Acting.of(scene, scene.subdomains).sentences(scene.boundary)
 
 
 RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
@@ -55,6 +85,8 @@ RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
 
 def scene_cautions(scene: Scene) -> list[str]:
     """Cautions that a user should know before the scene is solved."""
+    if scene.overview is not None:
+        return scene.overview.cautions
     return [sentence for rule in RULES for sentence in rule(scene)]
 
 

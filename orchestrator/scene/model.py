@@ -12,6 +12,7 @@ import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
+from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.mortar.operators import Mortar
@@ -252,27 +253,43 @@ class Difficulty:
     mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
     incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
     soft : (subdomains,) bool, those of them that affine macro functions do not do for
+    slenderness : (subdomains,) largest over smallest extent
     """
 
     mixed_moduli: np.ndarray
     incompressible_or_slender: np.ndarray
     soft: np.ndarray
+    slenderness: np.ndarray
 
 
 @dataclass(frozen=True)
 class Overview:
-    """What a part of a scene knows of all of it: a number per subdomain or interface.
+    """What a part of a scene knows of all of it: a number per subdomain or interface, and what is one for all.
 
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
     difficulty : what is difficult about the interfaces and subdomains
+    nodes : (subdomains,) int, how many each has
     matched : (interfaces,) bool, as of the ``Scene``
+    met : (interfaces,) int, nodes on side 1
+    used : (materials,) bool, which of them some cell has
+    cautions : what a user should know before the scene is solved
+    mesh_nodes : nodes of the mesh; box : (2, 3) around them; length : their largest distance from the centre
+    rank_of : (subdomains,) int, the rank that has made each; None: one has made all
     """
 
     sizes: np.ndarray
     loose: np.ndarray
     difficulty: Difficulty
+    nodes: np.ndarray
     matched: np.ndarray
+    met: np.ndarray
+    used: np.ndarray
+    cautions: list[str]
+    mesh_nodes: int
+    box: np.ndarray
+    length: float
+    rank_of: np.ndarray | None = None
 
 
 @dataclass
@@ -343,6 +360,16 @@ class Scene:
     def lame(self) -> np.ndarray:
         """(m, 2) float, Lamé's λ and μ of each cell."""
         return np.array([material.lame for material in self.materials])[self.cell_material]
+
+    @property
+    def used(self) -> np.ndarray:
+        """(k,) int, ascending, the materials that some cell has."""
+        return np.unique(self.cell_material) if self.overview is None else np.flatnonzero(self.overview.used)
+
+    @property
+    def length(self) -> float:
+        """The largest distance of a node from the centre of all."""
+        return size_of(self.mesh.nodes) if self.overview is None else self.overview.length
 
     @property
     def matched(self) -> np.ndarray:

@@ -14,7 +14,9 @@ import numpy as np
 
 from orchestrator.parallel.classes import classes
 from orchestrator.parallel.team import Meeting, Team
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -22,9 +24,11 @@ from orchestrator.scene.soles.overlap import difficulty, first_row
 
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
-    opens = any(not i.law.joins for i in scene.interfaces)
-    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene),
-                    scene.matched)
+    opens, mesh = any(not i.law.joins for i in scene.interfaces), scene.mesh
+    nodes, met = np.array([len(s.nodes) for s in scene.subdomains]), np.array([len(i.global_nodes) for i in scene.interfaces], dtype=int)
+    used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
+    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene), nodes,
+                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box, size_of(mesh.nodes))
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -39,13 +43,14 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
     rows = _rows(scene, own, touched)
     cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
-    kept = {e: np.unique(scene.subdomains[e].connectivity[rows[e]]) for e in np.flatnonzero(~own) if len(rows[e])}
-    near = [s.nodes if own[s.index] else s.nodes[kept[s.index]] for s in scene.subdomains if own[s.index] or s.index in kept]
-    # where sides share no nodes an interface's nodes may be on no cell that is kept
-    near += [scene.side_nodes(i, side) for i, here in zip(scene.interfaces, touched) if here for side in (0, 1)]
-    nodes = np.unique(np.concatenate(near))
-    for e in kept:
-        kept[e] = np.flatnonzero(np.isin(scene.subdomains[e].nodes, nodes))
+    kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own) if len(rows[e])}
+    for i, here in zip(scene.interfaces, touched):  # where sides share no nodes an interface's nodes may be on no cell that is kept
+        for e, nodes in zip(i.subdomains, i.nodes) if here else ():
+            if e in kept:
+                kept[e].append(nodes)
+    kept = {e: np.unique(np.concatenate(parts)) for e, parts in kept.items()}
+    nodes = np.unique(np.concatenate([s.nodes if own[s.index] else s.nodes[kept[s.index]]
+                                      for s in scene.subdomains if own[s.index] or s.index in kept]))
 
     mesh = Mesh(scene.mesh.nodes[nodes], np.searchsorted(nodes, scene.mesh.cells[cells]), scene.mesh.volume[cells],
                 scene.mesh.volumes, {}, scene.mesh.source)

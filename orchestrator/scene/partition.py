@@ -43,15 +43,25 @@ class Partition:
 def slices(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     """Slices of equal thickness along ``entry.axis``, by the tets' centroids."""
     count, axis = _counted(int(entry.count), len(mesh.cells)), AXES.index(entry.axis)
-    return Partition(_layers(mesh, axis, count), [f"slice {i}" for i in range(count)])
+    return Partition(layers(mesh, axis, count), [slice_name(i) for i in range(count)])
 
 
 def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     """Equal blocks, ``entry`` of them along x, y, z, by the tets' centroids; named by their indices."""
     counts = [int(c) for c in entry]
     _counted(min(counts) if min(counts) < 1 else int(np.prod(counts)), len(mesh.cells))
-    index = np.ravel_multi_index([_layers(mesh, axis, c) for axis, c in enumerate(counts)], counts)
-    return Partition(index, ["block {}-{}-{}".format(*i) for i in np.ndindex(*counts)])
+    index = np.ravel_multi_index([layers(mesh, axis, c) for axis, c in enumerate(counts)], counts)
+    return Partition(index, [block_name(*i) for i in np.ndindex(*counts)])
+
+
+def slice_name(index: int) -> str:
+    """Of one of the slices."""
+    return f"slice {index}"
+
+
+def block_name(*index: int) -> str:
+    """Of a block of the grid, by its place along x, y, z."""
+    return "block {}-{}-{}".format(*index)
 
 
 def metis(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
@@ -96,8 +106,9 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     return partition if above is None else split(mesh, faces, partition.names, above)
 
 
-def _layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
-    low, high = mesh.nodes[:, axis].min(), mesh.nodes[:, axis].max()
+def layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
+    """(m,) int, in which of some layers of equal thickness each tet's centroid is."""
+    low, high = mesh.box[:, axis]
     centroids = mesh.nodes[:, axis][mesh.cells[:, :4]].mean(axis=1)
     return np.clip(((centroids - low) / (high - low) * count).astype(int), 0, count - 1)
 

@@ -14,6 +14,7 @@ from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
+from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions,
                                                        recover, repositioned)
 from orchestrator.method.delivery.shares import Shares, shares
@@ -58,6 +59,7 @@ class Delivered:
     discretisation: Estimate | None = None  # its estimated error, if asked for
     mesh_bound: MeshBound | None = None  # if asked for
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
+    moved: Moved | None = None  # how far subdomains have
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
     @property
@@ -67,11 +69,12 @@ class Delivered:
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
-            wanted: Wanted = Wanted()) -> Delivered:
+            wanted: Wanted = Wanted(), gathered: bool = True) -> Delivered:
     """Recover what is delivered, and judge it; ``on_whole`` completes it.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
     wanted : what is to be certified
+    gathered : whether rank 0 gets the subdomains' displacements of all ranks
     """
     with watch("linear_stage"):
         ours, parts = ([part if part is None else cases.all_steps(part) for part in each]
@@ -102,8 +105,11 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         with watch("bound"):
             known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants)
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
-    return Delivered(iterated, of_all(d, parts), of_all(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known)
+    moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
+    everyones = of_all if gathered else lambda d, own: own
+    return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
+                     resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known,
+                     moved=moved)
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -12,7 +12,6 @@ from orchestrator.errors import Refusal
 from orchestrator.method.delivery.flux import FORCES, cells_of, flux
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.scene.conditions.probes import Point, Surface
-from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import strain, stress
 from orchestrator.scene.mesh.geometry import shape_gradients
@@ -67,7 +66,7 @@ class Wanted:
                    {p.name: flux(p, copies) for p in asked if p.name in carried}, REACTIONS in kinds,
                    [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
                    [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
-                   np.array(about, dtype=float), size_of(scene.mesh.nodes),
+                   np.array(about, dtype=float), scene.length,
                    {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds})
 
     def check(self, own: Sequence[Subdomain], blackbox: BlackBox) -> None:

@@ -19,7 +19,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.overlap import SLENDER, slenderness
+from orchestrator.scene.soles.overlap import SLENDER, difficulty
 
 PACE = 10  # iterations over which the latest pace is taken
 MOVING = 0.97  # factor per iteration above which nothing moves any more
@@ -110,7 +110,7 @@ def settings(run: Stopped) -> Iterator[str]:
 
 def matter(run: Stopped) -> Iterator[str]:
     """Nearly incompressible matter, and very different moduli."""
-    used = [run.scene.materials[m] for m in np.unique(run.scene.cell_material)]
+    used = [run.scene.materials[m] for m in run.scene.used]
     poisson, young = max(m.poisson for m in used), [m.young for m in used]
     if poisson > LOCKING:
         element = "blackbox: {element: P2} and " if run.scene.mesh.cells.shape[1] == 4 else ""
@@ -124,11 +124,10 @@ def matter(run: Stopped) -> Iterator[str]:
 def shape(run: Stopped) -> Iterator[str]:
     """Flat or slender subdomains."""
     scene = run.scene
-    own = [s.nodes for s, without in zip(scene.subdomains, scene.stand_ins) if not without]
-    worst = float(slenderness(own, scene.mesh.nodes).max(initial=1.0))
+    worst = float(difficulty(scene).slenderness[~scene.stand_ins].max(initial=1.0))
     if worst < SLENDER:
         return
-    extent, count = np.ptp(scene.mesh.nodes, axis=0), len(scene.subdomains)
+    extent, count = np.ptp(scene.mesh.box, axis=0), len(scene.subdomains)
     side = (extent.prod() / count) ** (1 / 3)
     for axis in np.argsort(extent):  # a side that is shorter than a compact subdomain's is not cut; the others make up for it
         if extent[axis] < side:

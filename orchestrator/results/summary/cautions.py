@@ -4,16 +4,17 @@ inside each other where no interface keeps them apart), and on meshes that are t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.moved import Moved
 from orchestrator.results.summary.sliding import sliding
 from orchestrator.results.summary.tools import tool_cautions
 from orchestrator.scene.cautions import LOCKING, scene_cautions
-from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
+from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
@@ -25,29 +26,26 @@ COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energ
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields | None = None,
-             detached: Iterable[list[str]] = (), discretisation_error: float | None = None) -> list[str]:
+             detached: Iterable[list[str]] = (), discretisation_error: float | None = None, moved: Moved | None = None) -> list[str]:
     """Sentences that a reader of the results must know.
 
-    sides : per subdomain (steps, n_E, 3) displacement
+    sides : per subdomain (steps, n_E, 3) displacement; not asked for where the scene is known by its outline alone
     detached : names per load step; where such bodies are means nothing, so that they are left out
     discretisation_error : estimated, relative, energy norm; None: not known
+    moved : how subdomains have moved; None: it is found from ``sides``
     """
     lost = {name for step in detached for name in step}
     tools = {i.subdomains[1] for i in scene.interfaces if i.tool is not None}  # which may go anywhere
-    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost and s.index not in tools]
+    moved = Moved.of(scene, scene.subdomains, sides) if moved is None else moved
+    kept = [s for s in scene.subdomains if s.body not in lost and s.index not in tools]
     result = [*scene_cautions(scene), *_of_mesh(scene, discretisation_error)]
-    nodes: dict[str, list[np.ndarray]] = {s.body: [] for s, _ in kept}
-    for s in scene.subdomains:
-        if s.body in nodes:
-            nodes[s.body].append(s.nodes)
-    size = {body: 2 * size_of(scene.mesh.nodes[np.unique(np.concatenate(parts))]) for body, parts in nodes.items()}
-    far = list(dict.fromkeys(s.body for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * size[s.body]))
+    far = list(dict.fromkeys(s.body for s in kept if moved.displacement[s.index] > DISPLACEMENT * moved.size[s.index]))
     if far:
         result.append(f"{some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
                       "outside small perturbations, which the results rest on")
     angle: dict[str, float] = {}
-    for (s, _), a in zip(kept, rotations([scene.mesh.nodes[s.nodes] for s, _ in kept], [u for _, u in kept]).tolist()):
-        angle[s.body] = max(angle.get(s.body, 0.0), a)
+    for s in kept:
+        angle[s.body] = max(angle.get(s.body, 0.0), float(moved.rotation[s.index]))
     turned = [name for name, a in angle.items() if a > ROTATION]
     if turned:
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
@@ -60,7 +58,7 @@ def _of_mesh(scene: Scene, error: float | None) -> list[str]:
     if error is None or not error > COARSE:
         return []
     linear = scene.mesh.cells.shape[1] == 4
-    locks = any(scene.materials[m].poisson > LOCKING for m in np.unique(scene.cell_material))
+    locks = any(scene.materials[m].poisson > LOCKING for m in scene.used)
     finer = "halve the element size where fields/ show large discretisation_error"
     cure = finer if not linear else "take blackbox: {element: P2}" + ("" if locks else f", or {finer}")
     return [f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the iterations: {cure}"]
@@ -82,22 +80,6 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
         result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result
-
-
-def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray]) -> np.ndarray:
-    """(bodies,) largest rotation, in radians, of the rigid motions that fit displacements (steps, n, 3) of points (n, 3) best."""
-    if not points:
-        return np.zeros(0)
-    counts = np.array([len(p) for p in points])
-    starts, member = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
-    x, u = np.concatenate(points), np.concatenate(displacements, axis=1)
-    arm = x - (np.add.reduceat(x, starts) / counts[:, None])[member]
-    products = np.add.reduceat(arm[:, :, None] * arm[:, None], starts)
-    inertia = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
-    moved = u - (np.add.reduceat(u, starts, axis=1) / counts[:, None])[:, member]
-    moment = np.add.reduceat(np.cross(arm, moved), starts, axis=1)
-    turned = np.einsum("tei,eij->tej", moment, np.linalg.pinv(inertia))
-    return np.linalg.norm(turned, axis=2).max(axis=0, initial=0.0)
 
 
 def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] = ()) -> list[str]:

@@ -87,7 +87,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
-                   estimated and estimated.relative), **spent, "config": config.complete()}
+                   estimated and estimated.relative, delivered.moved), **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
 
@@ -166,9 +166,12 @@ def _components(kind: str, interval: np.ndarray, normal: np.ndarray | None) -> d
 
 def problem_size(scene: Scene) -> dict[str, int]:
     """The part of the summary that says how large the problem is."""
-    return {"dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * sum(len(s.nodes) for s in scene.subdomains),
-        "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
-        "interface_nodes": sum(len(i.global_nodes) for i in scene.interfaces), "load_steps": scene.steps}
+    known = scene.overview
+    nodes = len(scene.mesh.nodes) if known is None else known.mesh_nodes
+    copies = sum(len(s.nodes) for s in scene.subdomains) if known is None else int(known.nodes.sum())
+    met = sum(len(i.global_nodes) for i in scene.interfaces) if known is None else int(known.met.sum())
+    return {"dofs": 3 * nodes, "dofs_decomposed": 3 * copies, "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
+            "interface_nodes": met, "load_steps": scene.steps}
 
 
 def note_time(summary: dict[str, object], watch: Stopwatch) -> None:

@@ -233,6 +233,7 @@ class Kind:
     listed : whether vectors may be listed there, one per load step
     files : keys of a mapping there that name files
     axes : keys, from one mapping to the next, at which it has an axis
+    local : whether what comes of a face or of a cell hangs on no other one
     """
 
     takes: ClassVar[Any]
@@ -240,6 +241,7 @@ class Kind:
     listed: ClassVar[bool] = False
     files: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[tuple[str, ...], ...]] = ()
+    local: ClassVar[bool] = True
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:

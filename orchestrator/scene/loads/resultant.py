@@ -30,6 +30,7 @@ class Resultant(Part):
 class Spread(Kind):
     takes = Resultant
     meaning = "force and moment as a whole: {force, moment, about}"
+    local = False
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:

@@ -52,6 +52,7 @@ class Temperature(Kind):
                    "a number, or {at: [0, 0, 10], gradient: [0, 0, 2.5]}, or {file: warm.csv}")
     meaning = "temperature above the one without stress, by the materials' expansion: a number, {value, at, gradient} or {file}"
     files = ("file",)
+    local = False
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:

@@ -57,6 +57,7 @@ class Mesh:
     remarks : sentences on how it differs from what was asked for
     smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names, with its normals
     foreign : the volumes that stand for parts whose mesh is not ours
+    within : (2, 3) the box around the whole mesh, where this is a piece of it: what is missed here may be elsewhere
     """
 
     nodes: np.ndarray
@@ -68,6 +69,12 @@ class Mesh:
     remarks: list[str] = field(default_factory=list)
     smooth: dict[str, Shape] = field(default_factory=dict)
     foreign: list[StandIn] = field(default_factory=list)
+    within: np.ndarray | None = None
+
+    @property
+    def box(self) -> np.ndarray:
+        """(2, 3) the box around all nodes, of the whole mesh where this is a piece of it."""
+        return np.stack([self.nodes.min(axis=0), self.nodes.max(axis=0)]) if self.within is None else self.within
 
     def is_foreign(self, cells: np.ndarray) -> np.ndarray:
         """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""
@@ -78,7 +85,7 @@ class Mesh:
     @property
     def diagonal(self) -> float:
         """Diagonal of the box around all nodes, a length."""
-        return float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
+        return float(np.linalg.norm(np.ptp(self.box, axis=0)))
 
     @property
     def one_body(self) -> list[np.ndarray]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib import import_module
-from itertools import permutations
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from orchestrator.config.base import Rotate, unit
 from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible, wrong
 from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.bisection import bisected
+from orchestrator.scene.mesh.bricks import Bricks
 from orchestrator.scene.mesh.faces import Faces, MAX_NODES, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh, checked
@@ -167,55 +167,28 @@ def joined(meshes: list[Mesh]) -> Mesh:
 
 def beam(mesh: Any) -> Mesh:
     """A box of bricks about h wide, from ``mesh.beam`` with ``size`` (3 lengths) and ``h`` (a length)."""
-    size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
-    # Python's rounding would send 2.5 cells to 2.
-    counts = np.maximum(np.floor(size / h + 0.5), 1)
-    check_size(np.prod(counts + 1), ("mesh", "beam", "h"), f"h = {h:g}", coarser(h))
-    counts = counts.astype(int)
-    return bricks(size, counts, "beam")
+    grid = grid_of(mesh)
+    check_size(np.prod(grid.counts + 1.0), ("mesh", "beam", "h"), f"h = {mesh.beam.h:g}", coarser(mesh.beam.h))
+    return grid.mesh()
 
 
 def box(mesh: Any) -> Mesh:
     """A box of given bricks, from ``mesh.box`` with ``size`` (3 lengths) and ``cells`` (3 counts)."""
-    size, counts = np.asarray(mesh.box.size, dtype=float), np.asarray(mesh.box.cells)
-    check_size(np.prod(counts + 1.0), ("mesh", "box", "cells"), f"cells: {list(map(int, mesh.box.cells))}",
+    grid = grid_of(mesh)
+    check_size(np.prod(grid.counts + 1.0), ("mesh", "box", "cells"), f"cells: {list(map(int, mesh.box.cells))}",
                lambda factor: f"take fewer cells, each {factor:.2g} times as large")
-    return bricks(size, counts, "box")
+    return grid.mesh()
+
+
+def grid_of(mesh: Any) -> Bricks:
+    """The bricks of ``mesh.box`` or ``mesh.beam``."""
+    if mesh.box is not None:
+        return Bricks(np.asarray(mesh.box.size, dtype=float), np.asarray(mesh.box.cells), "box")
+    size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
+    # Python's rounding would send 2.5 cells to 2; more than memory holds are counted all the same
+    return Bricks(size, np.maximum(np.floor(size / h + 0.5), 1).clip(max=1e15).astype(int), "beam")
 
 
 def bricks(size: np.ndarray, counts: np.ndarray, name: str) -> Mesh:
-    """A box with a corner at the origin, split along the diagonals of its bricks (Kuhn).
-
-    The split is the same in every brick, so slices of equal thickness are congruent.
-
-    size : (3,) lengths; counts : (3,) int, bricks along x, y, z
-    name : of the one volume; the six sides are named xmin, xmax, ymin, …; nodes are in lexicographic order, z fastest
-    """
-    shape = tuple(int(c) + 1 for c in counts)
-    axes = [np.linspace(0.0, length, points) for length, points in zip(size, shape)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    ids = np.arange(len(nodes)).reshape(shape)
-    stride = np.array([shape[1] * shape[2], shape[2], 1])
-    corner = ids[:-1, :-1, :-1].reshape(-1)
-    # A tet for each order of the axes: it walks from one corner of the brick to the opposite one.
-    tets = []
-    for order in permutations(range(3)):
-        walk = np.cumsum([0, *stride[list(order)]])
-        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
-        tets.append(walk[[0, 2, 1, 3]] if odd else walk)
-    cells = (corner[:, None, None] + np.array(tets)).reshape(-1, 4)
-    return Mesh(nodes, cells, np.zeros(len(cells), dtype=int), [name], _sides(ids), name)
-
-
-def _sides(ids: np.ndarray) -> dict[str, np.ndarray]:
-    """The six sides of a grid of node ids, as outward triangles cut along the bricks' diagonals."""
-    sides = {}
-    for axis, letter in enumerate("xyz"):
-        for end, label in ((0, "min"), (-1, "max")):
-            layer = np.take(ids, end, axis=axis)
-            a, b, c, d = (part.reshape(-1) for part in (layer[:-1, :-1], layer[1:, :-1], layer[1:, 1:], layer[:-1, 1:]))
-            triangles = np.r_[np.c_[a, b, c], np.c_[a, c, d]]
-            # (y,z), (x,z), (x,y): the middle pair is left-handed.
-            outward = (axis != 1) == (end == -1)
-            sides[letter + label] = triangles if outward else triangles[:, ::-1]
-    return sides
+    """The mesh of a box, see ``Bricks``."""
+    return Bricks(np.asarray(size, dtype=float), np.asarray(counts), name).mesh()

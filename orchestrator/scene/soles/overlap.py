@@ -136,9 +136,10 @@ def difficulty(scene: Scene) -> Difficulty:
     incompressible = largest > INCOMPRESSIBLE
     # four-node tets cannot flow without changing their volumes, and their copies resist by all of their bulk modulus
     yielding = largest > (0.5 / (1 + YIELDING**2) if scene.mesh.cells.shape[1] == 10 else INCOMPRESSIBLE)
-    slender = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes) >= SLENDER * (1 - SLACK)
+    extents = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes)
+    slender = extents >= SLENDER * (1 - SLACK)
     ours = ~scene.stand_ins  # thin layers that stand for something else bend nowhere
-    return Difficulty(mixed, (incompressible | slender) & ours, (yielding | slender) & ours)
+    return Difficulty(mixed, (incompressible | slender) & ours, (yielding | slender) & ours, extents)
 
 
 def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:

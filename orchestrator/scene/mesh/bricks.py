@@ -1,0 +1,86 @@
+"""A box of bricks, each split along its diagonals in six tets: all of it, or some of its bricks with the numbers that they have in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import permutations
+
+import numpy as np
+
+from orchestrator.scene.mesh.mesh import Mesh
+
+TETS = 6  # of a brick
+
+
+@dataclass(frozen=True)
+class Bricks:
+    """A box with a corner at the origin.
+
+    The split, Kuhn's, is the same in every brick, so slices of equal thickness are congruent. Nodes and bricks are in lexicographic
+    order, z fastest, tets follow each other brick by brick.
+
+    size : (3,) lengths; counts : (3,) int, bricks along x, y, z
+    name : of the one volume; the six sides are named xmin, xmax, ymin, …
+    """
+
+    size: np.ndarray
+    counts: np.ndarray
+    name: str
+
+    @cached_property
+    def axes(self) -> list[np.ndarray]:
+        """Coordinates of the nodes along x, y, z."""
+        return [np.linspace(0.0, length, int(count) + 1) for length, count in zip(self.size, self.counts)]
+
+    @property
+    def bricks(self) -> int:
+        """How many there are."""
+        return int(np.prod(self.counts))
+
+    def mesh(self) -> Mesh:
+        """The whole box."""
+        return self.some(np.arange(self.bricks))[0]
+
+    def some(self, bricks: np.ndarray) -> tuple[Mesh, np.ndarray, np.ndarray]:
+        """The mesh of some bricks (k,) int, ascending; its nodes' and its cells' numbers in the box, ascending."""
+        shape = tuple(int(c) + 1 for c in self.counts)
+        corner = np.ravel_multi_index(np.unravel_index(bricks, tuple(map(int, self.counts))), shape)
+        cells = (corner[:, None, None] + _tets(shape)).reshape(-1, 4)
+        number, cells = np.unique(cells, return_inverse=True) if len(bricks) < self.bricks else (np.arange(np.prod(shape)), cells)
+        at = np.stack(np.unravel_index(number, shape), axis=1)
+        nodes = np.column_stack([along[i] for along, i in zip(self.axes, at.T)])
+        made = Mesh(nodes, cells.reshape(-1, 4), np.zeros(TETS * len(bricks), dtype=int), [self.name], self._sides(bricks, number), self.name)
+        return made, number, (TETS * bricks[:, None] + np.arange(TETS)).ravel()
+
+    def on_sides(self, number: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+        """(k,) bool, which triangles (k, 3) of nodes by their place in ``number`` (n,) lie on a side of the box."""
+        at = np.stack(np.unravel_index(number, tuple(self.counts + 1)), axis=1)[triangles]
+        return ((at == 0).all(axis=1) | (at == self.counts).all(axis=1)).any(axis=1)
+
+    def _sides(self, bricks: np.ndarray, number: np.ndarray) -> dict[str, np.ndarray]:
+        """The six sides, as outward triangles cut along the bricks' diagonals."""
+        shape, sides = tuple(int(c) + 1 for c in self.counts), {}
+        stride, index = np.array([shape[1] * shape[2], shape[2], 1]), np.stack(np.unravel_index(bricks, tuple(map(int, self.counts))), axis=1)
+        for axis, letter in enumerate("xyz"):
+            one, two = np.delete(stride, axis)
+            for end, label in ((0, "min"), (int(self.counts[axis]), "max")):
+                own = index[index[:, axis] == max(end - 1, 0)]
+                a = (own @ stride) + (end - own[:, axis]) * stride[axis]
+                a, b, c, d = a, a + one, a + one + two, a + two
+                triangles = np.searchsorted(number, np.r_[np.c_[a, b, c], np.c_[a, c, d]])
+                # (y,z), (x,z), (x,y): the middle pair is left-handed.
+                outward = (axis != 1) == (end > 0)
+                sides[letter + label] = triangles if outward else triangles[:, ::-1]
+        return sides
+
+
+def _tets(shape: tuple[int, ...]) -> np.ndarray:
+    """(6, 4) nodes of a brick's tets beyond its first, in a grid of nodes: one for each order of the axes, from one corner to the
+    opposite one."""
+    stride, tets = np.array([shape[1] * shape[2], shape[2], 1]), []
+    for order in permutations(range(3)):
+        walk = np.cumsum([0, *stride[list(order)]])
+        odd = np.linalg.det(np.eye(3)[list(order)]) < 0
+        tets.append(walk[[0, 2, 1, 3]] if odd else walk)
+    return np.array(tets)

@@ -1,0 +1,104 @@
+"""A scene made by all ranks, each the subdomains that are placed on it.
+
+What is wrong is told by one process that makes the whole: where anything is, or may hang on all of the mesh, nothing is made here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.config.model import Config
+from orchestrator.errors import InputError, some, wrong
+from orchestrator.parallel.placement import owners
+from orchestrator.parallel.team import Team
+from orchestrator.registry import LAWS
+from orchestrator.scene.body import Body
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.rigid import motions_about, null_space
+from orchestrator.scene.conditions.selection import assign_materials
+from orchestrator.scene.model import Scene
+from orchestrator.scene.part import part_of
+from orchestrator.scene.pieces.boxes import Boxes
+from orchestrator.scene.pieces.outline import Outline
+from orchestrator.timing import predicted_cost
+
+
+def source_of(config: Config) -> Boxes | None:
+    """What makes the configuration's pieces; None where one process has to make the scene."""
+    plain = not (config.bolts or config.tools or config.output.probes or config.refines or config.output.mesh_bound)
+    bonded = all(LAWS[e.law].perfect and e.tool is None and e.pair == ("*", "*") and not e.exclude for e in config.interfaces)
+    codes = all(code.element == "P1" and not code.brings_loads and not code.remembers for code in config.codes)
+    local = all(entry.kind.local for entry in (*config.boundary, *config.loads))
+    if not (plain and bonded and codes and local) or config.method.tolerance.error == "auto":
+        return None
+    return Boxes.of(config.mesh, config.subdomains)
+
+
+def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | None:
+    """The part of a scene that is this rank's, which all ranks make together; None, on all of them: one has to make the whole.
+
+    speeds : as of ``owners``
+    """
+    source = source_of(config) if team.size > 1 else None
+    if source is None or source.count < team.size:
+        return None
+    nodes, pairs, common = source.sizes()
+    rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
+    local = _agreed(config, source, rank_of, team)
+    if local is None:
+        return None
+    whole = Outline.joined(team.all_gather(local.outline))
+    if (whole.faces == 0).any() or not _held(local, source.box, team):
+        return None
+    return whole.around(local.part, local.present, whole.overview(local.part, source.nodes, source.box, rank_of))
+
+
+@dataclass
+class _Local:
+    """A rank's subdomains, in the numbers of the piece that it has made.
+
+    part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
+    present : (subdomains,) int, which of the whole scene's those of the part are
+    """
+
+    part: Scene
+    present: np.ndarray
+    outline: Outline
+
+    @classmethod
+    def of(cls, config: Config, source: Boxes, mine: np.ndarray) -> _Local:
+        """Raises InputError: whatever is wrong with it."""
+        made = [source.piece(mine)]
+        present, number, cell_number = made[0].present, made[0].number, made[0].cell_number
+
+        def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
+            piece = made.pop()
+            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition)
+
+        scene, own = build_scene(config, meshed=meshed), np.searchsorted(present, mine)
+        if grounds := [entry.name for entry in scene.boundary if entry.ground]:
+            raise wrong(("boundary",), f"grounds of {some(grounds)}", "supports that add no subdomain")
+        part = part_of(scene, own, None)
+        part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
+        return cls(part, present, Outline.of(scene, part, present, own))
+
+
+def _agreed(config: Config, source: Boxes, rank_of: np.ndarray, team: Team) -> _Local | None:
+    """What this rank makes; None on all ranks where any has found something wrong, or what hangs on others."""
+    try:
+        local = _Local.of(config, source, np.flatnonzero(rank_of == team.rank))
+    except InputError:
+        local = None
+    return None if team.max(float(local is None))[0] else local
+
+
+def _held(local: _Local, box: np.ndarray, team: Team) -> bool:
+    """Whether boundary conditions hold the body, of which all ranks have pieces."""
+    part, centre, size = local.part, box.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
+    at = np.flatnonzero(part.fixed.any(axis=1))
+    rows = motions_about(part.mesh.nodes[at], centre, size)[part.fixed[at]].reshape(-1, 6)
+    count, = team.sum(len(rows))
+    rows = np.concatenate(team.all_gather(np.linalg.qr(rows, mode="r")))
+    return len(rows) >= 6 and not null_space(np.sqrt(len(rows) / count) * rows).shape[1]

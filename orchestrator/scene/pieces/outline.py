@@ -1,0 +1,150 @@
+"""What ranks tell each other of the subdomains and interfaces that they have made: numbers for each, nothing of their size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from orchestrator.laws.perfect import Perfect
+from orchestrator.scene.cautions import Acting, locking, noted
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain
+from orchestrator.scene.part import overview
+
+_NONE = np.empty(0, dtype=int)
+
+
+@dataclass
+class Outline:
+    """Of some subdomains and of the interfaces whose first side they are, in the order of the whole scene.
+
+    number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
+    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none; order : (k, 2) int, whether it has no faces, and its place among those of its pair
+    mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s,) of subdomains, as in ``Overview`` and ``Difficulty``
+    faces : (entries,) int, how many of each entry of ``boundary`` are on them
+    used : (materials,) bool; told : sentences
+    acting : what acts on them
+    """
+
+    number: np.ndarray
+    names: list[str]
+    bodies: list[str]
+    code: np.ndarray
+    sizes: np.ndarray
+    loose: np.ndarray
+    hard: np.ndarray
+    soft: np.ndarray
+    slenderness: np.ndarray
+    nodes: np.ndarray
+    sides: np.ndarray
+    entry: np.ndarray
+    order: np.ndarray
+    mixed: np.ndarray
+    matched: np.ndarray
+    met: np.ndarray
+    faces: np.ndarray
+    used: np.ndarray
+    told: list[str]
+    acting: Acting
+
+    @classmethod
+    def of(cls, scene: Scene, part: Scene, present: np.ndarray, own: np.ndarray) -> Outline:
+        """Of some subdomains of a scene that was made of a piece.
+
+        part : the part of it that belongs to these
+        present : (subdomains,) int, which of the whole scene's those of the scene are
+        own : (s,) int, ascending, which of them are told of
+        """
+        known, subdomains = overview(scene), [scene.subdomains[e] for e in own]
+        mine = np.isin(np.arange(len(present)), own)
+        first = [i for i in scene.interfaces if mine[i.subdomains[0]]]
+        sides, at = np.array([i.subdomains for i in first], dtype=int).reshape(-1, 2), np.array([i.index for i in first], dtype=int)
+        bare = np.array([not len(i.triangles) for i in first], dtype=int)
+        changes = np.diff(np.column_stack([bare, sides]), axis=0).any(axis=1)
+        begins = np.flatnonzero(np.concatenate([[True], changes])) if len(first) else _NONE
+        place = np.arange(len(first)) - np.repeat(begins, np.diff(np.append(begins, len(first))))
+        hard = known.difficulty
+        used = np.unique(np.concatenate([s.material for s in subdomains]))
+        return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
+                   *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes)),
+                   present[sides], np.array([i.entry for i in first], dtype=int), np.column_stack([bare, place]), *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
+                   np.array([len(entry.triangles) for entry in part.boundary], dtype=int),
+                   np.isin(np.arange(len(scene.materials)), used), [*locking(scene), *noted(scene)], Acting.of(part, subdomains))
+
+    @classmethod
+    def joined(cls, several: Sequence[Outline]) -> Outline:
+        """Of all ranks'."""
+        own = np.argsort(np.concatenate([x.number for x in several]))
+        key = np.column_stack([np.concatenate([x.order for x in several]), np.concatenate([x.sides for x in several])])
+        pairs = np.lexsort((key[:, 1], key[:, 3], key[:, 2], key[:, 0]))
+
+        def sorted_(name: str) -> object:
+            values = [getattr(x, name) for x in several]
+            if name == "acting":
+                return Acting.joined(values)
+            if name == "told":
+                return list(dict.fromkeys(sentence for told in values for sentence in told))
+            if name in ("faces", "used"):
+                return np.sum(values, axis=0).astype(values[0].dtype)
+            if name in ("names", "bodies"):
+                every = [word for words in values for word in words]
+                return [every[i] for i in own]
+            return np.concatenate(values)[pairs if name in ("sides", "entry", "order", "mixed", "matched", "met") else own]
+
+        return cls(**{f.name: sorted_(f.name) for f in fields(cls)})
+
+    @property
+    def titles(self) -> list[str]:
+        """The interfaces' names."""
+        pair, count = np.unique(self.sides, axis=0, return_inverse=True, return_counts=True)[1:]
+        several, seen, titles = count[pair.ravel()] > 1, {}, []
+        for (one, two), more in zip(self.sides.tolist(), several.tolist()):
+            seen[one, two] = seen.get((one, two), 0) + 1
+            titles.append(f"{self.names[one]} | {self.names[two]}" + f" (patch {seen[one, two]})" * more)
+        return titles
+
+    def overview(self, part: Scene, mesh_nodes: int, box: np.ndarray, rank_of: np.ndarray) -> Overview:
+        """What every part has to know; ``part`` is any of them."""
+        length = 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
+        return Overview(self.sizes, self.loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
+                        self.met, self.used, [*self.told, *self.acting.sentences(part.boundary)], mesh_nodes, box,
+                        length, rank_of)
+
+    def around(self, part: Scene, present: np.ndarray, known: Overview) -> Scene:
+        """A part of the scene of a piece as a part of the whole scene: with places for all other subdomains and interfaces.
+
+        present : as for ``of``
+        """
+        local = {e: s for e, s in zip(present.tolist(), part.subdomains)}
+        subdomains = [replace(local[e], index=e) if e in local else self._hollow(e, part.steps) for e in range(len(self.number))]
+        there: dict[tuple[int, int], list[Interface]] = {}
+        for i in part.interfaces:
+            there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
+        interfaces = []
+        for k, (pair, title, entry) in enumerate(zip(map(tuple, self.sides.tolist()), self.titles, self.entry.tolist())):
+            own = there[pair].pop(0) if there.get(pair) else None
+            interfaces.append(_hollow(k, title, pair, entry) if own is None or not len(own.nodes[0]) else
+                              replace(own, index=k, subdomains=pair, name=title))
+        return replace(part, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
+
+    def _hollow(self, e: int, steps: int) -> Subdomain:
+        return Subdomain(e, self.names[e], _NONE, _NONE, _NONE.reshape(0, 4), _NONE, np.empty((0, 3), bool), np.empty((steps, 0, 3)),
+                         np.empty((steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e])
+
+
+def _hollow(index: int, title: str, pair: tuple[int, int], entry: int) -> Interface:
+    return Interface(index, title, pair, _NONE, (_NONE, _NONE), np.empty((0, 3), int), np.empty((0, 2), int), np.empty((0, 3), bool),
+                     Perfect(), entry=entry)
+
+
+def hollow(scene: Scene) -> Scene:
+    """A part of a scene without any of its arrays: what is known of all of the scene."""
+    none = {name: getattr(scene, name)[:0] for name in ("cell_subdomain", "cell_material", "fixed", "number", "cell_number")}
+    mesh = Mesh(scene.mesh.nodes[:0], scene.mesh.cells[:0], scene.mesh.volume[:0], scene.mesh.volumes, within=scene.overview.box)
+    return replace(scene, mesh=mesh, subdomains=[replace(s, cells=_NONE, nodes=_NONE, connectivity=s.connectivity[:0], material=_NONE,
+                                                         fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
+                                                         held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
+                   interfaces=[_hollow(i.index, i.name, i.subdomains, i.entry) for i in scene.interfaces],
+                   boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], **none)
