@@ -18,7 +18,7 @@ from orchestrator.inspect import section_of
 from orchestrator.proposal import Proposal
 from orchestrator.scene.inspection import SurfaceRow, surfaces_of
 from orchestrator.scene.mesh.faces import Faces, faces_of
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import joined, make_mesh, placed
 from orchestrator.scene.names import unique_names
@@ -77,7 +77,7 @@ def _read(path: Path, h: float | None) -> Source:
 
 def _sizes(mesh: Mesh, faces: Faces) -> str:
     """Element sizes by curvature, none larger than the thickest solid is thick: twice its volume over its area."""
-    each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[faces.outer]), axis=1)
+    each = areas(mesh.nodes, faces.triangles[faces.outer])
     thick = 2 * np.bincount(mesh.volume, tet_volumes(mesh.nodes, mesh.cells)) / np.bincount(mesh.volume[faces.owner[faces.outer]], each)
     largest = float(f"{thick.max():.2g}")
     return f"{{curvature: {CIRCLE}, min: {LEAST * largest:.2g}, max: {largest:g}}}"

@@ -16,7 +16,7 @@ from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors, areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.shapes import shape_of
 
@@ -148,7 +148,7 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         arm = points.mean(axis=1) - shape.through
         arm -= np.outer(arm @ shape.direction, shape.direction)
         outward = np.einsum("ki,ki->", arm, area_vectors(mesh.nodes, faces.triangles[at]))
-        each = np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1)
+        each = areas(mesh.nodes, triangles)
         face = RoundFace((name,), int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
                          float(along.min()), float(along.max()), bool(outward < 0), float(np.sqrt(2 * each).mean()))
         area = float(each.sum())

@@ -17,7 +17,7 @@ from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies
 from orchestrator.scene.interfaces.patches import patches
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
@@ -56,21 +56,21 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
         one, two = (scene.subdomains[e] for e in interface.subdomains)
         if one.body == two.body or not len(interface.triangles):
             continue
-        sizes, areas = zip(*(_measures(scene, interface, side) for side in (0, 1)))
+        sizes, each = zip(*(_measures(scene, interface, side) for side in (0, 1)))
         if not interface.paired:
             points, area, slave = interface.mortar.points, float(interface.mortar.area.sum()), one.name
             read = interface.law.distance
             distance, meshes = read[points] if np.ndim(read) else interface.mortar.gap, APART
         else:
             distance = paired_distance(scene.side_points(interface, 0), scene.side_points(interface, 1), interface.triangles)
-            area, slave = areas[0], ""
+            area, slave = each[0], ""
             meshes = SHARED if np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1))) else COINCIDENT
         yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()), meshes, slave, sizes, interface.law.name)
 
 
 def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, float]:
     """Mean element size and area of an interface's facets on one side."""
-    each = np.linalg.norm(area_vectors(scene.side_points(interface, side), interface.triangles_on(side)), axis=1)
+    each = areas(scene.side_points(interface, side), interface.triangles_on(side))
     return float(np.sqrt(2 * each).mean()), float(each.sum())
 
 
@@ -78,7 +78,7 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
     """Pairs that touch, whatever laws may say: shared faces, then faces that lie on each other; then shafts in holes with room."""
     shared, sides, bounds = patches(faces, mesh.volume)
     for first, last in zip(bounds[:-1], bounds[1:]):
-        each = np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[shared[first:last]]), axis=1)
+        each = areas(mesh.nodes, faces.triangles[shared[first:last]])
         size = float(np.sqrt(2 * each).mean())
         yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED, "", (size, size))
     if len(mesh.volumes) < 2:
@@ -147,7 +147,7 @@ def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
     """Rows of the surfaces, in the order of the mesh."""
     beside = _neighbours(mesh)
     for name, triangles in mesh.surfaces.items():
-        each = np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1)
+        each = areas(mesh.nodes, triangles)
         area = float(each.sum())
         if not area:
             yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), Shape("empty"), [])

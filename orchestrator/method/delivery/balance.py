@@ -30,7 +30,7 @@ from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals
+from orchestrator.scene.mesh.geometry import areas, node_normals
 from orchestrator.scene.model import Interface, Scene
 
 # Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.
@@ -83,7 +83,7 @@ class _Surfaces:
         self.points = np.concatenate([scene.side_points(i, 0) for i in own])
         corners = np.concatenate([i.triangles[:, :3] + start for i, start in zip(own, self._starts)])
         facets = np.repeat(np.arange(len(own)), [len(i.triangles) for i in own])
-        each = np.linalg.norm(area_vectors(self.points, corners), axis=1)
+        each = areas(self.points, corners)
         self.area = np.bincount(facets, each, len(own))
         moments = np.stack([np.bincount(facets, each * x, len(own)) for x in self.points[corners].mean(axis=1).T], axis=1)
         covered = self.area[:, None] > 0

@@ -21,7 +21,7 @@ from orchestrator.method.interface.rows import joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
@@ -136,14 +136,14 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
 
     apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
-    gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
+    gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
     shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))  # along the normal and across it
     own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
         normals, lengths = ([x[k] for x in (pair_normals(scene.points(i), i) for i in chosen)] for k in (0, 1))
         normal, length = at_shown(normals, 3), at_shown(lengths)
-        areas[t] = area = at_shown([point_areas(scene.points(i), i) for i in chosen])
+        every[t] = area = at_shown([point_areas(scene.points(i), i) for i in chosen])
         jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
         jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
@@ -171,7 +171,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]), normal, area,
         at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own,
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
         *(() if shifts is None else shifts))
 
 
@@ -248,7 +248,7 @@ def _beside(interface: Interface, points: np.ndarray) -> sp.csr_array:
     number[interface.mortar.points] = np.arange(len(interface.mortar))
     ends, middles = TRIANGLE_EDGES.ravel(), np.repeat(np.arange(3, 6), 2)
     corner, middle = interface.triangles[:, ends].ravel(), number[interface.triangles[:, middles]].ravel()
-    area = np.repeat(np.linalg.norm(area_vectors(points, interface.triangles), axis=1), 6)
+    area = np.repeat(areas(points, interface.triangles), 6)
     there = middle >= 0
     return sp.csr_array((area[there], (corner[there], middle[there])), shape=(len(points), len(interface.mortar)))
 

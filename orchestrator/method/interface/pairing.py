@@ -17,7 +17,7 @@ from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
-from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_normals
+from orchestrator.scene.mesh.geometry import areas, node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.facets import stiffer
 
@@ -180,5 +180,5 @@ def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
         return np.full(len(points), np.inf)
     if not interface.matching or interface.triangles.shape[1] == 3:
         return point_areas(points, interface)
-    area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)
+    area = areas(points, interface.triangles)
     return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))

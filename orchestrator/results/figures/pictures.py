@@ -20,7 +20,7 @@ from orchestrator.results.figures.sheet import Scale, Sheet
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
 from orchestrator.results.figures.view import Camera, Look, View, colour_limits, toward_eye
 from orchestrator.results.summary.summary import code_label
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, areas
 
 if TYPE_CHECKING:
     from orchestrator.method.delivery.interface_fields import InterfaceFields
@@ -98,7 +98,7 @@ def limits_at(seen: Skin, values: Mapping[int, np.ndarray], steps: Sequence[int]
 
     Each point of the surface stands for its share of it, see ``colour_limits``.
     """
-    area = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
+    area = areas(seen.points, seen.triangles)
     weight = np.bincount(seen.triangles.ravel(), np.repeat(area / 3, 3), minlength=len(seen.points))
     if scale == "step":
         return {step: colour_limits(values[step], weight) for step in steps}

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
+from orchestrator.scene.mesh.geometry import area_vectors, areas, facet_normals, format_point
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
@@ -120,7 +120,7 @@ def missing_faces(points: np.ndarray, triangles: np.ndarray, others: np.ndarray,
         samples = np.einsum("sc,kcx->skx", INSIDE, every[made])  # diagonals may be others than the faces'
         covers = _covered(samples.reshape(-1, 3), points[triangles[own]], normal).reshape(len(INSIDE), -1)
         bare = area * (beside <= 2 * UNEVEN) * ~covers / 3
-        covered = np.linalg.norm(area_vectors(points, triangles[own]), axis=1).sum()
+        covered = areas(points, triangles[own]).sum()
         if 0 < bare.sum() <= ODD * covered:
             where = format_point(samples.reshape(-1, 3)[bare.argmax()])
             found.append(f"faces of {name!r} cover {covered:.4g} of area, and about {bare.sum():.2g} between nodes beside them, at "

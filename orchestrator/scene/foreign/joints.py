@@ -14,7 +14,7 @@ from orchestrator.config.model import Config
 from orchestrator.config.mesh import ForeignPart, OnePart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import areas
 
 # Triangles between the nodes of a face by their number, corners first, then those in the middle of the edges. Between
 # the nodes of a quadratic face displacements are taken as linear: its own functions know more than the other side asks.
@@ -92,7 +92,7 @@ def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyP
     triangles, owner = np.concatenate(found), np.concatenate(owner)
     corners = points[triangles]
     longest = np.max([np.sum((corners[:, i] - corners[:, i - 1]) ** 2, axis=1) for i in range(3)], axis=0)
-    bad = np.flatnonzero(np.linalg.norm(area_vectors(points, triangles), axis=1) <= FLAT * longest)
+    bad = np.flatnonzero(areas(points, triangles) <= FLAT * longest)
     if len(bad):
         raise wrong(path, f"{name}: a face of its joints without area, at {corners[bad[0]].mean(axis=0)}",
                     "faces of distinct nodes, the corners in order round the face, then the nodes in the middle of "

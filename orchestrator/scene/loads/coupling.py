@@ -14,7 +14,7 @@ from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.loads.base import Ground, Kind, OnFaces
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import areas
 
 
 class Coupling(Part):
@@ -40,7 +40,7 @@ class Followed(Ground):
 
     def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
         c = self.coupling
-        area = np.linalg.norm(area_vectors(points, triangles), axis=1)
+        area = areas(points, triangles)
         about = area @ points[triangles[:, :3]].mean(axis=1) / area.sum() if c.about is None else np.array(c.about)
         motions = np.ascontiguousarray(motions_about(points, about, 1.0).transpose(2, 1, 0))
         amounts = [*c.displacement, *(None if x is None else np.radians(x) for x in c.rotation)]

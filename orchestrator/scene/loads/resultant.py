@@ -15,7 +15,7 @@ from pydantic import Field
 from orchestrator.config.base import Part, Vector
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS
 
 
@@ -42,7 +42,7 @@ class Spread(Kind):
         moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
         if not len(where.triangles):
             return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
-        area, corners = np.linalg.norm(area_vectors(where.nodes, where.triangles), axis=1), where.nodes[where.triangles[:, :3]]
+        area, corners = areas(where.nodes, where.triangles), where.nodes[where.triangles[:, :3]]
         centre = area @ corners.mean(axis=1) / area.sum()
         r = corners - centre
         second = np.einsum("k,ab,kax,kby->xy", area, TRIANGLE_MOMENTS[3], r, r)

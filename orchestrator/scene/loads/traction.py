@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.config.base import Vector, one_or_per_step
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS, TRIANGLE_SHARES
 
 
@@ -24,7 +24,7 @@ class Traction(Kind):
     @classmethod
     def made(cls, value: Any, where: OnFaces) -> Forces:
         _, values = where.rows(value)
-        area = np.linalg.norm(area_vectors(where.nodes, where.triangles), axis=1)
+        area = areas(where.nodes, where.triangles)
         if where.frame is None:
             return Forces(values[:, None], np.outer(area, TRIANGLE_SHARES[where.triangles.shape[1]])[None, :, :, None])
         where.check_frame(values)

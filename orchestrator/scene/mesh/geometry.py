@@ -27,6 +27,11 @@ def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return cross(q - p, r - p) / 2
 
 
+def areas(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(k,) areas of triangles (k, 3 or 6)."""
+    return np.linalg.norm(area_vectors(nodes, triangles), axis=1)
+
+
 def facet_normals(nodes: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(k, 3) unit normals of triangles (k, 3 or 6), and their areas (k,)."""
     vectors = area_vectors(nodes, triangles)
@@ -82,7 +87,7 @@ def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
     On a structured patch of right triangles this is the length of their legs.
     """
-    area = np.linalg.norm(area_vectors(points, triangles), axis=1)
+    area = areas(points, triangles)
     count = np.bincount(triangles.ravel(), minlength=len(points))
     total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
     return np.sqrt(2 * total / np.maximum(count, 1))
@@ -97,7 +102,7 @@ def rounding(points: np.ndarray, h: np.ndarray | float) -> np.ndarray:
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) a third of the area of the triangles (k, 3 or 6) around each of points (n, 3); none for nodes amid edges."""
     corners = triangles[:, :3]
-    area = np.linalg.norm(area_vectors(points, corners), axis=1)
+    area = areas(points, corners)
     return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
 
 
@@ -150,7 +155,7 @@ def position_rank(points: np.ndarray) -> np.ndarray:
 
 def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) gmsh's gamma: three radii of the inscribed ball over that of the circumscribed one; 1 is regular, < 0 inverted."""
-    area = sum(np.linalg.norm(area_vectors(nodes, cells[:, face]), axis=1) for face in LOCAL_FACES)
+    area = sum(areas(nodes, cells[:, face]) for face in LOCAL_FACES)
     volume = tet_volumes(nodes, cells)
     a, b, c = (nodes[cells[:, i]] - nodes[cells[:, 0]] for i in (1, 2, 3))
     # From the first corner to the ball's centre, times twelve volumes.

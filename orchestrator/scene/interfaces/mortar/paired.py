@@ -18,12 +18,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.interfaces.mortar.operators import Mortar, hats
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, areas
 
 
 def amid(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) areas that the middles of edges stand for, of nodes at points (n, 3) of triangles (k, 6); 0 at corners."""
-    area = np.linalg.norm(area_vectors(points, triangles), axis=1)
+    area = areas(points, triangles)
     return np.bincount(triangles[:, 3:].ravel(), np.repeat(area / 3, 3), len(points))
 
 
