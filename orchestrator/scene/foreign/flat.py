@@ -14,6 +14,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, areas, facet_normals, format_point
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
@@ -85,7 +86,7 @@ def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, pa
 
     Raises InputError: edges that two faces pass in the same direction, faces that fold back on each other
     """
-    edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = triangles[:, TRIANGLE_EDGES].reshape(-1, 2)
     way, first, count = np.unique(edges[:, 0] * len(points) + edges[:, 1], return_index=True, return_counts=True)
     if (count > 1).any():
         raise _wrong(path, name, ids[edges[first[count.argmax()]]], "have it in the same direction", "turn one of them over, or leave out "
@@ -162,7 +163,7 @@ def _covered(at: np.ndarray, faces: np.ndarray, normal: np.ndarray) -> np.ndarra
 def _holes(triangles: np.ndarray) -> list[np.ndarray]:
     """Nodes of each border of a connected surface but its longest."""
     size = int(triangles.max()) + 1
-    edges = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = triangles[:, TRIANGLE_EDGES].reshape(-1, 2)
     border = edges[~np.isin(edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0])]
     loop, piece = components(*border.T, size)[1], components(*edges.T, size)[1]
     loops = [np.flatnonzero(loop == own) for own in np.unique(loop[border[:, 0]])]

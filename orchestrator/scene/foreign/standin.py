@@ -21,6 +21,7 @@ from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, StandIn
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import INSIDE
 from orchestrator.scene.soles.facets import Facets
@@ -67,9 +68,9 @@ def _fit(triangles: np.ndarray, joints: Joints, other: np.ndarray, surface: np.n
     """Exchanges diagonals of triangles (k, 3), in place, that are none of the other's edges for those that are."""
     if (other >= 0).sum() < 4:
         return
-    edges = np.unique(_keys(surface[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), count))
+    edges = np.unique(_keys(surface[:, TRIANGLE_EDGES].reshape(-1, 2), count))
     for _ in range(PASSES):
-        key = _keys(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(joints.points))
+        key = _keys(triangles[:, TRIANGLE_EDGES].reshape(-1, 2), len(joints.points))
         order = np.argsort(key, kind="stable")
         twice = np.flatnonzero(key[order][1:] == key[order][:-1])
         one, two = order[twice], order[twice + 1]  # half-edges 3 triangle + side, shared by two triangles
