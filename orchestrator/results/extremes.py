@@ -68,7 +68,7 @@ def components_of_stress(sigma: np.ndarray) -> np.ndarray:
 
 
 def components_of_displacement(u: np.ndarray) -> np.ndarray:
-    """(..., 4) as ``DISPLACEMENT``, of displacements (..., 3)."""
+    """(..., 4) components and length of displacements (..., 3), as ``DISPLACEMENT``."""
     return np.concatenate([u, np.linalg.norm(u, axis=-1, keepdims=True)], axis=-1)
 
 

@@ -131,7 +131,7 @@ def graph_of(config: Config, scene: Scene, names: Sequence[str]) -> Graph:
 
 
 def _summed(edges: Sequence[Edge]) -> list[Edge]:
-    """One of each kind."""
+    """An edge of each kind, with its interfaces and points added up."""
     kinds: dict[tuple, list[Edge]] = {}
     for edge in edges:
         kinds.setdefault((edge.ends, edge.law, edge.keys, edge.meshes), []).append(edge)

@@ -53,7 +53,7 @@ class Matter:
 
     @classmethod
     def of(cls, model: Model) -> "Matter":
-        """That of a model."""
+        """The matter of a model."""
         return cls(model.nodes, model.cells, *model.materials[model.region].T)
 
     def forces(self, u: np.ndarray) -> np.ndarray:

@@ -40,7 +40,7 @@ class Comparison:
         return [d for d in self.found if not d.share <= self.tolerance]
 
     def lines(self) -> list[str]:
-        """For the screen."""
+        """Lines for the screen."""
         beyond = self.beyond
         rows = [f"  {d.name}: {d.text or f'{d.of_largest:.1e} of the largest, {d.share:.1e} of the number itself'}"
                 + (f"  ({d.where})" if d.where else "") for d in beyond[:SHOWN]]

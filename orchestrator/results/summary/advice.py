@@ -89,7 +89,7 @@ def standing(run: Stopped) -> Iterator[str]:
 
 
 def runaway(run: Stopped) -> Iterator[str]:
-    """diverged."""
+    """Displacements without limit."""
     yield ("displacements grew without limit or are no numbers: look for bodies that are not held, and for loads or moduli "
            "in other units than the rest")
 

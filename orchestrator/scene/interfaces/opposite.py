@@ -57,7 +57,7 @@ class Facets:
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """(k, 3)."""
+        """(k, 3) centroids."""
         return self.corners.mean(axis=1)
 
     @cached_property

@@ -62,7 +62,7 @@ class _Mesh(Model):
                     faces.append((row.words[0], int(side[1]) - 1, row))
 
     def mesh(self) -> meshio.Mesh:
-        """All of it."""
+        """The file as a mesh, with its elements' groups."""
         ids = self.nodes[:, 0].astype(int)
         place = np.full(int(ids.max(initial=0)) + 2, -1)
         place[ids] = np.arange(len(ids))

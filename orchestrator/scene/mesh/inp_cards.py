@@ -30,7 +30,7 @@ class Row:
 
     @property
     def words(self) -> list[str]:
-        """Its entries."""
+        """Entries of the line."""
         return [word.strip() for word in self.text.split(",")]
 
     def fail(self, found: str, expected: str) -> NoReturn:

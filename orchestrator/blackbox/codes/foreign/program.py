@@ -40,7 +40,7 @@ class ProgramCode(ForeignCode):
             return True
 
     def runs(self) -> ProgramRuns:
-        """Its runs."""
+        """Calls of the part's program."""
         return ProgramRuns(self.settings.part, self.settings.place, self.settings.name)
 
     def made(self) -> Condensed:

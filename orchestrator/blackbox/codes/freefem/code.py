@@ -139,7 +139,7 @@ class FreeFem(MessageCode):
 
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
-            """The form."""
+            """The entry, its form beside the YAML file."""
             form = entry.get("form")
             return {**entry, "form": os.path.abspath(folder / form)} if isinstance(form, str) and form else entry
 
