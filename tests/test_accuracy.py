@@ -14,7 +14,7 @@ from in_process import IN_PROCESS
 from processes import begin
 from quick import quick
 
-from orchestrator import run as one
+from orchestrator import run as one, solving
 from orchestrator.accuracy.changes import errors
 from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.loop import run
@@ -168,7 +168,7 @@ def test_a_killed_run_goes_on(place, tmp_path, whole):
 
 
 def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch):
-    real, calls = one.build_scene, []
+    real, calls = solving.build_scene, []
 
     def failing(*given, **options):
         calls.append(given)
@@ -180,7 +180,7 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch
         from orchestrator.errors import wrong
         return wrong(("mesh", "step"), "gmsh cannot mesh it", "solids that can be meshed")
 
-    monkeypatch.setattr(one, "build_scene", failing)
+    monkeypatch.setattr(solving, "build_scene", failing)
     code, summary = refined(bent(0.05), tmp_path)
     assert code == 1 and "gmsh cannot mesh it" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
     assert (tmp_path / "fields.npz").is_file()
