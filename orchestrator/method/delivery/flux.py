@@ -49,8 +49,7 @@ def flux(probe: Section | Surface, copies: Copies) -> Measured:
     layers = list(_layers(probe, copies))
     count = len(layers[0][2])
     given = np.zeros((scene.steps, count)) if isinstance(probe, Section) else _loads(probe, copies, *layers[0][:2])
-    found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
-    energy = np.zeros(count)
+    chosen, weights, energy = [], [], np.zeros(count)
     for own, _, moved in layers:
         used, corners = np.unique(cells[own], return_inverse=True)
         moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[own]]
@@ -59,11 +58,9 @@ def flux(probe: Section | Surface, copies: Copies) -> Measured:
         energy += np.einsum("kn,kn->k", motions, weight)
         if isinstance(probe, Section) and scene.thermal is not None:
             given -= _heated(scene, cells, own)[:, used].reshape(scene.steps, -1) @ motions.T
-        weight, whose = weight.reshape(count, -1, 3), np.searchsorted(copies.ends, used, side="right") - 1
-        for e in np.unique(whose):
-            found.setdefault(int(e), []).append((used[whose == e] - copies.ends[e], weight[:, whose == e]))
-    weights = {e: (np.concatenate([n for n, _ in each]), np.concatenate([w for _, w in each], axis=1)) for e, each in found.items()}
-    return Measured(weights, given, True, energy)
+        chosen.append(used)
+        weights.append(weight.reshape(count, -1, 3))
+    return Measured(Measured.at(copies, np.concatenate(chosen), np.concatenate(weights, axis=1)), given, True, energy)
 
 
 def lifted(probe: Section | Surface, copies: Copies) -> tuple[np.ndarray, np.ndarray]:

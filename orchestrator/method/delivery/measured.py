@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.copies import Copies
+
 Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
 
 
@@ -24,6 +26,12 @@ class Measured:
     given: np.ndarray
     matter: bool = False
     energy: np.ndarray | None = None
+
+    @staticmethod
+    def at(copies: Copies, chosen: np.ndarray, weight: np.ndarray) -> Weights:
+        """Weights (c, n, 3) of copies of nodes (n,) int, by the subdomains that these are of."""
+        whose = np.searchsorted(copies.ends, chosen, side="right") - 1
+        return {int(e): (chosen[whose == e] - copies.ends[e], weight[:, whose == e]) for e in np.unique(whose)}
 
     def __len__(self) -> int:
         return self.given.shape[1]

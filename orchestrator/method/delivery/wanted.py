@@ -62,7 +62,7 @@ class Wanted:
             cells = np.concatenate(carried[p.name]) if p.name in carried else p.cells if isinstance(p, Surface) else p.cell
             if scene.mesh.foreign and scene.mesh.is_foreign(np.atleast_1d(cells)).any():
                 raise Refusal("certified in a foreign part", name=p.name)
-        return cls({p.name: _measured(scene, p) for p in asked if p.name not in carried},
+        return cls({p.name: _measured(copies, p) for p in asked if p.name not in carried},
                    {p.name: flux(p, copies) for p in asked if p.name in carried}, REACTIONS in kinds,
                    [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
                    [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
@@ -80,11 +80,9 @@ class Wanted:
                     raise Refusal("certified stress in own matter", name=name)
 
 
-def _measured(scene: Scene, probe: Point | Surface) -> Measured:
+def _measured(copies: Copies, probe: Point | Surface) -> Measured:
     """A probe's values as a map of nodes' displacements: of stresses the mean over the tet at a point, or over those behind faces."""
-    place, stress = np.zeros(len(scene.mesh.cells), dtype=int), STRESS in (getattr(probe, "of", ""), probe.quantity)
-    for s in scene.subdomains:
-        place[s.cells] = np.arange(len(s.cells))
+    scene, stress = copies.scene, STRESS in (getattr(probe, "of", ""), probe.quantity)
     if isinstance(probe, Point):
         cells, local, share = np.array([probe.cell]), np.arange(scene.mesh.cells.shape[1])[None], np.ones(1)
         shape = tet_functions(probe.weights, scene.mesh.cells.shape[1])
@@ -101,12 +99,8 @@ def _measured(scene: Scene, probe: Point | Surface) -> Measured:
             given[:, :3] = -((share * (3 * lam + 2 * mu)) @ scene.thermal[:, cells].mean(axis=2).T)[:, None]
     else:
         each = np.einsum("k,n,ci->ckni", share, shape, np.eye(3))
-    result = {}
-    for e in np.unique(scene.cell_subdomain[cells]):
-        own = np.flatnonzero(scene.cell_subdomain[cells] == e)
-        nodes = scene.subdomains[e].connectivity[place[cells[own]][:, None], local[own]]
-        result[int(e)] = nodes.ravel(), each[:, own].reshape(len(each), -1, 3)
-    return Measured(result, given, stress)
+    nodes = np.take_along_axis(copies.cells[cells], local, axis=1)
+    return Measured(Measured.at(copies, nodes.ravel(), each.reshape(len(each), -1, 3)), given, stress)
 
 
 def _stress_of_nodes(scene: Scene, cells: np.ndarray) -> np.ndarray:
