@@ -15,13 +15,12 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, all_i
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.moved import Moved
-from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_mesh, reactions,
-                                                       recover, repositioned)
+from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary, on_mesh,
+                                                       reactions, recover, repositioned)
 from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
-from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.mesh_bound import MeshBound
@@ -128,16 +127,10 @@ def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful
     """The shifts for which the result is exact, where an energy error is known."""
     if d.certificate is None:
         return None
-    boundary = [parts[s.index].reshape(d.steps, -1)[:, trace] for s, trace in zip(d.own, d.made.traces)]
-    u = np.hstack([np.zeros((d.steps, 0)), *boundary])
-    between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + _moved(d, x.bound)) for x in parts]
-               for step, parts in iterated.between.items()}
+    u = on_boundary(d, [parts[s.index] for s in d.own], d.steps)
+    between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + on_boundary(
+        d, repositioned(d, x.bound), len(x.bound.repositioned))) for x in parts] for step, parts in iterated.between.items()}
     return backward_error(Solved(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x), between)
-
-
-def _moved(d: Decomposition, bound: Bound) -> np.ndarray:
-    """(T, B) the rigid motions that the bound has found."""
-    return np.hstack([bound.repositioned[:, :0], *(u[:, trace] for u, trace in zip(repositioned(d, bound), d.made.traces))])
 
 
 def on_whole(delivered: Delivered, whole: Scene) -> Delivered:

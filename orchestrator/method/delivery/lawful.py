@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import Parts
+from orchestrator.method.delivery.recovery import Parts, on_boundary
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.judged import Judged, judged
@@ -49,7 +49,7 @@ class Lawful:
         certificate = certificate_of(d) if wanted and d.all_perfect else d.certificate
         if certificate is None or not np.isfinite(iterated.bound.relative):
             return None
-        u = np.hstack([np.zeros((d.steps, 0)), *(parts[s.index].reshape(d.steps, -1)[:, t] for s, t in zip(d.own, d.made.traces))])
+        u = on_boundary(d, [parts[s.index] for s in d.own], d.steps)
         at = judged(certificate, iterated.fields, iterated.bound, u, d.bound.floor if d.all_perfect else 0.0)
         if at is None:
             return None

@@ -54,6 +54,11 @@ def repositioned(d: Decomposition, bound: Bound) -> list[np.ndarray]:
     return [bound.repositioned[:, a:b] @ modes.T for modes, a, b in zip(d.made.modes, ends[:-1], ends[1:])]
 
 
+def on_boundary(d: Decomposition, own: Sequence[np.ndarray], steps: int) -> np.ndarray:
+    """(T, B) boundary values of displacements, per own subdomain (T, 3 n_E) or (T, n_E, 3); ``steps``: T, of a rank without any too."""
+    return np.hstack([np.zeros((steps, 0)), *(u.reshape(steps, -1)[:, trace] for u, trace in zip(own, d.made.traces))])
+
+
 def continuous(d: Decomposition, bound: Bound, parts: Parts) -> Parts:
     """Recovered displacements, made continuous over perfect interfaces."""
     result: Parts = [None] * len(parts)
