@@ -54,7 +54,7 @@ class Apart:
             self._connection.send_bytes(job)
 
     def finish(self, patience: float | None = None) -> object:
-        """What the last function that was asked for returned; raises what the first one that failed has raised.
+        """The result of the last function that was asked for; raises what the first one that failed has raised.
 
         patience : seconds for each answer; None: no limit
         Raises Died: the process has ended, or takes longer

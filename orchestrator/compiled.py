@@ -141,7 +141,7 @@ def in_parts(function: Compiled, size: int, *arguments, part: int) -> list:
 
 
 def cores() -> int:
-    """Those that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 

@@ -61,7 +61,7 @@ def check_there(package: str) -> None:
 
 
 def absent(*packages: str) -> list[str]:
-    """Those that are not installed; nothing is imported."""
+    """Packages that are not installed; nothing is imported."""
     return [name for name in packages if find_spec(name) is None]
 
 

@@ -40,7 +40,7 @@ class Usage:
         self.hold([], [])
 
     def begin(self, workers: Sequence) -> None:
-        """These work from now on."""
+        """Count the work of these workers from now on."""
         self.workers, self._since, self._before = list(workers), time.perf_counter(), self.asked
 
     def afresh(self) -> None:

@@ -53,7 +53,7 @@ class Stages:
     own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def at(self, step: int) -> Stages:
-        """One of the load steps alone."""
+        """The stages at one of the load steps."""
         one = slice(step, step + 1)
         return Stages(self.force[one], self.jump[one], self.answered[one],
                       self.answered[step - 1] if step else self.before, self.status[one], {name: x[one] for name, x in self.own.items()})

@@ -72,7 +72,7 @@ class Coupling(Law):
         return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
 
     def within(self, free: np.ndarray, moved: np.ndarray) -> Coupling | None:
-        """Itself where all components (n, 3) are free; there is none elsewhere."""
+        """The law itself where all components (n, 3) are free; there is none elsewhere."""
         return self if free.all() else None
 
     def keeps(self, moved: np.ndarray) -> np.ndarray:

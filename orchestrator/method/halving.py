@@ -42,7 +42,7 @@ class Increment:
 
     @property
     def one_by_one(self) -> list[Increment]:
-        """Its load steps, each by itself."""
+        """An increment for each of its load steps."""
         return [Increment(slice(t, t + 1)) for t in range(self.steps.start, self.steps.stop)]
 
     @property

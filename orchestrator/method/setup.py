@@ -61,7 +61,7 @@ class Part:
 
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Part:
-        """Of a scene, or of a rank's part of one: all ranks ask together.
+        """Part of a scene: all of it, or a rank's; all ranks ask together.
 
         rank_of : (subdomains,) int, the rank of each; None: all are this one's
         """

@@ -73,7 +73,7 @@ def components_of_displacement(u: np.ndarray) -> np.ndarray:
 
 
 def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
-    """Those of a solution, over all load steps.
+    """Extremes of a solution, over all load steps.
 
     lost : (steps, subdomains) bool, bodies that nothing holds: where they are means nothing; None: there are none
     """

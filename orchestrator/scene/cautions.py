@@ -37,7 +37,7 @@ def noted(scene: Scene) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Acting:
-    """What acts on a scene, or on some of its subdomains.
+    """Displacements, forces and supports that act on a scene, or on some of its subdomains.
 
     moved : whether displacements are prescribed, or laws act by themselves; loaded : whether there are forces
     largest : (entries, 3) of each entry of ``boundary`` the largest of its forces

@@ -104,7 +104,7 @@ class Graph:
 
 
 def told(acts: Sequence[str]) -> list[str]:
-    """Those that are named, and how many are not."""
+    """Names that are told, and how many are not."""
     return [*acts[:SHOWN], *([f"and {len(acts) - SHOWN} more"] if len(acts) > SHOWN else [])]
 
 

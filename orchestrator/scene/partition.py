@@ -55,12 +55,12 @@ def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
 
 
 def slice_name(index: int) -> str:
-    """Of one of the slices."""
+    """Name of one of the slices."""
     return f"slice {index}"
 
 
 def block_name(*index: int) -> str:
-    """Of a block of the grid, by its place along x, y, z."""
+    """Name of a block of the grid, by its place along x, y, z."""
     return "block {}-{}-{}".format(*index)
 
 

@@ -30,7 +30,7 @@ class Acceleration(ABC):
     @classmethod
     @abstractmethod
     def of(cls, d: Decomposition, method) -> Acceleration:
-        """For a decomposition and ``method`` of the configuration, in the norm of the inverse search direction."""
+        """The acceleration for a decomposition and ``method`` of the configuration, in the norm of the inverse search direction."""
 
     @abstractmethod
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ class Resultants:
 
 
 def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
-    """Those of all ranks' interfaces, from interface forces f (T, D)."""
+    """Resultants of all ranks' interfaces, from interface forces f (T, D)."""
     scene, space = d.scene, d.space
     count, steps, here = len(scene.interfaces), len(f), set(space.subdomains)
     centre, area = np.zeros((count, 3)), np.zeros(count)

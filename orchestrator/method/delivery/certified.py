@@ -71,7 +71,7 @@ class Way:
 
 def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Wanted, continuous: Sequence[np.ndarray | None],
               reactions: np.ndarray, resultants: Resultants) -> Intervals:
-    """Those that are wanted.
+    """The intervals that are wanted.
 
     continuous : per own subdomain (T, n_E, 3) v
     reactions, resultants : of û and λ̂, of all ranks; the first without what supports take of the rest

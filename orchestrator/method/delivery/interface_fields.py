@@ -76,7 +76,7 @@ class InterfaceFields(Surfaces):
 
     @classmethod
     def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
-        """Those of several sets of interfaces; ``order`` (I,) says which of all, set after set, comes first, second, …; others
+        """Fields of several sets of interfaces; ``order`` (I,) says which of all, set after set, comes first, second, …; others
         are left out."""
         counts, faces = (np.concatenate([c(p) for p in parts]) for c in (
             lambda p: np.diff(p.offsets), lambda p: np.bincount(p.owner, minlength=len(p.names))))
@@ -109,7 +109,7 @@ class InterfaceFields(Surfaces):
 
 
 def own_interfaces(d: Decomposition) -> list[Interface]:
-    """Those that are not perfect and whose first side is this rank's, in the order of the scene."""
+    """Interfaces that are not perfect and whose first side is this rank's, in the order of the scene."""
     here = set(d.space.subdomains)
     return [i for i in d.scene.interfaces if not i.law.perfect and i.subdomains[0] in here]
 

@@ -42,7 +42,7 @@ class Lawful:
 
     @classmethod
     def of(cls, d: Decomposition, iterated: Iterated, parts: Parts, wanted: bool = False) -> Lawful | None:
-        """Those of a solution; None where no energy error is known, or laws are perfect and nobody wants them.
+        """Lawful forces and fields of a solution; None where no energy error is known, or laws are perfect and nobody wants them.
 
         parts : per subdomain (T, n_E, 3), in equilibrium with the linear stage's forces
         """
@@ -62,7 +62,7 @@ class Lawful:
 
 
 def certificate_of(d: Decomposition) -> Certificate:
-    """That of perfect interfaces."""
+    """The certificate of perfect interfaces."""
     from orchestrator.method.interface.pairing import make_pairs
 
     pairs = make_pairs(d.scene, d.space, d.stage.direction.whole)

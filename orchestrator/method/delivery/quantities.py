@@ -29,7 +29,7 @@ def estimator_of(scene: Scene) -> Estimator:
 
 
 def check_sections(scene: Scene, asked: Collection[str]) -> None:
-    """That what probes of a whole scene mean does not hang on its mesh: a section goes between tets, and what acts on the body between
+    """Check that what probes of a whole scene mean does not hang on its mesh: a section goes between tets, and what acts on the body between
     these and the plane counts or not, mesh by mesh.
 
     Raises Refusal: a plane that cuts faces which are held, loaded, or between bodies that may part

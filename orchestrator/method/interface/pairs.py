@@ -145,7 +145,7 @@ class Pairs:
                 for v in run.law.variables}
 
     def _collective(self, parts: list[tuple[slice, Collective]]) -> Collective | None:
-        """Those of several laws, whose groups are their own."""
+        """Collective answers of several laws, whose groups are their own."""
         if not parts:
             return None
         first = np.cumsum([0] + [int(c.group.max(initial=-1)) + 1 for _, c in parts])

@@ -41,7 +41,7 @@ class SearchDirection:
         self.diagonal = self.whole_diagonal[:d]
 
     def scaled(self, factors: np.ndarray) -> SearchDirection:
-        """That of soles whose moduli are multiplied by factors (interfaces of the scene,)."""
+        """The search direction of soles whose moduli are multiplied by factors (interfaces of the scene,)."""
         each = np.ones(self.whole.shape[0])
         for factor, sides in zip(factors, self.space.sides):
             for dofs in sides:

@@ -92,7 +92,7 @@ def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[n
 
 
 def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
-    """What solves with the sum of all ranks' parts, positive semidefinite, regularised by rounding where it is singular: from parts (T, n)
+    """A solver with the sum of all ranks' parts, positive semidefinite, regularised by rounding where it is singular: from parts (T, n)
     of the right-hand sides to solutions (T, n). MUMPS's where there is PETSc and many unknowns; else every rank has the whole.
 
     part : (n, n) sparse; number : (n,) int, ascending, which unknowns of all ranks these are

@@ -177,7 +177,7 @@ class Look:
         return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
 
     def of_steps(self, count: int) -> list[int]:
-        """Those of ``steps`` that there are, in order: a run may have stopped before others."""
+        """The load steps of ``steps`` that there are, in order: a run may have stopped before others."""
         return sorted({step for step in self.steps if step < count})
 
     def chosen(self, names: tuple[str, ...], part: np.ndarray | None, count: int) -> np.ndarray:

@@ -147,6 +147,6 @@ class _Part:
         self.sagitta = surface_of(scene.mesh.nodes, at, smooth_faces(scene.mesh, faces)[faces.find(at)]).sagitta
 
     def at(self, step: int | None) -> Solid:
-        """At a load step, or at rest."""
+        """The volume at a load step, or at rest."""
         moved = 0.0 if step is None else self.displacement[step]
         return Solid(self.points + moved, self.cells, self.outer)

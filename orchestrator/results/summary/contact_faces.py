@@ -77,7 +77,7 @@ def contact_faces(scene: Scene, fields: InterfaceFields, names: Sequence[str], r
 
 
 def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
-    """Those of the interfaces whose law slips for a price, pieces put together."""
+    """Faces of the interfaces whose law slips for a price, pieces put together."""
     found: list[Face] = []
     apart = APART * scene.mesh.diagonal
     opening, bolts = [i for i in scene.interfaces if not i.law.perfect], {bolt.name: bolt.axis for bolt in scene.bolts}

@@ -139,7 +139,7 @@ def _what(probe: PointProbe | SurfaceProbe | SectionProbe) -> str:
 
 
 def _components(kind: str, interval: np.ndarray, normal: np.ndarray | None) -> dict[str, object]:
-    """Those of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it; of force and moment (T, 6, 2).
+    """Components of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it; of force and moment (T, 6, 2).
 
     normal : of a section, (T, 7, 2) with the force along it, and what is across
     """

@@ -34,7 +34,7 @@ def _slipping(summary: Mapping[str, object]) -> Iterator[str]:
 
 
 def _load(slips: Mapping[str, object], unit: str) -> str:
-    """At which load."""
+    """The load at which a face slips."""
     if slips["load"] is None:
         return ""
     about = "" if slips["at"] is None else f"at about {_rounded(slips['at'])}{unit} "

@@ -57,7 +57,7 @@ def _error(summary: Mapping[str, object]) -> str:
 
 
 def _backward(summary: Mapping[str, object]) -> str:
-    """For which surfaces the result is exact."""
+    """Sentence on the surfaces for which the result is exact."""
     if not (found := summary.get("backward")):
         return ""
     normal, tangential = (f"{found[name]:.1e}{units_of(summary)['length']}" for name in ("normal", "tangential"))
@@ -120,7 +120,7 @@ def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
 
 
 def _probes(summary: Mapping[str, object]) -> str:
-    """At the last load step."""
+    """Values of probes at the last load step."""
     units, texts = units_of(summary), []
     for probe in summary.get("probes") or ():
         kind = "" if probe["quantity"] in ("point", "resultant", "section") else f"{probe['quantity']} "

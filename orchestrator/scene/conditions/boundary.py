@@ -57,7 +57,7 @@ def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[floa
 
 
 def _of_part(mesh: Mesh, faces: Faces, chosen: np.ndarray, part: str | None, path: KeyPath, problems: Problems) -> np.ndarray:
-    """Those of the faces that are a part's; all where none is named."""
+    """Faces that are a part's; all where none is named."""
     if part is None or not len(chosen):
         return chosen
     meant = matching(part, mesh.volumes)
@@ -75,7 +75,7 @@ def _of_part(mesh: Mesh, faces: Faces, chosen: np.ndarray, part: str | None, pat
 
 
 def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:
-    """Those of the faces that are not of parts whose mesh is not ours: what holds and loads these they bring along."""
+    """Faces that are not of parts whose mesh is not ours: what holds and loads these they bring along."""
     if not mesh.foreign or not len(chosen):
         return chosen
     foreign = mesh.is_foreign(faces.owner[chosen])

@@ -220,7 +220,7 @@ class Deck(Model):
         return self.points[at]
 
     def faces_between(self, ids: np.ndarray) -> list[np.ndarray]:
-        """Those of the outer faces whose nodes are all among the given ones."""
+        """Outer faces whose nodes are all among the given ones."""
         return [outer[np.isin(outer, ids).all(axis=1)] for outer in self.outer_faces]
 
     @cached_property

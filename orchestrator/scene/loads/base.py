@@ -80,7 +80,7 @@ class Forces:
     bent: bool = False
 
     def of(self, elements: np.ndarray) -> Forces:
-        """Those of some elements alone, indices or bool."""
+        """Forces of some elements alone, indices or bool."""
         return replace(self, shapes=self.shapes[:, elements])
 
     def add_to(self, loads: np.ndarray, at: np.ndarray) -> None:

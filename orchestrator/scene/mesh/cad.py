@@ -37,7 +37,7 @@ def _normals(tag: int) -> np.ndarray:
 
 
 def _kind(tag: int) -> Shape:
-    """Its shape alone."""
+    """Shape of a face."""
     kind = gmsh.model.getType(2, tag)
     if kind != "Plane" and kind not in ROUND:
         return Shape("curved")

@@ -129,7 +129,7 @@ class Model:
 
 
 def outer(faces: np.ndarray) -> np.ndarray:
-    """Those of faces (f, n) of elements that only one has."""
+    """Outer faces: those of faces (f, n) of elements that only one has."""
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])]
 

@@ -61,7 +61,7 @@ def mend(mesh: Mesh, fitness: Fitness) -> tuple[Mesh, Mended]:
 
 
 def _bad(stars: Stars, cells: np.ndarray, fitness: Fitness) -> np.ndarray:
-    """Those of the tets that are bad, the worst first."""
+    """Bad tets, the worst first."""
     cells = cells[stars.alive[cells]]
     found = fitness(stars.nodes, stars.cells[cells])
     order = np.argsort(found, kind="stable")
@@ -241,6 +241,6 @@ def _links_meet_elsewhere(at_u: list[list[int]], at_v: list[list[int]], u: int, 
 
 
 def _surface(cells: list[list[int]], node: int) -> list[list[int]]:
-    """Those triangles at a node that only one of its tets has."""
+    """Triangles at a node that only one of its tets has."""
     count = Counter(chain.from_iterable(_opposite(cell, node) for cell in cells))
     return [[node, *pair] for pair, own in count.items() if own == 1]

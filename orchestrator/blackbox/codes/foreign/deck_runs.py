@@ -98,7 +98,7 @@ class DeckRuns:
             raise Refused(f"its stiffness was not stored: {error}") from error
 
     def cases(self, steps: int) -> list[Loads]:
-        """Its own loads: one case for all load steps, or one for each."""
+        """Cases of the deck's own loads: one case for all load steps, or one for each."""
         files, path = [Path(file) for file in self.part.loads or []], (*self.path, "loads")
         if not runs_on(Path(self.part.calculix), path):
             return [Loads(file) for file in files]

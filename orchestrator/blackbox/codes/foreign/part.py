@@ -147,7 +147,7 @@ class OwnFields:
 
 def fields_of_parts(settings: Sequence[CodeSettings], scene: Scene, displacements: Sequence[np.ndarray],
                     forces: Sequence[np.ndarray | None]) -> list[OwnFields]:
-    """Those of all parts of a scene; arguments as of ``finish_parts``."""
+    """Fields of all parts of a scene; arguments as of ``finish_parts``."""
     found = []
     for stand in scene.mesh.foreign:
         own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)

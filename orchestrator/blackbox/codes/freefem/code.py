@@ -191,7 +191,7 @@ class FreeFem(MessageCode):
         return result
 
     def heard(self, numbers: Sequence[float]) -> None:
-        """Its version: to ask for it takes a process."""
+        """Note FreeFEM's version: to ask for it takes a process."""
         self._said = f"{numbers[0]:g}" if len(numbers) else ""
 
     def version(self) -> str:

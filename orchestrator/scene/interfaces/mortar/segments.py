@@ -53,7 +53,7 @@ class Segments:
         return replace(self, slave=slaves[self.slave], master=masters[self.master])
 
     def nearest(self, area: np.ndarray) -> Segments:
-        """Those that a slave facet meets first, where masters lie behind each other; all where none is covered twice.
+        """Overlaps that a slave facet meets first, where masters lie behind each other; all where none is covered twice.
 
         area : of the slave's facets
         """
