@@ -17,6 +17,7 @@ from orchestrator.method.delivery.lawful import certificate_of
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.increments import Start, iterate
 from orchestrator.method.latin import Latin
+from orchestrator.method.linear import macro_basis
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.monitors import Monitor, Verdict
 from orchestrator.method.stopping.bound import relative
@@ -94,6 +95,17 @@ def test_basis_holds_what_its_name_says():
         assert np.linalg.norm(spin - basis @ (basis.T @ spin)) < 1e-10 * np.linalg.norm(spin)
     basis = interface_basis(points, free, "translations")
     assert np.linalg.norm(spin - basis @ (basis.T @ spin)) > 0.01 * np.linalg.norm(spin)
+
+
+def test_many_interfaces_have_rigid_motions_alone(monkeypatch):
+    made = config(**CUBES)
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        sizes = []
+        for many in (len(scene.interfaces) + 1, len(scene.interfaces)):
+            monkeypatch.setattr(macro_basis, "MANY", many)
+            sizes.append(prepared(made, scene, blackbox).stage.macro.size)
+    assert sizes == [9 * len(scene.interfaces), 6 * len(scene.interfaces)]
 
 
 # --- admissibility after every linear stage ---------------------------------------------------------------

@@ -312,8 +312,8 @@ def test_prediction_adds_up():
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
     each, unknowns, gigabytes = prediction.ranks_of(costs, macro, 1000)
     blocks = 1000 / each  # between them: all interfaces but those inside blocks
-    assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and unknowns > prediction.SPREAD
-    assert gigabytes == pytest.approx(8e-9 * (9 * 6 * each ** (2 / 3))**2)  # of a block
+    assert unknowns == pytest.approx(6 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and unknowns > prediction.SPREAD
+    assert gigabytes == pytest.approx(8e-9 * (6 * 6 * each ** (2 / 3))**2)  # of a block
     assert small["set_up"]["prepare"] == pytest.approx(0.5 * each) and small["end"]["results"] == pytest.approx(0.03 * each)
     assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100 + 10)
     numbers, entries = 8 * 6 * 7 * 1e5, 12 * 7 * 36 * 7  # a subdomain to a rank, and its neighbours
@@ -334,9 +334,9 @@ def test_prediction_adds_up():
     count = prediction.limit(costs, macro)
     mine = [sum(s for part in prediction.predict(costs, macro, n).values() for what, s in part.items() if what.startswith("macro problem"))
             for n in (0.8 * count, 1.2 * count)]
-    assert mine[0] < 2 + 54 * 0.1 + 1.2 < mine[1]
+    assert mine[0] < 2 + 36 * 0.1 + 1.2 < mine[1]
     wall, cpu = zip(*(prediction.on_cores(costs, macro, 8, ranks, 2) for ranks in (1, 2, 4)))
-    assert wall[0] == cpu[0] == pytest.approx(1 + 0.08 + 8 * (0.5 + 2 + 2.7 + 1.2 + 0.2 + 0.03), rel=1e-3)
+    assert wall[0] == cpu[0] == pytest.approx(1 + 0.08 + 8 * (0.5 + 2 + 1.8 + 1.2 + 0.2 + 0.03), rel=1e-3)
     scene = 8 * (0.01 + 0.001 + 1e6 / 1e10)  # of one rank, handed out
     assert cpu[1] - scene == pytest.approx(2 * (wall[1] - scene)) and cpu[2] - scene == pytest.approx(2 * (wall[2] - scene))
     of_two = {"subdomains": 8, "iterations": 10, "workload": {

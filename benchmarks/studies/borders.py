@@ -18,12 +18,13 @@ import time
 import numpy as np
 import scipy.sparse as sp
 
-from benchmarks.studies.prediction import FIELDS, macro_of, touches
+from benchmarks.studies.prediction import macro_of, touches
 from orchestrator.method.interface import spread
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import Team, join
 
 SOLUTIONS = 20  # about as many as a run has iterations
+FIELDS = 9  # affine ones, of a plane interface
 
 
 def part_of(side: int, team: Team) -> tuple[sp.csr_array, np.ndarray, np.ndarray]:
@@ -35,7 +36,7 @@ def part_of(side: int, team: Team) -> tuple[sp.csr_array, np.ndarray, np.ndarray
     mine = sp.csr_array(whole[seen][:, owner == team.rank])
     number = (FIELDS * seen[:, None] + np.arange(FIELDS)).ravel()
     apart = owner[pairs[seen, 0]] != owner[pairs[seen, 1]]
-    return sp.csr_array(sp.tril(macro_of(mine))), number, np.repeat(apart, FIELDS)
+    return sp.csr_array(sp.tril(macro_of(mine, FIELDS))), number, np.repeat(apart, FIELDS)
 
 
 def measure(side: int, engine: str, team: Team) -> dict[str, float]:

@@ -34,7 +34,7 @@ from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.method.interface.spread import SPREAD
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
-FIELDS, FACES, RIGID = 9, 6, 6  # affine fields on a plane interface; interfaces of a cube; rigid motions
+FIELDS, FACES, RIGID = 6, 6, 6  # macro fields of an interface where these are many; interfaces of a cube; rigid motions
 MESSAGES = 13  # of a rank per iteration, sums over the ranks among them, where no two ranks were measured; see docs/parallel.md
 GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are measured: some seconds
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
@@ -187,12 +187,12 @@ def macro_pattern(side: int) -> sp.csr_array:
 
     Two interfaces are coupled where they belong to one subdomain.
     """
-    return macro_of(touches(side))
+    return macro_of(touches(side), FIELDS)
 
 
-def macro_of(touching: sp.csr_array) -> sp.csr_array:
-    """The same of some subdomains, which interfaces (interfaces, subdomains) touch."""
-    return _of_blocks(touching @ touching.T, FIELDS)
+def macro_of(touching: sp.csr_array, fields: int) -> sp.csr_array:
+    """The same of some subdomains, which interfaces (interfaces, subdomains) of so many fields touch."""
+    return _of_blocks(touching @ touching.T, fields)
 
 
 def rigid_pattern(side: int) -> sp.csr_array:

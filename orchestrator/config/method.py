@@ -58,7 +58,8 @@ class Macro(Part):
     basis: Literal["auto", "translations", "rigid", "affine", "quadratic", "modes"] = Field("auto", description=(
         "affine: rotations are needed in bending, extensions and shears save iterations; "
         "modes: affine and the subdomains' soft modes, computed at set-up. "
-        "auto: modes for subdomains 10 times longer than thick, or of ν above 0.49 (0.4995 with ten-node tets), else affine"))
+        "auto: affine, rigid from 1,500 interfaces on; with soft modes of subdomains 10 times longer than thick, or of ν above 0.49 "
+        "(0.4995 with ten-node tets)"))
     on: Literal["perfect", "all"] = Field("perfect", description=(
         "perfect: on perfect interfaces; the coarse contact problem does better on contact. all: the paper's"))
 
