@@ -147,12 +147,14 @@ class Exchange:
     @cached_property
     def _factors(self):
         """k⁺ of this side and of the other, seen from here, (D, D) each, and a solver of their sum."""
+        if self.kplus == "diagonal":
+            whole = sp.csr_array(sp.diags_array(self.direction.whole_diagonal))
+            k, other = sp.csr_array(sp.diags_array(self.direction.diagonal)), self.direction.space.transfer.seen_across(whole)
+            both = k.diagonal() + other.diagonal()
+            return k, other, lambda rows: rows / both
         k, other = self.direction.k, self.direction.other
         if self.kplus == "exchange":
             k, other = other, k
-        elif self.kplus == "diagonal":
-            both = k.diagonal() + other.diagonal()
-            return *(sp.csr_array(sp.diags_array(x.diagonal())) for x in (k, other)), lambda rows: rows / both
         if not (k - other).count_nonzero():  # symmetric soles: one factorisation serves both
             return k, other, lambda rows: 0.5 * self.direction.solve(rows)
         return k, other, Factor(sp.csr_array(k + other), patches=True)

@@ -27,7 +27,7 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_basis import interface_bases, kind_of
+from orchestrator.method.linear.macro_basis import fields_of, interface_bases
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.linear.stage import LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
@@ -191,7 +191,7 @@ class _SetUp:
         if macro.strategy == "none" or not any(wanted):
             return None
         with self.watch("macro"):
-            return interface_bases(scene, self.space, kind_of(macro.basis, wanted, self.space), wanted, self.method.skip.congruent)
+            return interface_bases(scene, self.space, fields_of(macro.basis, wanted, self.space), wanted, self.method.skip.congruent)
 
     def _macro(self, direction: SearchDirection, guarded: GuardedTraces, bases: list[np.ndarray] | None) -> Macro | None:
         """The linear macro problem, on perfect interfaces or on all; still to be solved."""

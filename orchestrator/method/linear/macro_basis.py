@@ -82,7 +82,7 @@ def independent(basis: np.ndarray) -> np.ndarray:
     return left[:, singular > DROP * singular[0]]
 
 
-def kind_of(asked: str, wanted: Sequence[bool], space: TraceSpace) -> str:
+def fields_of(asked: str, wanted: Sequence[bool], space: TraceSpace) -> str:
     """The kind of fields that ``method.macro.basis`` stands for, but for soft modes, on the interfaces that are wanted."""
     count, = space.team.sum(sum(taken and len(one) > 0 and one[0] < space.size for taken, (one, _) in zip(wanted, space.sides)))
     if asked == "auto":

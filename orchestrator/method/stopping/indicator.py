@@ -94,10 +94,10 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
     else:
         solved, given = apart / direction.diagonal, f / direction.diagonal
     square = float(np.vdot(apart, solved))
-    both = float(2 * np.vdot(f - apart, given)) + square  # ‖f‖² + ‖f − apart‖²
+    both = float(2 * (np.vdot(f, given) - np.vdot(apart, given))) + square  # ‖f‖² + ‖f − apart‖²
     return float(np.vdot(w - w_hat, kw - kw_hat)) + square, float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + both
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:
     """Weighted sum of squares of (T, D)."""
-    return float(((x * x) @ weight).sum())
+    return float(np.einsum("ti,ti,i->", x, x, weight))
