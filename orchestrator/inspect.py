@@ -54,7 +54,7 @@ def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]
     Raises InputError: there is no mesh
     """
     young = [matter.young for matter in config.matter]
-    if not run_programs and any(part.program for part in config.parts or []):
+    if config.programs and not run_programs:
         mesh, faces = make_parts(config.parts, run_programs=None)
         return [*_lines(mesh, faces, young), "", *not_asked(config)], mesh
     try:
@@ -90,7 +90,7 @@ def graphed(config: Config, run_programs: bool = False) -> Graph:
 
     Raises InputError: there is no scene; a part is a program, and programs are not run
     """
-    if not run_programs and any(part.program for part in config.parts or []):
+    if config.programs and not run_programs:
         raise wrong(("parts",), "a part that is a program, whose joint is not known before it is run", "parts that can be read",
                     "add --run-programs")
     from orchestrator.results.answers import reaction_names
@@ -117,7 +117,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     Raises InputError: the mesh, the codes or the number of iterations do not fit it
     """
     unsaid = [] if run_programs else not_asked(config)
-    if not run_programs and any(part.program for part in config.parts or []):
+    if config.programs and not run_programs:
         return [*_parts_alone(config), *unsaid]
     scene = build_scene(config, run_programs=run_programs)
     for code in find_codes(config.codes, {s.code for s in scene.subdomains}, run_programs).values():

@@ -163,6 +163,11 @@ class Config(Part):
                                       factors=tuple(self.factors_of(part.foreign.history)), young=matter[0].young if matter else None)
 
     @property
+    def programs(self) -> list[OnePart]:
+        """The parts that are programs, which no one knows before they are run."""
+        return [part for part in self.parts or [] if part.program]
+
+    @property
     def tools(self) -> dict[str, Tool]:
         """The rigid tools that interfaces are with, by their names, in the order of the YAML."""
         found: dict[str, Tool] = {}

@@ -132,7 +132,7 @@ OPTION = "--run-programs"
 def not_asked(config: Config) -> list[str]:
     """A sentence for each program, interpreter and form that is not run without ``OPTION``, and what is not checked therefore."""
     programs = [f"'{part.name}': {Path(part.program.run).name} is not started, which alone knows its joints: its interfaces, its "
-                "stiffness and whether all is held" for part in config.parts or [] if part.program]
+                "stiffness and whether all is held" for part in config.programs]
     pythons = dict.fromkeys(f"whether {entry.python} has what {entry.code} needs: it is not started"
                             for entry in config.codes if getattr(entry, "python", None))
     forms = dict.fromkeys(f"whether FreeFEM takes {Path(entry.form).name}: a form may run programs" for entry in config.codes
