@@ -49,7 +49,7 @@ _LISTED = {
     "codes": ("studies.codes:run",
               "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
     "time_vs_error": ("studies.time_vs_error:run",
-                      "wall time against true error: four problems, P1 and P2, four methods"),
+                      "seconds against true error: four problems, P1 and P2, four methods"),
     "large": ("studies.large:run",
               "easy and hard cubes of 200,000 dofs beside multigrid and direct solvers, up to 8,000 subdomains, a million dofs"),
     "polycrystals": ("studies.polycrystals:run",

@@ -416,7 +416,7 @@ def test_time_vs_error_in_small(tmp_path, saved_figures):
     models = {name: replace(MODELS[name], sizes={"P1": one, "P2": two}, exact=exact)
               for name, (one, two, exact) in small.items()}
     study = Study("time_vs_error", "small", tmp_path)
-    time_vs_error.run(study, models)
+    time_vs_error.run(study, time_vs_error.Settings(reference=2000), models)
     study.close()
     rows = [row for row in rows_of(tmp_path / "table.csv") if row["energy_error"]]
     error = {(r["case"], r["element"], r["k"], r["method"], r["tolerance"]): float(r["energy_error"]) for r in rows}

@@ -32,6 +32,7 @@ from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels, plain_ticks
 from benchmarks.kit.meshes import session
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
+from benchmarks.kit.true_errors import left
 from benchmarks.problems.lap_joint import joint_scene
 from orchestrator import Solution, config_from
 from orchestrator.accuracy.loop import run as refined
@@ -208,8 +209,7 @@ def _reference(study: Study, name: str, elements: int) -> Truth:
     if name not in PLANE or len(found) < 2:
         return Truth(found[-1], error, None)
     coarse, fine = map(_energies, found[-2:])
-    share = (coarse.estimated - fine.estimated) / (coarse.potential - fine.potential)
-    return Truth(found[-1], math.sqrt(fine.estimated / share / fine.energy), fine)
+    return Truth(found[-1], left(coarse, fine), fine)
 
 
 def _uniform(study: Study, name: str, element: str, asked: float, true: Truth, limit: float) -> list[tuple[float, float]]:
