@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
+from quick import quick
 
 from benchmarks.kit.apart import apart
 from orchestrator.config.load import config_from
@@ -74,15 +75,16 @@ def test_in_balance_everywhere(largest, monkeypatch):
     assert free.any() and np.abs(tractions[free]).max() < 1e-10
 
 
+@pytest.mark.parametrize("element", quick(["P1", "P2"], "P1"))
 @pytest.mark.parametrize("more", [{}, {"loads": [{"body_force": [0, -300, 0]}]},
                                   {"boundary": [HELD, {"on": "zmax", "displacement": [0.01, None, None]}]},
                                   {"boundary": [{"on": "zmin", "displacement": [0, 0, None]},
                                                 {"on": "zmax", "displacement": [None, None, 0]}],
                                    "materials": [{"young": 200e3, "poisson": 0.3, "expansion": 1e-5}],
                                    "loads": [{"temperature": {"value": 10, "at": [0, 0, 0], "gradient": [60, 0, 100]}}]}])
-def test_no_true_error_is_larger(more):
+def test_no_true_error_is_larger(more, element):
     """Errors of coarse meshes against ten-node tets on a finer one: ‖v − u‖ and the bound, at most 3 times as large."""
-    coarse, fine = solve(block([2, 2, 4], **more)), solve(block([4, 4, 8], "P2", **more))
+    coarse, fine = solve(block([2, 2, 4], element, **more)), solve(block([4, 4, 8], "P2", **more))
     bound = MeshBounds(coarse.scene)(coarse.sides)
     true = apart(coarse, fine)
     assert true <= bound.relative <= 3 * true
@@ -125,12 +127,13 @@ def test_the_largest_share_in_a_ball():
 def test_nothing_where_the_mesh_holds_the_solution():
     pulled = {"boundary": [{"on": "zmin", "displacement": [None, None, 0]}, {"on": "xmin", "displacement": [0, None, None]},
                            {"on": "ymin", "displacement": [None, 0, None]}, {"on": "zmax", "traction": [0, 0, 100]}]}
-    run = solve(block([2, 2, 4], tolerance=1e-9, output={"figures": False, "mesh_bound": True}, **pulled))
-    assert run.summary["mesh_bound"] < 1e-7
+    for element in ("P1", "P2"):
+        run = solve(block([2, 2, 4], element, tolerance=1e-9, output={"figures": False, "mesh_bound": True}, **pulled))
+        assert run.summary["mesh_bound"] < 1e-7
 
 
 @pytest.mark.parametrize("more, told", [
-    ({"interfaces": [{"law": "contact", "friction": 0.1}]}, "has friction"), ({"blackbox": {**IN_PROCESS, "element": "P2"}}, "ten-node"),
+    ({"interfaces": [{"law": "contact", "friction": 0.1}]}, "has friction"), ({"interfaces": [{"law": "contact"}], "blackbox": {**IN_PROCESS, "element": "P2"}}, "ten-node tets where bodies touch"),
     ({"boundary": [HELD, {"on": "xmin", "hydrostatic": {"level": 1.3, "weight": 1}}]}, "a level runs through"),
     ({"materials": [STEEL[0] | {"density": 1}], "loads": [{"spin": {"rate": 10, "axis": "z"}}]}, "vary within")])
 def test_refused(more, told):

@@ -17,7 +17,7 @@ W. Prager, J. L. Synge, Approximations in elasticity based on the concept of fun
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,11 +35,13 @@ from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 from orchestrator.scene.model import BoundaryEntry, Scene
 
 KEY = ("output", "mesh_bound")
-EXPECTED = ("four-node tets of isotropic linear elastic parts, bonded or in contact without friction on plane faces where their "
-            "meshes match, with loads that are linear on faces and constant in cells")
+EXPECTED = ("isotropic linear elastic parts, bonded, or four-node tets in contact without friction on plane faces, where meshes match, "
+            "with loads that are linear on faces and constant in cells")
 CURE = "remove mesh_bound: discretisation_error is estimated all the same"
 KNOWN = 1e-9  # of the largest, up to which two ways to the same numbers agree
 TRIES = 12  # stresses, with fewer faces free to be pressed each
+_SHARES = {4: (0.25,) * 4, 10: (-0.05,) * 4 + (0.2,) * 6}  # of a constant force in a tet, at its nodes
+_BESIDE = np.array([[k for k, edge in enumerate(TRIANGLE_EDGES) if corner in edge] for corner in range(3)])  # a triangle's edges at a corner
 BALANCED = 1e-9  # of the largest force on a face, what rounding may leave of balance
 
 
@@ -66,11 +68,11 @@ def check_bounded(scene: Scene) -> None:
 
 def _unknown(scene: Scene):
     """What stands in the way."""
-    if scene.mesh.cells.shape[1] != 4:
-        yield "a bound of the mesh's error on ten-node tets"
     if scene.stand_ins.any() or any(s.remembers for s in scene.subdomains):
         yield "a bound of the mesh's error beside grounds, rigid tools, nonlinear matter, or parts of other programs"
     for i in scene.interfaces:
+        if not i.law.perfect and scene.mesh.cells.shape[1] != 4:
+            yield f"a bound of the mesh's error on ten-node tets where bodies touch ({i.name})"
         if not i.law.perfect and not all(law.unilateral for law in i.laws(scene.steps)):
             yield f"a bound of the mesh's error where {i.name} has friction, or a law other than contact"
         if not i.matching:
@@ -104,9 +106,9 @@ def _loads(scene: Scene) -> np.ndarray:
         if entry.forces:
             entry.forces.add_to(loads, entry.triangles)
     if scene.body_force is not None:
-        quarters = np.abs(tet_volumes(mesh.nodes, mesh.cells))[:, None] * scene.body_force / 4
-        for nodes in mesh.cells.T:
-            np.add.at(loads, (slice(None), nodes), quarters)
+        whole = np.abs(tet_volumes(mesh.nodes, mesh.cells[:, :4]))[:, None] * scene.body_force
+        for share, nodes in zip(_SHARES[mesh.cells.shape[1]], mesh.cells.T):
+            np.add.at(loads, (slice(None), nodes), share * whole)
     if scene.thermal is not None:
         thermal_loads(mesh, scene.thermal, scene.materials, scene.cell_material, mesh.cells, loads)
     return loads
@@ -123,13 +125,14 @@ class MeshBounds:
         self.scene, self.estimator = scene, Estimator.of(scene)
         e = self.estimator
         points = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
-        self.balance = Equilibration(points, e.cells, self._meeting(), e.lame, e.gradients, e.volumes)
+        self.corners = e.cells[:, :4]
+        self.balance = Equilibration(points, self.corners, self._meeting(), e.lame, e.gradients, e.volumes)
         self.place = np.argsort(e.order)
         places = {i.index: self._faces(i.cells[:, 0], scene.side_nodes(i, 0)[i.triangles]) for i in touching(scene)}
         for entry in scene.boundary:
             if not self.balance.outer[self._faces(entry.cells[:, 0], entry.triangles)[0]].all():
                 raise wrong(KEY, f"a bound of the mesh's error where {entry.name} acts on faces that another body meets", EXPECTED, CURE)
-        self.pressed = PressedFaces(scene, self.balance, np.take_along_axis(e.joined[e.cells], self.balance.turn, 1), places)
+        self.pressed = PressedFaces(scene, self.balance, np.take_along_axis(e.joined[self.corners], self.balance.turn, 1), places)
 
     def _meeting(self) -> np.ndarray:
         """(n,) int, labels of nodes, equal where bonds or contact pair them."""
@@ -143,13 +146,13 @@ class MeshBounds:
         displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
-            sigma = np.stack([stress(self._elastic(u, t, at), e.lame) for at in np.eye(4)], axis=1)
+            sigma = self._turned(self._elastic(u, t, at) for at in np.eye(4))
             body = None if scene.body_force is None else scene.body_force[t, e.order]
             if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
                 return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
-            found, gaps[t] = self._nearest(np.take_along_axis(sigma, self.balance.turn[:, :, None], 1), body, u, t)
+            found, gaps[t] = self._nearest(sigma, body, u, t)
             errors[t], sizes[t] = np.sqrt(found.energies.sum() + 2 * gaps[t]), np.sqrt(e.energies(u).sum())
-            works[t] = self._work(u, t, body, found.moments)
+            works[t] = self._work(u, t, found.moments, sizes[t] ** 2)
             unbalanced = max(unbalanced, found.unbalanced)
         return MeshBound(errors, np.inf if unbalanced > BALANCED else relative(errors, sizes, works, gaps), unbalanced)
 
@@ -178,17 +181,20 @@ class MeshBounds:
             known[pressed.faces[pulled], 0], given[pressed.faces[pulled], :, 0] = True, -moments[pulled]
         return found, np.inf
 
-    def _work(self, u: np.ndarray, step: int, body: np.ndarray | None, moments: np.ndarray) -> float:
-        """a(u, C⁻¹σ + thermal strain), from the tractions of σ."""
-        e, volumes = self.estimator, np.abs(self.estimator.volumes)
-        own = np.take_along_axis(u[e.cells], self.balance.turn[:, :, None], 1)
-        work = np.vdot(moments, own[:, FACES])
-        if body is not None:
-            work += np.vdot(volumes[:, None] * body, own.mean(axis=1))
+    def _work(self, u: np.ndarray, step: int, moments: np.ndarray, energy: float) -> float:
+        """a(u, C⁻¹σ + thermal strain), from ‖σ‖² + ‖u‖² − ‖σ − σ(u)‖², σ(u) of all strain."""
+        e, elements = self.estimator, self.balance.elements
+        every = self._turned(strain(e.gradients, e.cells, u, at) for at in np.eye(4))
+        work = (elements.products(moments)[1].sum() + energy - elements.products(moments, every)[1].sum()) / 2
         if self.scene.thermal is not None:
-            dilation = strain(e.gradients, e.cells, u)[:, :3].sum(axis=1)
-            work += np.vdot(volumes * (3 * e.lame[:, 0] + 2 * e.lame[:, 1]) * dilation, self.scene.thermal[step, e.order].mean(axis=1))
+            heat = self.scene.thermal[step, e.order]
+            dilation = sum((strain(e.gradients, e.cells, u, at)[:, :3].sum(axis=1) * (heat.sum(axis=1) + heat @ at) for at in np.eye(4)))
+            work += np.vdot(np.abs(e.volumes) * (3 * e.lame[:, 0] + 2 * e.lame[:, 1]), dilation / 20)
         return float(work)
+
+    def _turned(self, strains: Iterable[np.ndarray]) -> np.ndarray:
+        """(m, 4, 6) stresses at the corners, in the order of their labels, from strains (m, 6) at each of them."""
+        return np.take_along_axis(np.stack([stress(one, self.estimator.lame) for one in strains], axis=1), self.balance.turn[:, :, None], 1)
 
     def _elastic(self, u: np.ndarray, step: int, at: np.ndarray) -> np.ndarray:
         e = self.estimator
@@ -210,14 +216,16 @@ class MeshBounds:
             elif entry.forces:
                 forces = entry.forces
                 moments = np.einsum("mc,mkpc->kpc", forces.amounts[step] + np.zeros(3), forces.shapes + np.zeros(3))
+                if moments.shape[1] == 6:  # a linear function is a corner's quadratic one and half of those of both edges there
+                    moments = moments[:, :3] + moments[:, 3:][:, _BESIDE].sum(axis=2) / 2
                 np.add.at(given, face, np.take_along_axis(moments, corner[:, :, None], 1))
         return known, given
 
     def _faces(self, cells: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(k,) faces of cells (k,) with corners (k, 3) on the mesh, and (k, 3) which of these corners theirs are."""
         e, cell = self.estimator, self.place[cells]
-        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell]], self.balance.turn[cell], 1)
-        same = corners[:, :, None] == triangles[:, None]  # (k, 4, 3)
+        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell], :4], self.balance.turn[cell], 1)
+        same = corners[:, :, None] == triangles[:, None, :3]  # (k, 4, 3)
         local = np.argmin(same.any(axis=2), axis=1)
         return self.balance.face[cell, local], np.take_along_axis(same, FACES[local][:, :, None], 1).argmax(axis=2)
 
