@@ -193,7 +193,7 @@ def test_a_killed_mesher_leaves_the_last_result(tmp_path):
         gmsh.model.occ.addBox(0, 0, 0, 20, 10, 10)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
-    problem = {**bent({"error": 0.1, "elements": 3000}), "mesh": {"step": str(path), "h": 5.0}, "boundary": [
+    problem = {**bent({"error": 0.4, "elements": 3000}), "mesh": {"step": str(path), "h": 5.0}, "blackbox": IN_PROCESS, "boundary": [
         {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "x", "at": 20}, "traction": [0, 0, 10]}]}
 
     def kill(solution):
@@ -266,6 +266,30 @@ def pushed(shear, law="contact", **more):
                      {"on": {"box": [[1, 0, 1], [1, 1, 2]]}, "traction": [shear, 0.5 * shear, 0]}],
         "output": {"figures": False, "probes": [{"accuracy": 0.5, **probe} for probe in probes]},
         "method": {"tolerance": {"error": 1e-8}, "max_iterations": 1000}}
+
+
+def test_one_mesh_serves_all_load_steps(tmp_path):
+    """Friction; pressed at one end of the upper block, then pushed at the other: what each load step errs in is made finer."""
+    problem = pushed(0.0, friction=0.3)
+    problem["boundary"] = [problem["boundary"][0], *(
+        {"on": {"box": [[x, 0, 2], [x + 1 / 3, 1, 2]]}, "displacement": to} for x, to in (
+            (0, [[0, 0, -0.02], [0, 0, 0]]), (2 / 3, [[0, 0, 0], [0.01, 0, -0.02]])))]
+    problem |= {"output": {"figures": False}, "method": {"accuracy": {"error": 0.4, "elements": 1500}, "max_iterations": 1000}}
+    found = []
+
+    def kept(solution):
+        found.append(solution)
+        return solution
+
+    run(Loaded(config_from(problem)), output=tmp_path, quiet=True, means=one.Means(judge=kept))
+    meshes = found[-1].summary["accuracy"]["meshes"]
+    first, last = ((one.scene.mesh, np.sqrt((one.fields.discretisation_error**2).sum(axis=1))) for one in (found[0], found[-1]))
+    assert len(meshes) > 1 and [one["mesh_error"] for one in (meshes[0], meshes[-1])] == pytest.approx([first[1].max(), last[1].max()])
+    assert (last[1] < 0.9 * first[1]).all()
+    for x in (1 / 3, 2 / 3):  # where each ends
+        size = [edge_lengths(mesh.nodes, mesh.cells)[np.linalg.norm(mesh.nodes[mesh.cells].mean(axis=1) - [x, 0.5, 2], axis=1).argmin()]
+                for mesh, _ in (first, last)]
+        assert size[1] < 0.8 * size[0]
 
 
 @pytest.mark.parametrize("law", [{"law": "perfect"}, {"friction": 0.0}, {"friction": 0.1}], ids=["bonded", "free", "slips"])

@@ -27,6 +27,7 @@ from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.meshes import forget_first, keep_first
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.screen import print_summary
@@ -90,6 +91,7 @@ class _Refinement:
             set_aside_again(folder)
         else:
             Passes.forget(self.path)
+            forget_first(self.path)
             drop(folder)
         while True:
             self.since = time.perf_counter()
@@ -181,6 +183,8 @@ class _Refinement:
         cells = found.cells / (share or 1.0)
         if solution.piece is not None:
             solution.piece.estimate(True, replace(found, cells=cells))
+        if len(self.passes.done) == 1 and self.config.output.figures:
+            keep_first(self.path, mesh.nodes, mesh.cells, cells.max(axis=0))
         judged = replace(solution, summary=summary, fields=solution.fields.with_error(cells))
         return judged if self.means.judge is None else self.means.judge(judged)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.charts import along_paths, convergence, probes_over_steps, time_per_stage
+from orchestrator.results.figures.meshes import errors_over_elements, first_and_last
 from orchestrator.results.figures.pictures import codes, deformed, interfaces
 from orchestrator.results.figures.plotting import new_figure, png
 from orchestrator.results.figures.sheet import compose, draw
@@ -23,17 +24,17 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     """Draw charts and pictures of a run, of what is known; pictures in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
-    fields : for deformed.png, interfaces.png, jumps.png and codes.png; None: charts alone
+    fields : for deformed.png, interfaces.png, jumps.png, codes.png and mesh.png; None: charts alone
     look : of the structure; None: as the configuration says
     Returns paths of the figures written
     """
     made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
             "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary),
-            "paths": along_paths(summary)}
+            "paths": along_paths(summary), "accuracy": errors_over_elements(summary)}
     if fields is not None and fields.steps and len(fields.cells):
         look, title = look or look_of(summary), str(summary.get("name") or "")
         sheets = {"deformed": deformed(fields, look), "interfaces": interfaces(fields, look),
-                  "jumps": interfaces(fields, look, imposed=True), "codes": codes(fields, summary)}
+                  "jumps": interfaces(fields, look, imposed=True), "codes": codes(fields, summary), "mesh": first_and_last(folder.path, fields, summary)}
         made |= {name: sheet and compose(sheet, title) for name, sheet in sheets.items()}
     return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in made.items() if figure is not None]
 

@@ -36,6 +36,8 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("jumps.png", "The interfaces whose jump is imposed: pressure."),
              (ANIMATION, "The load steps, one after another."),
+             ("accuracy.png", "Errors over elements, mesh by mesh."),
+             ("mesh.png", "The first mesh and the last: sizes of elements, and the error of each."),
              ("probes.png", "Probes over the load steps."),
              ("paths.png", "Values along paths, at the last load steps; all of them are in paths.csv."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
