@@ -186,6 +186,16 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch
     assert (tmp_path / "fields.npz").is_file()
 
 
+def test_all_meshes_have_the_element_of_the_first(tmp_path, monkeypatch):
+    """Which may have been left open: ten-node tets that become many are no reason to begin with others."""
+    problem = bent(0.07, blackbox={**IN_PROCESS, "element": "auto"})
+    monkeypatch.setattr("orchestrator.scene.mesh.quadratic.LARGEST", 3 * 700)
+    code, summary = refined(problem, tmp_path)
+    first, *_, last = summary["accuracy"]["meshes"]
+    assert code == 0 and first["nodes"] < 700 < last["nodes"] and read_npz(tmp_path).cells.shape[1] == 10
+    assert config_from(summary["config"]).codes[0].element == "auto"
+
+
 def test_a_killed_mesher_leaves_the_last_result(tmp_path):
     """With what ended it; the same command goes on."""
     path = tmp_path / "bar.brep"

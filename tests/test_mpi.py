@@ -140,6 +140,7 @@ def same_meshes(name: str, folder: Path) -> None:
     for ours, theirs in zip(*meshes):
         assert [ours[key] for key in ("elements", "nodes", "refined")] == [theirs[key] for key in ("elements", "nodes", "refined")]
         assert theirs["error"] == pytest.approx(ours["error"], rel=1e-9)
+        assert theirs["numbers"] == pytest.approx(ours["numbers"], rel=1e-8, abs=1e-8 * max(map(abs, ours["numbers"].values())))
         for probe, told in ours["quantities"].items():
             other = theirs["quantities"][probe]
             assert (other["error"], other["value"]) == pytest.approx((told["error"], told["value"]), rel=1e-9)

@@ -111,9 +111,7 @@ class _Refinement:
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
             set_aside(folder)
-            tolerance = 0.0 if self.given else self.tolerance.error
-            self.passes = Passes(self.passes.done, self.plan.maps, self.plan.elements, self.plan.refined, self.plan.kept,
-                                 self.passes.before, tolerance)
+            self.passes = replace(self.passes, **vars(self.plan), tolerance=0.0 if self.given else self.tolerance.error)
             self.passes.write(self.path)
             self._told(folder, BETWEEN)  # until the next mesh is there these are the results
 
@@ -130,7 +128,7 @@ class _Refinement:
 
     def _plain(self) -> Loaded:
         """For one mesh: quantities are still estimated, see ``method.delivery.quantities``."""
-        config = self.config
+        config = self.config.with_element(self.passes.element) if self.passes.element else self.config
         return replace(self.loaded, config=config.model_copy(update={
             "method": config.method.model_copy(update={"accuracy": None}), "output": config.output.model_copy(update={"figures": False})}))
 
@@ -152,7 +150,7 @@ class _Refinement:
         share = told(self.passes.before, now)
         bonded = all(i.law.perfect for i in solution.scene.interfaces)
         believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
-        self.passes.before = now
+        self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
         energy, *quantities = criteria(solution, found, share, now is not None, self.asked.error)
         every = [one for one in (energy, *quantities) if one.asked]
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}

@@ -75,6 +75,7 @@ class Passes:
     maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
     refined, kept : what these have changed; tolerance : of its iterations, 0 where it is the configuration's
     before : energies of the last that was solved on, None where they tell nothing
+    element : of all meshes, "" before the first
     """
 
     done: list[Pass] = field(default_factory=list)
@@ -84,12 +85,14 @@ class Passes:
     kept: list[str] = field(default_factory=list)
     before: Energies | None = None
     tolerance: float = 0.0
+    element: str = ""
 
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
         arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
         told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "elements": self.elements,
-                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before), "tolerance": self.tolerance}
+                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before), "tolerance": self.tolerance,
+                "element": self.element}
         path = folder / NAME
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(f".{path.name}")
@@ -107,7 +110,7 @@ class Passes:
         maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
         return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"],
-                   told["before"] and Energies(**told["before"]), told["tolerance"])
+                   told["before"] and Energies(**told["before"]), told["tolerance"], told["element"])
 
     @staticmethod
     def forget(folder: Path) -> None:

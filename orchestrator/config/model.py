@@ -196,6 +196,12 @@ class Config(Part):
         """The factors of every load step."""
         return [1.0] * self.steps if history is None else list(self.histories[history])
 
+    def with_element(self, element: str) -> Config:
+        """The same with an element in all entries of ``blackbox``, where it may have been left open."""
+        several = isinstance(self.blackbox, list)
+        made = [code.model_copy(update={"element": element}) for code in (self.blackbox if several else [self.blackbox])]
+        return self.model_copy(update={"blackbox": made if several else made[0]})
+
     def complete(self) -> dict[str, Any]:
         """The configuration as plain data, defaults filled in; ``config_from`` takes it back."""
         return self.model_dump(mode="json", exclude_none=True)
