@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from orchestrator.config.load import config_from
 from orchestrator.laws.points import Carries
-from orchestrator.method.stopping.cone_problem import failing, Reach
+from orchestrator.method.stopping.cone_problem import failing, Reach, unresisted
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about
@@ -84,6 +84,38 @@ def test_friction_of_pressures_that_are_there():
             np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart])
         found = motion(beside, load(0.6, 0, -1.0))
         assert (found.lacking < 0.02 if held else found.lacking > 0.1), apart
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_cube_makes_way_for_what_presses_it_aslant_unless_friction_jams_it(share):
+    """Pressed at 45° onto the ground it jams where the angle of friction is half of that, whatever it weighs."""
+    points, normal = np.vstack([CORNERS, [[0.0, 0.0, 0.5]]]), np.column_stack([UP, np.array([1.0, 0.0, -1.0]) / np.sqrt(2)])
+    reach = standing(Carries.pressed(normal, share * np.tan(np.pi / 8)), normal, points)
+    given = np.zeros((5, 3, 1))
+    given[4, :, 0] = -1e-3 * normal[:, 4]  # what presses goes that far
+    reach.J = np.concatenate([reach.J, given], axis=2)
+    found = unresisted(reach, 2)
+    if share > 1:
+        assert found is None
+    else:
+        assert found[1, 0] > 0.5 and not found[0].any()
+
+
+@pytest.mark.parametrize("wall", [False, True])
+def test_a_run_tells_that_bodies_make_way_for_what_is_prescribed(wall):
+    """A box pushed along carries nothing, unless there is a wall in its way; ended before it has settled, a run says why."""
+    held = [{"on": "xmin", "displacement": [1e-2, 0, 0]}, *([{"on": "xmax", "displacement": [0, 0, 0]}] if wall else [])]
+    row = {"mesh": {"box": {"size": [3, 1, 1], "cells": [6, 2, 2]}}, "subdomains": {"grid": [3, 1, 1]}, "boundary": held}
+    made = contact(0.1, **row, method={"tolerance": {"error": 1e-8}, "max_iterations": 1})
+    found = solve(made, build_scene(made))
+    assert found.stop_reason == ("max_iterations" if wall else "limit load")
+    if not wall:
+        limit = found.summary["limit_load"][0]
+        assert limit["prescribed"] and {m["body"] for m in limit["motions"]} == {"block 1-0-0", "block 2-0-0"}
+        assert all(m["shift"][0] > 0.9 * np.linalg.norm(m["shift"]) for m in limit["motions"])
+        assert "make way" in limit["sentence"] and "Lower" not in limit["sentence"]
+        more = made.model_copy(update={"method": made.method.model_copy(update={"max_iterations": 9})})
+        assert solve(more, found.scene).converged  # nothing is carried, and that is found
 
 
 def test_points_within_others_change_nothing():

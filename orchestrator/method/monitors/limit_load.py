@@ -10,6 +10,10 @@ Where forces of some pressures would do, springs may still carry what friction a
 is pulled out of a ring presses no more for being pulled. All else has settled then, and the motion is looked for with that friction.
 It counts once weaker springs have shown the same: what springs carry where bodies are still on their way is no sign of a limit. Of
 load steps that are solved together it shows no more than that they are to be solved one by one (``increments``).
+
+What supports prescribe always goes on, but bodies may make way for it that no force of the laws holds: what is pressed there carries
+nothing, and springs alone say where it goes. Where solves of the coarse contact problem find no rest that is looked for, and told. It ends a
+run that still finds none after ``OFTEN`` iterations, or where its iterations end.
 """
 
 from __future__ import annotations
@@ -36,12 +40,16 @@ class LimitLoadMonitor(Monitor):
     known : load step of the scene, from 0 → its limit load at any pressure as sides meet now; None: it is carried
     shown : ε of springs, over that at the beginning, beside which friction of the pressures that were there did not do; 0: none
     limits : what has been found
+    way : load step of the scene, from 0 → bodies that make way there for what is prescribed; None: some force resists it
+    unsolved : solves of the coarse problem that had ended before their tolerance
     """
 
     name = "limit_load"
 
     def __init__(self, loads: LimitLoads):
         self.loads, self.limits, self.known, self.shown, self.meeting = loads, [], {}, 0.0, None
+        self.way: dict[float, LimitLoad | None] = {}
+        self.unsolved = 0
 
     @classmethod
     def of(cls, case: Case) -> LimitLoadMonitor | None:
@@ -55,7 +63,7 @@ class LimitLoadMonitor(Monitor):
         if verdict.changes:  # sides are to be paired anew
             return Verdict()
         if now.problem.following is not None and pairs.transfer is not self.meeting:
-            self.meeting, self.known = pairs.transfer, {}
+            self.meeting, self.known, self.way = pairs.transfer, {}, {}
         value = verdict.told["target"][1]
         held = verdict.laws.held_by_springs(value)
         ends = verdict.met or held or now.last
@@ -69,9 +77,31 @@ class LimitLoadMonitor(Monitor):
             if self.shown and now.problem.path_dependent:  # what is there may be what no way leads to
                 self.limits = []
                 return Verdict(False, HELD)
+        told, still = self.restless(now)
+        if not self.limits and not verdict.met and (now.last or held or (still and now.number % OFTEN == 0)):
+            self.limits = [way for t in range(now.problem.steps) if (way := self.making_way(now, t)) is not None]
+            ends = bool(self.limits)
         # load steps before the first one that has no balance have one, which is worth to be found
         worthless = any(limit.load_step == math.ceil(pairs.numbers[0]) + 1 for limit in self.limits)
-        return Verdict(False, LIMIT) if self.limits and (ends or worthless) else Verdict()
+        return Verdict(False, LIMIT) if self.limits and (ends or worthless) else Verdict(warnings=told)
+
+    def restless(self, now: Evaluation) -> tuple[tuple[str, ...], bool]:
+        """Whether solves of the coarse contact problem have found no rest in this iteration; and where they do so for the first time, that
+        bodies make way."""
+        coarse = now.problem.coarse
+        ends = {} if coarse is None else coarse.problem.ends
+        before, self.unsolved = self.unsolved, sum(ends.values()) - ends.get("tolerance", 0)
+        if self.unsolved <= before or self.way:
+            return (), self.unsolved > before
+        found = self.making_way(now, 0)
+        return () if found is None else (str(found),), True
+
+    def making_way(self, now: Evaluation, t: int) -> LimitLoad | None:
+        """The bodies that make way at a load step."""
+        number = float(now.problem.local.pairs.numbers[t])
+        if number not in self.way:
+            self.way[number] = self.loads.making_way(now.problem, t)
+        return self.way[number]
 
     def missing(self, now: Evaluation, t: int) -> float:
         """How far the laws' forces leave a body from balance at a load step, over what acts on it."""
@@ -97,11 +127,11 @@ class LimitLoadMonitor(Monitor):
         return found if again else []
 
     def state(self) -> dict[str, Any]:
-        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown}
+        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown, "unsolved": self.unsolved}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.limits = [LimitLoad(**limit | {"motions": [BodyMotion(**motion) for motion in limit["motions"]]}) for limit in state["limits"]]
-        self.shown = state["shown"]
+        self.shown, self.unsolved = state["shown"], state["unsolved"]
         return problem
 
     def found(self, problem: Decomposition) -> list[LimitLoad]:

@@ -20,6 +20,10 @@ only by bodies that go as far, −s n·d ≥ −g/r where |y_b| = 1 stands for t
 
 How far the loads may go from L₀, which is balanced, to L is the least Σ c |d_x| − L₀·y of all such motions with (L − L₀)·y = 1.
 
+What supports prescribe is no load, and always goes on. It moves bodies *freely* where a motion of theirs goes with it, d = a d₀ + B R y,
+a > 0, that no pressure resists: then no forces that the laws allow do work in it, and what follows it carries nothing. A pile that
+flows away from under a plate is such a case (``unresisted``).
+
 Reference: Kanno, Nonsmooth Mechanics and Convex Optimization, CRC Press (2011), chapters on limit analysis and on contact. Solver:
 Clarabel, an interior-point method (Goulart & Chen, arXiv 2405.12762).
 """
@@ -48,7 +52,8 @@ TOLERANCE = 1e-9  # of the interior-point method, on a problem whose loads are o
 class Reach(Carries):
     """What P points of bodies may carry.
 
-    J : (P, 3, 12) jumps in the motions of the body on side 1, then of that on side 2; zero columns where it is held
+    J : (P, 3, 12) jumps in the motions of the body on side 1, then of that on side 2; zero columns where it is held. For ``unresisted``
+        (P, 3, 13): the last one goes with what supports prescribe
     ends : (P, 2) int, which bodies these are
     group : (P,) int, the interface that each is on
     normal : (3, P)
@@ -98,7 +103,7 @@ class Reach(Carries):
                 continue
             moved = self.J[each].reshape(len(each), -1)
             place, size, _ = np.linalg.svd(moved - moved.mean(axis=0), full_matrices=False)
-            if (size > DEPENDENT * size[0]).sum() == 2:  # J is linear in the points' places
+            if (size > DEPENDENT * np.linalg.norm(moved)).sum() == 2:  # J is linear in the points' places
                 kept[each] = False
                 kept[each[ConvexHull(place[:, :2] * size[:2]).vertices]] = True
         return self.some(kept)
@@ -150,6 +155,26 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
     return worst
 
 
+def unresisted(reach: Reach, bodies: int) -> np.ndarray | None:
+    """(bodies, 6) how bodies move, the farthest by 1, with what supports prescribe; None where some force resists that, or where the
+    solver finds neither. Where points carry something of their own, glue or a bolt's force, they resist."""
+    largest = np.abs(reach.J[..., -1]).max(initial=0.0)
+    if not largest or reach.works.any() or (np.isfinite(reach.limit) & (reach.limit > 0)).any():
+        return None
+    reach.J[..., -1] /= largest
+    reach = reach.extremes()
+    reach = reach.some(reach.J.any(axis=(1, 2)) & ((reach.side != 0) | (reach.limit > 0)))
+    own = np.unique(np.concatenate([reach.ends[reach.J[..., RIGID * k: RIGID * (k + 1)].any(axis=(1, 2)), k] for k in range(2)]))
+    if not len(own):
+        return None
+    value, y = _Cones(reach, own, 1.0).least(np.eye(RIGID * len(own) + 1)[-1])
+    if y is None or value <= LEAST or not y.any():
+        return None
+    result = np.zeros((bodies, RIGID))
+    result[own] = y.reshape(-1, RIGID)
+    return result / np.linalg.norm(result, axis=1).max()
+
+
 def _of_part(reach: Reach, own: np.ndarray, loads: np.ndarray, before: np.ndarray, noise: np.ndarray) -> Motion | None:
     """The same for the bodies ``own``, which touch each other and nobody else who is free."""
     scale = max(np.linalg.norm(loads[own], axis=1).max(), np.abs(reach.works).max(initial=0.0))
@@ -166,7 +191,8 @@ def _of_part(reach: Reach, own: np.ndarray, loads: np.ndarray, before: np.ndarra
 
 
 class _Cones:
-    """The motions that nothing resists too much: unknowns are y of the bodies ``own``, amounts of free motions, |d_x| where it costs.
+    """The motions that nothing resists too much: unknowns are y of the bodies ``own``, the share of what supports prescribe if J has it,
+    amounts of free motions, |d_x| where it costs.
 
     scale : of forces
     rows, cones : of the constraints ``rows`` x ∈ ``cones``
@@ -178,12 +204,15 @@ class _Cones:
         place[own] = np.arange(len(own))
         at = np.repeat(place[reach.ends], RIGID, axis=1)  # (P, 12); −1: held
         self.columns, self.there = np.where(at >= 0, RIGID * at + np.tile(np.arange(RIGID), 2), 0), at >= 0
-        self.bodies = RIGID * len(own)
+        self.bodies, self.shared = RIGID * len(own), reach.J.shape[2] - 2 * RIGID
+        self.columns = np.pad(self.columns, ((0, 0), (0, self.shared)), constant_values=self.bodies)
+        self.there = np.pad(self.there, ((0, 0), (0, self.shared)), constant_values=True)
+        self.moving = self.bodies + self.shared
         along = np.einsum("cp,pcj->pj", reach.normal, reach.J)
         across = np.einsum("icp,pcj->pij", reach.directions, reach.J)
         given = np.flatnonzero(np.isfinite(reach.limit) & (reach.limit > 0))
         bonds, works = self._bonds(reach, across)
-        self.cost = np.r_[np.zeros(self.bodies), works / scale, reach.limit[given] / scale]
+        self.cost = np.r_[np.zeros(self.moving), works / scale, reach.limit[given] / scale]
         self.rows, self.cones = [], []
         if bonds:
             self._add(sp.vstack([sp.csr_array((b.data, b.indices, b.indptr), shape=(b.shape[0], len(self.cost))) for b in bonds]),
@@ -199,9 +228,9 @@ class _Cones:
             self._add(self._stacked(one_sided[rough], rubbed, rough), [clarabel.SecondOrderConeT(1 + width)] * len(rough))
             those = np.flatnonzero(flat[given] == (width == 2))
             chosen, heads = given[those], (1 + width) * np.arange(len(those))
-            size = sp.csr_array((np.ones(len(those)), (heads, self.bodies + len(works) + those)),
+            size = sp.csr_array((np.ones(len(those)), (heads, self.moving + len(works) + those)),
                                 shape=((1 + width) * len(those), len(self.cost)))
-            rubbed = self._stacked(np.zeros((len(those), 2 * RIGID)), across[chosen, :width], chosen)
+            rubbed = self._stacked(np.zeros((len(those), self.columns.shape[1])), across[chosen, :width], chosen)
             self._add(rubbed + size, [clarabel.SecondOrderConeT(1 + width)] * len(those))
 
     def _bonds(self, reach: Reach, across: np.ndarray) -> tuple[list[sp.csr_array], np.ndarray]:
@@ -212,10 +241,10 @@ class _Cones:
             chosen = np.flatnonzero(bound & (reach.group == g))
             moves = np.flatnonzero(reach.motions[:, :, chosen].any(axis=(1, 2)))
             given = -np.einsum("icp,mcp->pim", reach.directions[:, :, chosen], reach.motions[moves][:, :, chosen])
-            own = (across[chosen] * self.there[chosen, None]).reshape(-1, 2 * RIGID)
+            own = (across[chosen] * self.there[chosen, None]).reshape(-1, self.columns.shape[1])
             _, size, turned = np.linalg.svd(np.linalg.qr(np.hstack([own, given.reshape(len(own), -1)]), mode="r"))
             turned = turned[: len(size)][size > DEPENDENT * size.max(initial=0.0)]
-            columns = np.r_[self.columns[chosen[0]], self.bodies + len(works) + np.arange(len(moves))]
+            columns = np.r_[self.columns[chosen[0]], self.moving + len(works) + np.arange(len(moves))]
             works += reach.works[moves, chosen[0]].tolist()
             rows = np.repeat(np.arange(len(turned)), len(columns))
             found.append(sp.csr_array((turned.ravel(), (rows, np.tile(columns, len(turned)))), shape=(len(turned), columns.max() + 1)))
@@ -226,27 +255,30 @@ class _Cones:
         self.cones += cones
 
     def _matrix(self, values: np.ndarray, points: np.ndarray) -> sp.csr_array:
-        """Rows (n, 12) of points (n,)."""
-        rows = np.repeat(np.arange(len(values)), 2 * RIGID)
+        """Rows (n, 12), or (n, 13), of points (n,)."""
+        rows = np.repeat(np.arange(len(values)), self.columns.shape[1])
         values = np.where(self.there[points], values, 0.0)
         return sp.csr_array((values.ravel(), (rows, self.columns[points].ravel())), shape=(len(values), len(self.cost)))
 
     def _stacked(self, head: np.ndarray, rest: np.ndarray, points: np.ndarray) -> sp.csr_array:
         """Of every point its head (n, 12), then its other rows (n, w, 12)."""
         every = np.concatenate([head[:, None], rest], axis=1)
-        return self._matrix(every.reshape(-1, 2 * RIGID), np.repeat(points, every.shape[1]))
+        return self._matrix(every.reshape(-1, self.columns.shape[1]), np.repeat(points, every.shape[1]))
 
     def least(self, L: np.ndarray) -> tuple[float, np.ndarray | None]:
-        """The largest L·y less what resists, among |y_b| ≤ 1, and y; None where the solver fails."""
+        """The largest L·y less what resists, among |y_b| ≤ 1, and y; None where the solver fails. Of the share of what supports prescribe
+        at most all counts."""
         count = self.bodies // RIGID
         rows = np.arange(self.bodies) + np.arange(self.bodies) // RIGID + 1
         ball = sp.csr_array((np.ones(self.bodies), (rows, np.arange(self.bodies))), shape=(self.bodies + count, len(self.cost)))
         radius = np.zeros(self.bodies + count)
         radius[:: RIGID + 1] = 1.0
         rows, apart = self.gaps
-        x = self._solved(self.cost - np.pad(L, (0, len(self.cost) - len(L))), sp.vstack([rows, ball]), np.r_[apart, radius],
-                         ([clarabel.NonnegativeConeT(len(apart))] if len(apart) else []) + [clarabel.SecondOrderConeT(RIGID + 1)] * count)
-        return (0.0, None) if x is None else (float(L @ x[: self.bodies] - self.cost @ x), x[: self.bodies])
+        share = sp.csr_array(np.ones((self.shared, 1)) * (np.arange(len(self.cost)) == self.bodies))
+        one_sided = [clarabel.NonnegativeConeT(n) for n in (self.shared, len(apart)) if n]
+        x = self._solved(self.cost - np.pad(L, (0, len(self.cost) - len(L))), sp.vstack([-share, rows, ball]),
+                         np.r_[np.ones(self.shared), apart, radius], one_sided + [clarabel.SecondOrderConeT(RIGID + 1)] * count)
+        return (0.0, None) if x is None else (float(L @ x[: len(L)] - self.cost @ x), x[: self.bodies])
 
     def farthest(self, L0: np.ndarray, more: np.ndarray) -> tuple[float, np.ndarray | None]:
         """The largest α for which L₀ + α ``more`` is balanced, and the motion there; nan where there is none. Open gaps stay open."""

@@ -8,7 +8,7 @@ iterations, but for two things: where sides that slide are paired anew, and what
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
-from orchestrator.method.stopping.cone_problem import failing, Motion, Reach
+from orchestrator.method.stopping.cone_problem import failing, Motion, Reach, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
 
 ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
+RIGIDLY = 1e-6  # of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits
 TAKES_PART = 1e-2  # of the farthest body's way, from which a body is named
 
 
@@ -54,6 +55,7 @@ class LimitLoad:
     lacking : force that balance lacks at least, over the largest load on a body
     factor : share of what this load step adds that is carried; None where that is not known, as where pressures change on the way
     pressures : friction was taken at the pressures of the run's last state; else at any
+    prescribed : no load, but what supports prescribe drives the bodies, and no force resists it: it carries nothing
     """
 
     load_step: int
@@ -61,11 +63,15 @@ class LimitLoad:
     lacking: float
     factor: float | None
     pressures: bool
+    prescribed: bool = False
 
     def __str__(self) -> str:
         how = "at the pressures that are there, friction and contact resist" if self.pressures else "contact and friction can resist"
         moves = "; ".join(map(str, self.motions[:SHOWN]))
         rest = [motion.body for motion in self.motions[SHOWN:]]
+        if self.prescribed:
+            return (f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: they make way for what supports prescribe, "
+                    "and whatever the pressures, contact and friction resist no part of it")
         return (f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: the loads do more work in that motion than "
                 f"{how}{self._how_far}")
 
@@ -138,6 +144,25 @@ class LimitLoads:
             found = failing(Reach.joined(parts), loads, earlier, self.noise)
         found = self.team.share(found)
         return None if found is None else self._told(found, number, state is not None)
+
+    def making_way(self, d: Decomposition, t: int) -> LimitLoad | None:
+        """Bodies that make way for what supports prescribe, because no force of any pressures resists it; None where some force does,
+        where loads act as well, or where supports strain their bodies.
+
+        d : of these load steps, the t-th of which is meant
+        """
+        local = d.local
+        number, moved = local.pairs.numbers[t], d.stage.trace(d.loading.carried)[t: t + 1]
+        strained, most, acts = self.team.max(d.loading.strained[t], np.abs(moved).max(initial=0.0), np.abs(self._at(number)).max(initial=0.0))
+        if acts or strained > RIGIDLY * most:
+            return None
+        given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine]
+        reach = self.reach(local.pairs, local.before, number)
+        parts, found = self.team.gather(replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2))), None
+        if parts is not None:
+            found = unresisted(Reach.joined(parts), self.bodies.count)
+        found = self.team.share(found)
+        return None if found is None else replace(self._told(Motion(found, 0.0), number, False), prescribed=True)
 
     def _at(self, number: float) -> np.ndarray:
         """(bodies, 6) loads at a load step, or a part of one."""

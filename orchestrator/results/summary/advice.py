@@ -176,7 +176,8 @@ def springs(run: Stopped) -> Iterator[str]:
 def limit(run: Stopped) -> Iterator[str]:
     """No forces balance the loads."""
     for found in run.iterated.found.get("limit_load", []):
-        yield f"{found}. Lower the load, raise friction, or hold {some([motion.body for motion in found.motions])}"
+        less = "raise friction" if found.prescribed else "lower the load, raise friction"
+        yield f"{found}: {less}, or hold {some([motion.body for motion in found.motions])}"
 
 
 def code(run: Stopped) -> Iterator[str]:
