@@ -11,6 +11,7 @@ from in_process import IN_PROCESS
 from orchestrator.accuracy.loop import run as accuracy
 from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
+from orchestrator.method.coarse import ordering, subtrees
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
@@ -230,6 +231,8 @@ def refined(name: str, folder: Path, team: Team = ALONE) -> None:
 
 if __name__ == "__main__":
     ranks = join()
+    if ranks.size != 3:  # the coarse problem of few bodies is eliminated by several ranks too
+        subtrees.WORTH_RANKS = ordering.OWN_CALLS = ordering.PASSED = 0.0
     with ranks.together():
         for case in sys.argv[2:]:
             if case == PLACED:

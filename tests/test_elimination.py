@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from orchestrator.method.coarse import elimination, layout, subtrees
+from orchestrator.method.coarse import elimination, layout, ordering, subtrees
 from orchestrator.method.coarse.elimination import BlockPattern, Elimination
 from orchestrator.compiled import compiled
 
@@ -22,11 +22,11 @@ def lattice(n):
     return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
 
 
-@pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
+@pytest.mark.parametrize("calls", [0.0, ordering.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     """Whatever fronts are made of."""
-    monkeypatch.setattr(elimination, "OWN_CALLS", calls)
-    monkeypatch.setattr(elimination, "PASSED", min(calls, elimination.PASSED))
+    monkeypatch.setattr(ordering, "OWN_CALLS", calls)
+    monkeypatch.setattr(ordering, "PASSED", min(calls, ordering.PASSED))
     ends, bodies = lattice(4)
     rng = np.random.default_rng(2)
     pattern = BlockPattern(ends, bodies, SIZE)
@@ -75,7 +75,7 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
     monkeypatch.setattr(subtrees, "WORTH", 0.0)
     monkeypatch.setattr(elimination, "cores", lambda: cores)
     other = BlockPattern(ends, bodies, SIZE)
-    made, (order, bounds) = other.elimination, other.elimination._apart
+    made, (order, bounds, _) = other.elimination, other.elimination.shared
     assert len(bounds) > cores and np.array_equal(np.sort(order), np.arange(len(made.fronts)))
     place, above = np.argsort(order), made.layout.parent
     assert (place[above >= 0] < place[above[above >= 0]]).all()
@@ -87,7 +87,7 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
 def test_few_operations_beside_a_dense_matrix():
     ends, bodies = lattice(8)
     pattern = BlockPattern(ends, bodies, SIZE)
-    done = sum(elimination._operations(*front, SIZE) for front in Elimination(pattern.indptr, pattern.indices, SIZE).fronts)
+    done = sum(ordering.operations(*front, SIZE) for front in Elimination(pattern.indptr, pattern.indices, SIZE).fronts)
     assert done < 0.05 * 2 / 3 * (SIZE * bodies) ** 3
 
 

@@ -18,7 +18,6 @@ dense products. SuperLU takes four to six times as long, in this order as well: 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,11 +26,10 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout
+from orchestrator.method.coarse.ordering import grouped, operations
 from orchestrator.method.coarse.subtrees import side_by_side
 from orchestrator.method.interface.factor import dissection
-
-OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
-PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
+from orchestrator.parallel.team import ALONE, Team
 
 
 class BlockPattern:
@@ -41,10 +39,11 @@ class BlockPattern:
     bodies : number of bodies
     size : rows of a body's block
     order : (I,) int, the interfaces in the order in which they are added up; default: as they are
+    team : the ranks that eliminate together; all make the same
     """
 
-    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None):
-        self.bodies, self.size, self._factors = bodies, size, None
+    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None, team: Team = ALONE):
+        self.bodies, self.size, self.team, self._factors = bodies, size, team, None
         rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
         own = np.arange(bodies)
         places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
@@ -75,9 +74,9 @@ class BlockPattern:
         n = self.size * self.bodies
         return sp.bsr_array((self.shifted(values, shift), self.indices, self.indptr), shape=(n, n))
 
-    def factors(self, values: np.ndarray, shift: float) -> Factors:
+    def factors(self, values: np.ndarray | None, shift: float) -> Factors:
         """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
-        self._factors = self.elimination.factors(self.shifted(values, shift), self._factors)
+        self._factors = self.elimination.factors(None if values is None else self.shifted(values, shift), self._factors)
         return self._factors
 
     def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
@@ -89,7 +88,7 @@ class BlockPattern:
     @cached_property
     def elimination(self) -> Elimination:
         """Order and fronts."""
-        return Elimination(self.indptr, self.indices, self.size)
+        return Elimination(self.indptr, self.indices, self.size, self.team)
 
 
 class Elimination:
@@ -100,13 +99,15 @@ class Elimination:
     order : (bodies,) int, in which they are eliminated
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
+    shared : which are whose
     """
 
-    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int):
-        count, self.size = len(indptr) - 1, size
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int, team: Team = ALONE):
+        count, self.size, self.team = len(indptr) - 1, size, team
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
         sees = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(zip(indptr[:-1], indptr[1:]))]
-        groups = _grouped(sees, dissection(pattern), size)
+        order, hands = team.share(None if team.rank else (dissection(pattern), cores()))
+        groups = grouped(sees, order, size)
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         self.fronts = np.array([(len(columns), len(rest)) for columns, rest, _ in groups], dtype=int).reshape(-1, 2)
         place = np.empty(count, dtype=int)
@@ -114,29 +115,73 @@ class Elimination:
         rests = [np.sort(place[np.array(sorted(rest), dtype=int)]) for _, rest, _ in groups]
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
-        self._apart = side_by_side(self.layout.parent, np.array([_operations(*front, size) for front in self.fronts]), cores())
+        each, parent = np.array([operations(*front, size) for front in self.fronts]), self.layout.parent
+        self.shared = side_by_side(parent, each, team.size * hands, team.size)
+        rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
+        tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))
+        self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]
+        self.owner = np.empty(count, dtype=int)
+        self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
         self._work: np.ndarray | None = None
 
-    def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
-        """Factorise a matrix.
+    def _left(self, front: int) -> slice:
+        """Where what a front leaves is in what is worked on."""
+        start = self.layout.places[front, 2]
+        return slice(start, start + self.layout.sizes[front, 1] ** 2)
 
-        blocks : (n, size, size) in the order of the pattern
+    @property
+    def above(self) -> np.ndarray:
+        """(k,) int, places in the order of elimination of bodies in fronts above all subtrees."""
+        return np.flatnonzero(np.repeat(np.isin(np.arange(len(self.fronts)), self.shared.above), self.fronts[:, 0]))
+
+    @property
+    def spread(self) -> bool:
+        """Whether other ranks than rank 0 have fronts."""
+        return self.shared.ranks[1] < self.shared.ranks[-1]
+
+    def factors(self, blocks: np.ndarray | None, instead: Factors | None = None) -> Factors:
+        """Factorise a matrix; each rank its own fronts, all at the same time.
+
+        blocks : (n, size, size) in the order of the pattern, of this rank's fronts; None where it has none
         instead : earlier factors whose place these may take
         Raises ZeroDivisionError: a pivot vanishes
         """
         from orchestrator.method.coarse.fronts import PRODUCT, eliminate
 
-        order, bounds = self._apart
-        (a, m), result = self.layout.sizes.T, instead
+        if blocks is None:
+            return Factors(self, np.empty(0), np.empty(0))
+        order, bounds, ranks = self.shared
+        (a, m), result, mine = self.layout.sizes.T, instead, ranks[self.team.rank : self.team.rank + 2]
         if self._work is None:  # fresh pages cost as much as what is done on them
             self._work = np.empty((m**2).sum())
         if result is None:
             result = Factors(self, np.empty(((a + m) * a).sum()), np.empty((a * m).sum()))
-        given = PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work, order, bounds
-        sound = in_parts(eliminate, len(bounds) - 2, *given, part=1) if len(bounds) > 2 else []
-        if not all(sound) or not eliminate(len(bounds) - 2, len(bounds) - 1, *given):
+        given = PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work, order
+        sound = all(in_parts(eliminate, mine[1] - mine[0], *given, bounds[mine[0] :], part=1)) if mine[1] > mine[0] else True
+        if self.spread:
+            self._hand_up()
+        if not sound or self.team.rank == 0 and not eliminate(len(bounds) - 2, len(bounds) - 1, *given, bounds):
             raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
         return result
+
+    def ordered(self, x: np.ndarray) -> np.ndarray:
+        """(bodies, size) of numbers in the order of elimination."""
+        result = np.empty(x.shape)
+        result[self.order] = x
+        return result
+
+    def _hand_up(self) -> None:
+        """What the subtrees of other ranks leave, to rank 0."""
+        work, team, none = self._work, self.team, [np.empty(0)]
+        if team.rank:
+            if mine := self._handed[team.rank]:
+                team.exchange({0: np.concatenate([work[at] for at in mine])}, {})
+            return
+        room = {rank: np.concatenate([*none, *(work[at] for at in each)]) for rank, each in enumerate(self._handed) if rank and each}
+        for rank, arrived in team.exchange({}, room).items():
+            for at in self._handed[rank]:
+                length = at.stop - at.start
+                work[at], arrived = arrived[:length], arrived[length:]
 
 
 @dataclass
@@ -152,47 +197,24 @@ class Factors:
     beside: np.ndarray
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """(bodies, size) solution for a right-hand side of that shape."""
-        from orchestrator.method.coarse.fronts import solve
+        """(bodies, size) solution for a right-hand side of that shape, which all ranks have; on all ranks."""
+        from orchestrator.method.coarse.fronts import backward, forward
 
-        result = np.empty(right.shape)
-        solve((self.of.order, tuple(self.of.layout), self.own, self.beside), np.ascontiguousarray(right, float), result)
-        return result
-
-
-def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:
-    """Fronts, children before parents: the bodies eliminated, in order, those that they see, and the children.
-
-    A child is joined with its parent where that costs fewer operations more than a front of its own costs calls.
-    """
-    count = len(order)
-    place = np.empty(count, dtype=int)
-    place[order] = np.arange(count)
-    children: list[list] = [[] for _ in range(count)]
-    roots = []
-    for k, body in enumerate(order):
-        columns, kept = [int(body)], []
-        rest = {int(j) for j in sees[body] if place[j] > k}.union(*(group[1] for group in children[k])) - {int(body)}
-        for group in sorted(children[k], key=lambda g: len(g[0])):
-            apart = _operations(len(group[0]), len(group[1]), size) + _operations(len(columns), len(rest), size)
-            if _operations(len(group[0]) + len(columns), len(rest), size) <= apart + OWN_CALLS + PASSED * (size * len(group[1])) ** 2:
-                columns, kept = group[0] + columns, kept + group[2]
-            else:
-                kept.append(group)
-        group = (columns, rest, kept)
-        if rest:
-            children[min(place[j] for j in rest)].append(group)
-        else:
-            roots.append(group)
-    found, left = [], list(roots)  # parents before children, then turned round
-    while left:
-        group = left.pop()
-        found.append(group)
-        left.extend(group[2])
-    return found[::-1]
-
-
-def _operations(own: int, rest: int, size: int) -> float:
-    """Of a front that eliminates ``own`` bodies and leaves ``rest``."""
-    a, m = own * size, rest * size
-    return 2 * a**3 / 3 + 2 * a * a * m + 2 * a * m * m
+        of, team = self.of, self.of.team
+        given, x = (tuple(of.layout), self.own, self.beside), np.array(right[of.order], float, order="C")
+        if not of.spread:
+            if team.rank == 0:
+                for work in (forward, backward):
+                    work(np.arange(len(of.fronts)), given, x)
+            return team.spread(of.ordered(x))
+        mine, above, top, others = of.shared.own(team.rank), of.shared.above, of.above, of.owner[of.order] != team.rank
+        x[others] = 0.0
+        forward(mine, given, x)
+        x[top], = team.sum(x[top])
+        if team.rank == 0:
+            forward(above, given, x)
+            backward(above, given, x)
+        x[top] = team.spread(x[top])
+        backward(mine, given, x)
+        x[others] = 0.0
+        return of.ordered(team.sum(x)[0])

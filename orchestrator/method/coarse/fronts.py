@@ -283,20 +283,15 @@ def _added(result, to, given, of, runs, first, last):
 
 
 @compiled
-def solve(factors, right, result):
-    """Write the solution (bodies, size) for a right-hand side.
+def forward(fronts, factors, x):
+    """Eliminate from right-hand sides x (bodies, size), in the order of elimination, what is in fronts, one after the other.
 
-    factors : (bodies,) int, the order of elimination; ``layout``, ``own`` and ``beside`` as for ``eliminate``
+    factors : ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """
-    order, layout, own_parts, beside = factors
+    layout, own_parts, _ = factors
     _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
-    size, x = right.shape[1], np.empty(right.shape)
-    for i in range(len(order)):
-        for c in range(size):
-            x[i, c] = right[order[i], c]
-    flat = x.reshape(-1)
-    seen, z = np.empty(len(flat)), np.empty(band)
-    for f in range(len(sizes)):
+    size, flat, z = x.shape[1], x.reshape(-1), np.empty(band)
+    for f in fronts:
         a, m = sizes[f]
         L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
         own = flat[size * starts[f] : size * starts[f] + a]
@@ -315,7 +310,17 @@ def solve(factors, right, result):
             for c in range(size):
                 other[c] -= _times_each(L[i], own)
                 i += 1
-    for f in range(len(sizes) - 1, -1, -1):
+
+
+@compiled
+def backward(fronts, factors, x):
+    """Replace what ``forward`` has left by the solution, the last of the fronts first."""
+    layout, own_parts, beside = factors
+    _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    size, flat = x.shape[1], x.reshape(-1)
+    seen = np.empty(len(flat))
+    for k in range(len(fronts) - 1, -1, -1):
+        f = fronts[k]
         a, m = sizes[f]
         L = own_parts[places[f, 0] : places[f, 0] + a * a].reshape(a, a)
         U = beside[places[f, 1] : places[f, 1] + a * m].reshape(a, m)
@@ -329,9 +334,6 @@ def solve(factors, right, result):
             q = min(p + band, a)
             for i in range(p, q):
                 own[i] -= _times_each(L[i, q:], own[q:])
-    for i in range(len(order)):
-        for c in range(size):
-            result[order[i], c] = x[i, c]
 
 
 @numba.njit(nogil=True, fastmath=SUMS, inline="always")

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
+from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.dealing import dealt
 from orchestrator.method.coarse.elimination import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
@@ -31,23 +32,27 @@ class Bodies:
     team : the ranks
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
-    counted : int, interfaces that this rank adds up; counts : how many each rank does; theirs : (P,) bool, this rank's node pairs
-    pattern : of the Newton matrices, on rank 0
+    counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
+    assembly : of the Newton matrices
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern
+    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern; None where this rank has no fronts
     """
 
     team: Team
     fields: PairFields
     K0: np.ndarray
     counted: np.ndarray
-    counts: tuple[int, ...]
     theirs: np.ndarray
-    pattern: BlockPattern | None
+    assembly: Assembly
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray | None
+
+    @property
+    def pattern(self) -> BlockPattern:
+        """Of the Newton matrices."""
+        return self.assembly.pattern
 
     @cached_property
     def resisting(self) -> np.ndarray:
@@ -70,14 +75,12 @@ class Bodies:
         everyones = sum(each, [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        pattern = BlockPattern(ends, fields.count, fields.size, order) if team.rank == 0 else None
-        counts = tuple(map(len, each))
-        return cls(team, fields, K0, counted, counts, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
+        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order)
+        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
-        team, counted, pattern = self.team, self.counted, self.pattern
-        weight, springs, affine = np.ones(len(self.theirs)), None, None
+        counted, weight, springs = self.counted, np.ones(len(self.theirs)), None
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
@@ -86,24 +89,7 @@ class Bodies:
                                    epsilon)[counted]
             here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
-        everyones = self.gathered(slopes)
-        if everyones is not None:
-            affine = pattern.values(-everyones, self.K0)
-        return replace(self, fields=fields, weight=weight, springs=springs, affine=affine)
-
-    def gathered(self, slopes: np.ndarray) -> np.ndarray | None:
-        """On rank 0 blocks of the interfaces of all ranks, one rank's after the other's; None elsewhere. Here are (counted, …)."""
-        team = self.team
-        if team.size == 1:
-            return slopes
-        if team.rank:
-            team.exchange({0: slopes}, {})
-            return None
-        ends = np.cumsum(self.counts)
-        result = np.empty((ends[-1], *slopes.shape[1:]), slopes.dtype)
-        result[: ends[0]] = slopes
-        team.exchange({}, {rank: result[ends[rank - 1]: ends[rank]] for rank in range(1, team.size)})
-        return result
+        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0))
 
 
 class LoadStep:
@@ -157,12 +143,12 @@ class LoadStep:
             carried += self.resisted + sprung
         return carried
 
-    def matrix(self) -> np.ndarray | bool:
-        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
+    def matrix(self) -> np.ndarray | None:
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: blocks of this rank's fronts; None where it has none."""
         bodies = self.bodies
         slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
-        everyones = bodies.gathered(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
-        return False if everyones is None else bodies.affine - bodies.pattern.summed(everyones)
+        sums = bodies.assembly(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
+        return None if sums is None else bodies.affine - sums
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

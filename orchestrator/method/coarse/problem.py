@@ -12,8 +12,8 @@ ones where bodies have come to rest, and so on: proximal points yⱼ₊₁ of th
 
 (Rockafellar, SIAM J. Control Optim. 14, 1976), which converge the faster the weaker springs become.
 
-Among ranks, what belongs to a body is formed by its rank, and interfaces are dealt out (``dealing``); every Newton matrix goes to
-rank 0, which solves for all: right for some thousands of bodies.
+Among ranks, what belongs to a body is formed by its rank, and interfaces are dealt out (``dealing``). Newton's matrices are added up
+(``assembly``) and eliminated by all ranks together where that is worth the messages (``subtrees``), by rank 0 where it is not.
 """
 
 from __future__ import annotations
@@ -125,12 +125,11 @@ class CoarseProblem:
         pattern, factors, farthest = self.bodies.pattern, None, np.broadcast_to(radius, self.fields.count)
 
         def ahead(rho: np.ndarray) -> np.ndarray:
-            return self.team.spread(np.empty_like(rho) if factors is None else -factors.solve(rho))
+            return -factors.solve(rho)
 
-        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
+        def direction(matrix: np.ndarray | None, rho: np.ndarray, shift: float) -> np.ndarray:
             nonlocal factors
-            if pattern is not None:
-                factors = pattern.factors(matrix, shift)
+            factors = pattern.factors(matrix, shift)
             return self._clipped(ahead(rho), farthest)
 
         run, end = Newton(at, y, direction, ahead, self._farthest), ""

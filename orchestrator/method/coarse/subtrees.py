@@ -2,24 +2,58 @@
 
 Each subtree is one core's, those above all of them follow one after the other. What every front does is the same, whoever does it.
 Cut are the largest subtrees, as long as that shortens what the cores take together: at the top a few fronts have a fifth of all
-operations each, so that two cores take 0.6 of what one takes for a thousand bodies.
+operations each, so that two cores take 0.66 of what one takes for a thousand bodies. Subtrees are dealt to ranks first, so that all
+have as much to do as can be, then to the cores of each.
 """
 
 from __future__ import annotations
 
 from heapq import heapify, heappop, heappush
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
-WORTH = 1e7  # operations that side by side have to save: what it takes to hand them out
+# Operations that side by side have to save: what it takes to hand them out to cores; to ranks, some messages in every solution too.
+WORTH, WORTH_RANKS = 1e7, 1e8
 
 
-def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int) -> tuple[np.ndarray, np.ndarray]:
-    """(F,) int, fronts in the order of work, and (k + 1,) int, where each of the subtrees begins, and what is above them, the last.
+class SideBySide(NamedTuple):
+    """Which fronts are whose.
+
+    order : (F,) int, fronts in the order of work
+    bounds : (k + 2,) int, where each of the k subtrees begins, in the order of their ranks; what is above them; the end
+    ranks : (ranks + 1,) int, where each rank's subtrees begin
+    """
+
+    order: np.ndarray
+    bounds: np.ndarray
+    ranks: np.ndarray
+
+    @property
+    def rank(self) -> np.ndarray:
+        """(F,) int, whose each front is; those above all subtrees are rank 0's."""
+        result = np.zeros(len(self.order), dtype=int)
+        for rank, (a, b) in enumerate(zip(self.ranks[:-1], self.ranks[1:])):
+            result[self.order[self.bounds[a] : self.bounds[b]]] = rank
+        return result
+
+    @property
+    def above(self) -> np.ndarray:
+        """Fronts above all subtrees."""
+        return self.order[self.bounds[-2] :]
+
+    def own(self, rank: int) -> np.ndarray:
+        """Fronts of a rank's subtrees."""
+        return self.order[self.bounds[self.ranks[rank]] : self.bounds[self.ranks[rank + 1]]]
+
+
+def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: int = 1) -> SideBySide:
+    """Deal out the fronts.
 
     parent : (F,) int, of each front, which comes later; −1: of none
     operations : (F,) of each
+    cores : of all ranks together
     """
     count = len(parent)
     whole, children = operations.astype(float), [[] for _ in range(count)]
@@ -30,7 +64,7 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int) -> tupl
     left = [(-whole[f], f) for f in np.flatnonzero(parent < 0)]
     heapify(left)
     total = float(operations.sum())
-    least, chosen, above = total - WORTH, [], 0.0
+    least, chosen, above = total - (WORTH if ranks == 1 else WORTH_RANKS), [], 0.0
     while left and above < least:
         took = above + max(-left[0][0], (total - above) / cores)
         if took < least and cores > 1:
@@ -39,9 +73,15 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int) -> tupl
         above += float(operations[largest])
         for f in children[largest]:
             heappush(left, (-whole[f], f))
+    load, of = np.zeros(ranks), np.zeros(len(chosen), dtype=int)
+    for i, f in enumerate(chosen):  # the largest first
+        of[i] = np.argmin(load)
+        load[of[i]] += whole[f]
+    chosen = [chosen[i] for i in np.argsort(of, kind="stable")]
     label = np.full(count, len(chosen))
     label[chosen] = np.arange(len(chosen))
     for f in range(count - 1, -1, -1):
         if parent[f] >= 0 and label[f] == len(chosen):
             label[f] = label[parent[f]]
-    return np.argsort(label, kind="stable"), np.array([0, *accumulate(np.bincount(label, minlength=len(chosen) + 1))])
+    bounds = np.array([0, *accumulate(np.bincount(label, minlength=len(chosen) + 1))])
+    return SideBySide(np.argsort(label, kind="stable"), bounds, np.searchsorted(np.sort(of), np.arange(ranks + 1)))

@@ -1,0 +1,78 @@
+"""Newton's matrices over ranks: each adds up the blocks of the fronts that it eliminates, of slopes that other ranks have formed.
+
+What an interface changes enters the fronts of its two bodies alone: its slopes go to their ranks, once each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.coarse.elimination import BlockPattern
+from orchestrator.parallel.team import Team
+
+
+class Assembly:
+    """Sums of all ranks' slopes.
+
+    ends : (I, 2) int, the two bodies of each interface, one rank's after the other's, each as many as ``counts`` says
+    order : (I,) int, in which they are added up
+    pattern : of the matrices, on all ranks
+    """
+
+    def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray):
+        self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team)
+        self._wants, self._gives, self.sums = {}, {}, self.pattern.sums
+        if team.size == 1:
+            return
+        owner, starts, rank = self.pattern.elimination.owner, np.cumsum([0, *counts]), team.rank
+        wanted = [np.flatnonzero((owner[ends] == r).any(axis=1)) for r in range(team.size)]
+        here = slice(starts[rank], starts[rank + 1])
+        for other, theirs in enumerate(wanted):
+            mine = theirs[(theirs >= here.start) & (theirs < here.stop)] - here.start
+            if len(mine):
+                self._gives[other] = mine
+        where = np.searchsorted(wanted[rank], starts)  # of each rank's interfaces among those that this one wants
+        self._wants = {other: slice(a, b) for other, (a, b) in enumerate(zip(where[:-1], where[1:])) if b > a}
+        self.count = len(wanted[rank])
+        self.sums = _of_some(self.pattern.sums, np.repeat(4 * wanted[rank], 4) + np.tile(np.arange(4), self.count))
+
+    def __call__(self, slopes: np.ndarray) -> np.ndarray | None:
+        """(n, size, size) sums, block row after block row, of the fronts of this rank; None where it has none.
+
+        slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
+        """
+        size, rank = self.pattern.size, self.team.rank
+        if self.team.size > 1:
+            everyones = np.empty((self.count, *slopes.shape[1:]), slopes.dtype)
+            if rank in self._gives:
+                everyones[self._wants[rank]] = slopes[self._gives[rank]]
+            self.team.exchange({other: slopes[mine] for other, mine in self._gives.items() if other != rank},
+                               {other: everyones[at] for other, at in self._wants.items() if other != rank})
+            slopes = everyones
+        if not self.has_fronts:
+            return None
+        return (self.sums @ slopes.reshape(-1, size**2)).reshape(-1, size, size)
+
+    @property
+    def has_fronts(self) -> bool:
+        """Whether this rank eliminates any."""
+        return self.team.rank == 0 or len(self.pattern.elimination.shared.own(self.team.rank)) > 0
+
+    def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray | None:
+        """The same with the bodies' own blocks (bodies, size, size)."""
+        result = self(slopes)
+        if result is not None:
+            result[self.pattern.diagonal] += own
+        return result
+
+
+def _of_some(sums: sp.csr_array, columns: np.ndarray) -> sp.csr_array:
+    """Some columns (k,) of sums, ascending; those of a row stay in their sequence."""
+    place = np.full(sums.shape[1], -1)
+    place[columns] = np.arange(len(columns))
+    kept = place[sums.indices] >= 0
+    starts = np.concatenate([[0], np.cumsum(kept)])[sums.indptr]
+    return sp.csr_array((sums.data[kept], place[sums.indices[kept]], starts), shape=(sums.shape[0], len(columns)))
