@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import results_case as case
 from in_process import IN_PROCESS
-from typer.testing import CliRunner
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
@@ -191,7 +190,7 @@ BAD = [("probes: [{at: [5, 0, 0]}]", "outside the body"), ("probes: [{at: [0.5, 
 def test_bad_input_is_told(tmp_path, line, words):
     path = tmp_path / "pair.yaml"
     path.write_text(GOOD + f"  {line}\n")
-    done = CliRunner().invoke(app, ["check", str(path)])
+    done = call("check", path)
     said = done.stderr
     assert done.exit_code == 2 and words in said and "pair.yaml:10" in said and "found:" in said and "expected:" in said, said
 
@@ -199,7 +198,7 @@ def test_bad_input_is_told(tmp_path, line, words):
 def test_points_where_parts_meet_take_a_word(tmp_path):
     path = tmp_path / "pair.yaml"
     path.write_text(GOOD + "  probes: [{at: [0.5, 0.5, 1], part: top}, {on: top/zmin, part: top, of: stress}]\n")
-    done = CliRunner().invoke(app, ["check", str(path)])
+    done = call("check", path)
     assert done.exit_code == 0, done.stderr
 
 

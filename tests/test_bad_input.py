@@ -10,10 +10,9 @@ import meshio
 import numpy as np
 import pytest
 from method_case import saved
-from typer.testing import CliRunner
+from yaml_case import call
 
 from orchestrator.blackbox.codes.freefem.code import INSTALL
-from orchestrator.cli import app
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import bricks
 
@@ -88,7 +87,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(path: Path, *arguments: str):
-    return CliRunner().invoke(app, ["run", str(path), "--quiet", "--output", str(path.parent / "out"), *arguments])
+    return call("run", path, "--quiet", "--output", path.parent / "out", *arguments)
 
 
 def write(folder, changes):
@@ -123,7 +122,7 @@ def test_the_checker_says_the_same(folder):
     """``check`` finds without solving what ``run`` refuses."""
     for name in ("rigid motion", "unknown group", "interface of no pair"):
         path = write(folder, WRONG[name][0])
-        checked = CliRunner().invoke(app, ["check", str(path)])
+        checked = call("check", path)
         assert (checked.exit_code, checked.stderr) == (2, run(path).stderr)
 
 

@@ -11,9 +11,8 @@ import meshio
 import numpy as np
 import pytest
 from test_bad_input import GOOD
-from typer.testing import CliRunner
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.scene.mesh import checks
 from orchestrator.scene.mesh.sources import bricks
 
@@ -187,7 +186,7 @@ def in_time():
 
 def refused(path, *more):
     """What a command says that ends with exit code 2, in order."""
-    done = CliRunner().invoke(app, ["run", str(path), "--quiet", *more])
+    done = call("run", path, "--quiet", *more)
     assert done.exit_code == 2 and isinstance(done.exception, SystemExit), (done.exception, done.output)
     assert "found:" in done.stderr and "expected:" in done.stderr and "Traceback" not in done.stderr
     return done.stderr
@@ -226,7 +225,7 @@ def test_ten_nodes_must_fit_too(folder, in_time, monkeypatch):
     (folder / "ten.yaml").write_text("\n".join({**GOOD, "extra": "blackbox: {element: P2}"}.values()))
     assert "element: P2" in refused(folder / "ten.yaml", "--output", str(folder / "out"))
     (folder / "four.yaml").write_text("\n".join(GOOD.values()))
-    assert CliRunner().invoke(app, ["check", str(folder / "four.yaml")]).exit_code == 0
+    assert call("check", folder / "four.yaml").exit_code == 0
 
 
 def test_more_batches_than_iterations(folder, in_time):
@@ -236,7 +235,7 @@ def test_more_batches_than_iterations(folder, in_time):
                "held": "boundary: [{on: {box: [[-1, -1, -1], [5, 5, 0]]}, displacement: [0, 0, 0]},",
                "method": "method: {max_iterations: 2, increment: 1}", "extra": "histories: {up: [1, 0.5, 1, 0.5]}"}
     (folder / "few.yaml").write_text("\n".join({**GOOD, **changes}.values()))
-    done = CliRunner().invoke(app, ["check", str(folder / "few.yaml")])
+    done = call("check", folder / "few.yaml")
     assert done.exit_code == 2 and "2 iterations for 4 batches" in done.stderr, done.output
 
 

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
 from in_process import IN_PROCESS, InProcess, InProcessWorker
-from typer.testing import CliRunner
 from processes import gone
 from quick import late, quick
+from yaml_case import call
 
 from orchestrator.blackbox.trial import conformance
 from orchestrator.blackbox.start import find_codes, make_blackbox
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.transport.worker import Worker
-from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 
 ROOT = Path(__file__).parents[1]
@@ -145,7 +144,7 @@ def test_the_command(tmp_path):
     (tmp_path / "wrong.py").write_text(PROTOTYPE.format(solve="return -u", stiffness="return k"))
 
     def command(*arguments):
-        result = CliRunner().invoke(app, ["conformance", *arguments])
+        result = call("conformance", *arguments)
         return result.exit_code, " ".join(result.output.split())
 
     code, shown = command("freefem", "--transport", "pipe")

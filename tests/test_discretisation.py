@@ -7,6 +7,7 @@ import meshio
 import numpy as np
 import pytest
 from in_process import FREEFEM, IN_PROCESS
+from yaml_case import call
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -164,13 +165,9 @@ def test_steps_in_batches():
 
 @pytest.mark.long
 def test_files(tmp_path):
-    from typer.testing import CliRunner
-
-    from orchestrator.cli import app
-
     path, output = tmp_path / "bent.yaml", tmp_path / "out"
     path.write_text(json.dumps({"name": "bent", **bent(5.0), "output": {"directory": str(output), "figures": False}}))
-    done = CliRunner().invoke(app, ["run", str(path)])
+    done = call("run", path)
     assert done.exit_code == 0, done.output
     assert "estimated discretisation error" in " ".join(done.stdout.split())
     summary = json.loads((output / "summary.json").read_text())
@@ -181,7 +178,7 @@ def test_files(tmp_path):
     assert np.sqrt((fields.discretisation_error**2).sum()) == pytest.approx(summary["discretisation_error"])
     cells = meshio.read(output / "fields" / "step_0001.vtu").cell_data["discretisation_error"][0]
     assert np.array_equal(cells, fields.discretisation_error[0])
-    done = CliRunner().invoke(app, ["report", str(output)])
+    done = call("report", output)
     assert done.exit_code == 0 and "η_h" in (output / "report.md").read_text()
 
 

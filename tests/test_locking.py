@@ -9,6 +9,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from in_process import IN_PROCESS, TemplateSolver
 from quick import quick_sets
+from yaml_case import call
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.config.load import config_from
@@ -95,17 +96,13 @@ def test_warnings_name_the_cure():
 
 
 def test_check_and_summary_say_it(tmp_path, monkeypatch):
-    from typer.testing import CliRunner
-
-    from orchestrator.cli import app
-
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "rubber.yaml"
     path.write_text(json.dumps(problem("uniform tension", 2, 0.48) | {"output": {"figures": False}}))
-    checked = CliRunner().invoke(app, ["check", str(path)])
+    checked = call("check", path)
     assert checked.exit_code == 0 and "warning: Poisson's ratio 0.48" in checked.output
-    done = CliRunner().invoke(app, ["run", str(path)])
+    done = call("run", path)
     assert done.exit_code == 0 and "Poisson's ratio 0.48" in " ".join(done.output.split()), done.output
     assert "element: P2" in read_summary(tmp_path / "results" / "t")["warnings"][0]
     path.write_text(json.dumps(problem("uniform tension", 2, 0.45)))
-    assert "warning" not in CliRunner().invoke(app, ["check", str(path)]).output
+    assert "warning" not in call("check", path).output

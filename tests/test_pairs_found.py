@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from mortar_case import pairs_looked_at
 from quick import late
-from typer.testing import CliRunner
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.config.mesh import Mesh as Section, Move
 from orchestrator.errors import InputError
@@ -168,7 +167,7 @@ def test_work_grows_with_the_number_of_facets(monkeypatch):
 
 
 def test_a_file_is_inspected(tmp_path, flange):
-    done = CliRunner().invoke(app, ["inspect", flange, "--h", "9"])
+    done = call("inspect", flange, "--h", "9")
     assert done.exit_code == 0 and "11 volumes" in done.stdout
     rows = [line for line in done.stdout.splitlines() if " | " in line]
     room = [row for row in rows if "with room" in row]
@@ -181,14 +180,14 @@ def test_a_file_is_inspected(tmp_path, flange):
                     f"  - {{name: lid, mesh: {slab}, move: {{translate: [0, 0, 0.5]}}}}\n"
                     "subdomains: groups\nmaterials: [{young: 1, poisson: 0.3}]\ninterfaces: [{between: auto, law: contact}]\n"
                     "boundary: [{on: base/zmin, displacement: [0, 0, 0]}, {on: lid/zmax, displacement: [0, 0, 0]}]\n")
-    done = CliRunner().invoke(app, ["inspect", str(path)])
+    done = call("inspect", path)
     assert done.exit_code == 0 and "base | lid" in done.stdout and "matching" in done.stdout and "lid/zmax" in done.stdout
-    checked = CliRunner().invoke(app, ["check", str(path)])
+    checked = call("check", path)
     assert checked.exit_code == 0 and "base | lid" in checked.stdout
     path.write_text(path.read_text().replace("base/zmin", "base/zmni"))
-    done = CliRunner().invoke(app, ["inspect", str(path)])
+    done = call("inspect", path)
     assert done.exit_code == 0 and "no scene yet, 1 problem" in done.stdout and "base/zmin" in done.stdout
-    assert CliRunner().invoke(app, ["inspect", str(tmp_path / "nothing.msh")]).exit_code == 2
+    assert call("inspect", tmp_path / "nothing.msh").exit_code == 2
 
 
 # --- what is wrong ----------------------------------------------------------------------------------------

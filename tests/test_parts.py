@@ -4,9 +4,8 @@ import gmsh
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from typer.testing import CliRunner
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.config.load import config_from, load_config
 from orchestrator.config.mesh import Mesh, Move
 from orchestrator.errors import InputError
@@ -173,9 +172,9 @@ def test_dirty_models_are_told_by_solid_and_face(dirty):
 
 
 def test_what_can_be_meshed_of_a_dirty_model_is_shown_and_proposed(dirty, tmp_path):
-    done = CliRunner().invoke(app, ["inspect", dirty, "--h", "0.3"])
+    done = call("inspect", dirty, "--h", "0.3")
     assert done.exit_code == 0 and "solid_2" in done.stdout and "solid_1 cannot be meshed" in done.stdout
-    done = CliRunner().invoke(app, ["init", str(tmp_path / "dirty.yaml"), dirty])
+    done = call("init", tmp_path / "dirty.yaml", dirty)
     assert done.exit_code == 0 and "close no solid; it is left out" in " ".join(done.stdout.split())
     assert load_config(tmp_path / "dirty.yaml").config.mesh.exclude == ["shell_1", "solid_1"]
 

@@ -14,14 +14,13 @@ import pytest
 from foreign_case import write_deck
 from in_process import IN_PROCESS
 from ruamel.yaml import YAML
-from typer.testing import CliRunner
+from yaml_case import call
 
 from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.foreign.deck import DeckCode
 from orchestrator.blackbox.codes.foreign.part import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.cli import app
 from orchestrator.config.load import config_from
 from orchestrator.config.mesh import DeckPart, ProgramPart
 from orchestrator.errors import InputError
@@ -69,7 +68,7 @@ def test_a_program_in_c(tmp_path):
     """It keeps the protocol; its stiffness is the one that its bars have; it carries a block in frictional contact."""
     lattice = str(tmp_path / "lattice")
     subprocess.run(["cc", "-O2", "-o", lattice, EXAMPLES / "lattice.c", "-lm"], check=True)
-    shown = CliRunner().invoke(app, ["conformance", lattice])
+    shown = call("conformance", lattice)
     assert shown.exit_code == 0 and "write held: true" in shown.stdout and "16 nodes" in shown.stdout
     data = {**example("lattice", run=lattice), "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-4}}}
     made = config_from(data)

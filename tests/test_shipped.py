@@ -7,10 +7,9 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from processes import nothing_left
-from typer.testing import CliRunner
 from quick import quick
+from yaml_case import call
 
-from orchestrator.cli import app
 from orchestrator.scene.mesh import solids
 
 pytestmark = pytest.mark.xdist_group("shipped")  # one process reads the CAD model for all
@@ -109,7 +108,7 @@ def nothing_is_left(tmp_path, monkeypatch):
 def of_command(path, out, changes, *options):
     """Summary and stdout of ``orchestrator run``, called in this process; it converged."""
     settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
-    done = CliRunner().invoke(app, ["run", str(path), "--output", str(out), *options, *settings])
+    done = call("run", path, "--output", out, *options, *settings)
     assert done.exit_code == 0, done.stderr
     return json.loads((out / "summary.json").read_text()), done.stdout
 

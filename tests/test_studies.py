@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from in_process import IN_PROCESS
 from pictures import bars, is_drawn, missing_curves, missing_points, saved_figures  # noqa: F401
-from typer.testing import CliRunner
+from yaml_case import call
 
 from benchmarks.kit.apart import apart
 from benchmarks.kit.following import follow
@@ -48,7 +48,6 @@ from benchmarks.studies import (
     time_vs_error,
 )
 from orchestrator import BlackBoxError, InputError, build_scene, config_from, solve
-from orchestrator.cli import app
 from orchestrator.method.interface import cholmod
 
 UNDRAWN = {"output": {"fields": False, "figures": False}}
@@ -67,7 +66,7 @@ def tiny(slices=2):
 
 
 def test_listing_is_quick_and_complete():
-    done = CliRunner().invoke(app, ["study"])
+    done = call("study")
     assert done.exit_code == 0
     assert all(name in done.stdout and line in done.stdout for name, line in STUDIES.items())
     loaded = subprocess.run([sys.executable, "-c", "import sys, benchmarks.registry; print('numpy' in sys.modules)"],
@@ -83,7 +82,7 @@ def test_every_study_has_its_function():
 def test_unknown_name():
     with pytest.raises(InputError, match="fig7"):
         run_study("fig6")
-    done = CliRunner().invoke(app, ["study", "fig6"])
+    done = call("study", "fig6")
     assert done.exit_code == 2 and "study 'fig6'" in done.stderr
 
 

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import pytest
 from test_mpi import ALLOWED, MPIEXEC
-from typer.testing import CliRunner
 from quick import quick
+from yaml_case import call
 
 from benchmarks.kit.tutorials import followed
-from orchestrator.cli import app
 from orchestrator.results.compare.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
@@ -84,7 +83,7 @@ def output_of(command: str) -> str:
     program, *words = shlex.split(command.removesuffix(MAY_FAIL))
     if program == "orchestrator":
         quick = ["--set", "output.figures=false"] if words[0] == "run" else []
-        done = CliRunner().invoke(app, [*words, *quick])
+        done = call(*words, *quick)
         assert done.exit_code in ((1,) if command.endswith(MAY_FAIL) else (0,)), f"{command}\n{done.output}"
         return done.output
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120)
