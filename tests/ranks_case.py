@@ -12,6 +12,8 @@ from orchestrator.accuracy.loop import run as accuracy
 from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.coarse import ordering, subtrees
+from orchestrator.method.coarse.assembly import Assembly
+from orchestrator.method.coarse.elimination import BlockPattern
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import join
 from orchestrator.parallel.team import ALONE, Team
@@ -229,11 +231,30 @@ def refined(name: str, folder: Path, team: Team = ALONE) -> None:
     team.share(None)
 
 
+def eliminate(team: Team) -> None:
+    """Interfaces of a lattice are dealt to ranks: all have some of the fronts, and the same bits of one process's solution."""
+    from test_elimination import SIZE, lattice  # with pytest, which is not everywhere where cases are run
+
+    ends, bodies = lattice(6)
+    rng = np.random.default_rng(8)
+    slopes, own = rng.normal(size=(len(ends), 2, 2, SIZE, SIZE)), 20 * np.eye(SIZE) + rng.normal(size=(bodies, SIZE, SIZE))
+    right, counts = rng.normal(size=(bodies, SIZE)), np.bincount(rng.integers(team.size, size=len(ends)), minlength=team.size)
+    made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)))
+    mine = slice(counts[: team.rank].sum(), counts[: team.rank + 1].sum())
+    found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
+    whole = BlockPattern(ends, bodies, SIZE)
+    assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
+    assert all(len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size))
+    assert len(set(team.all_gather(found.tobytes()))) == 1
+
+
 if __name__ == "__main__":
     ranks = join()
     if ranks.size != 3:  # the coarse problem of few bodies is eliminated by several ranks too
         subtrees.WORTH_RANKS = ordering.OWN_CALLS = ordering.PASSED = 0.0
     with ranks.together():
+        if ranks.size != 3:
+            eliminate(ranks)
         for case in sys.argv[2:]:
             if case == PLACED:
                 placed(Path(sys.argv[1]), ranks)

@@ -339,41 +339,6 @@ def test_a_failure_that_an_import_swallows_is_heard():
     assert "rank 1 left: rank 0: " in output and "bad" in output and "Traceback" not in errors
 
 
-# Interfaces of a lattice are dealt to ranks at random; each eliminates its subtrees of the same matrix.
-ELIMINATED = """
-import sys
-import numpy as np
-from orchestrator.parallel.team import join
-from orchestrator.method.coarse import ordering, subtrees
-from orchestrator.method.coarse.assembly import Assembly
-from orchestrator.method.coarse.elimination import BlockPattern
-from test_elimination import SIZE, lattice
-team = join()
-subtrees.WORTH_RANKS = 0.0
-with team.together():
-    ends, bodies = lattice(6)
-    rng = np.random.default_rng(8)
-    slopes, own = rng.normal(size=(len(ends), 2, 2, SIZE, SIZE)), 20 * np.eye(SIZE) + rng.normal(size=(bodies, SIZE, SIZE))
-    right, counts = rng.normal(size=(bodies, SIZE)), np.bincount(rng.integers(team.size, size=len(ends)), minlength=team.size)
-    made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)))
-    mine = slice(counts[: team.rank].sum(), counts[: team.rank + 1].sum())
-    found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
-    whole = BlockPattern(ends, bodies, SIZE)
-    expected = whole.factors(whole.values(slopes, own), 0.1).solve(right)
-    fronts = [len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size)]
-    everyones = team.all_gather((float(np.abs(found - expected).max()), found.tobytes()))
-    if team.rank == 0:
-        print(min(fronts) > 0, max(off for off, _ in everyones) < 1e-12, len({bits for _, bits in everyones}) == 1)
-"""
-
-
-@pytest.mark.parametrize("ranks", quick([2, 3, 4], 3))
-def test_ranks_eliminate_together(ranks):
-    """The same solution as one process's, the same bits on all of them; each has some of the fronts."""
-    output, errors = start(ranks, "-c", f"import sys; sys.path.insert(0, {str(HERE)!r})\n{ELIMINATED}").communicate(timeout=SECONDS)
-    assert output.split() == ["True"] * 3, errors
-
-
 def test_ranks_are_known_by_their_launchers_variables():
     """And a code that a rank starts sees nothing of them."""
     assert launched({"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "2", "PMI_SIZE": "x"}) == (2, 4)
