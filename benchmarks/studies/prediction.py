@@ -29,9 +29,16 @@ import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from benchmarks.kit.commands import codes_seconds
-from orchestrator import Scene
+from orchestrator import build_scene
+from orchestrator.config.model import Config
 from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.method.interface.spread import SPREAD
+from orchestrator.method.setup import Part
+from orchestrator.parallel.placement import Placement
+from orchestrator.parallel.team import ALONE
+from orchestrator.scene.pieces.make import Local, source_of
+from orchestrator.scene.pieces.outline import Outline
+from orchestrator.scene.soles.make import make_soles
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES, RIGID = 6, 6, 6  # macro fields of an interface where these are many; interfaces of a cube; rigid motions
@@ -40,7 +47,7 @@ GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are m
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
 SIDES = range(1, 17)  # subdomains along the side of a rank's block
 PERIODS = ("set_up", "iterations")  # of a run, as its summary has them
-BY_ONE = ("scene, on one rank", "handing out parts, by one rank")
+OF_OTHERS = 16  # cubes a side of the scene of which it is measured what a rank has of others' subdomains
 
 
 @dataclass(frozen=True)
@@ -50,8 +57,8 @@ class Costs:
     Parameters
     ----------
     start : of a rank: Python, MPI and the code's process
-    scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
-    hand_out : packing a subdomain for its rank, which one rank does for all; bytes : of the package
+    scene : mesh, cut and interfaces, where one rank makes all; piece : the same where each rank makes its own, and a layer of its neighbours
+    outline : what a rank has of every subdomain of the whole scene; bytes : that are told of each
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads; prepare_rank : of a rank beside that
     factorise : assembling and factorising
     solve : one back-substitution
@@ -65,7 +72,8 @@ class Costs:
 
     start: float
     scene: float
-    hand_out: float
+    piece: float
+    outline: float
     bytes: float
     prepare: float
     factorise: float
@@ -80,21 +88,22 @@ class Costs:
     own_rank: float = 0.0
 
     @classmethod
-    def of(cls, summary: Mapping[str, Any], cpu: float, start: float, made: Callable[[], Scene]) -> Costs:
+    def of(cls, summary: Mapping[str, Any], cpu: float, start: float, cubes: Callable[[Sequence[int], int], Config],
+           elements: int) -> Costs:
         """Of a run with one rank and one worker.
 
         cpu : seconds of the whole command; start : of one with next to nothing to do
-        made : makes its scene
+        cubes : the configuration of some cubes along x, y, z, of so many elements a side; elements : of the run's, which has 2 × 2 × 2
         """
         count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in PERIODS)
         prepare, own = orchestrators(summary)
         begin = time.process_time()
-        scene = made()
-        done = time.process_time()
-        packed = len(pickle.dumps(scene))
-        known = start + done - begin + prepare + own + codes_seconds(summary)
-        return cls(start=start, scene=(done - begin) / count, hand_out=(time.process_time() - done) / count, bytes=packed / count,
+        build_scene(cubes((2, 2, 2), elements))
+        scene = time.process_time() - begin
+        known = start + scene + prepare + own + codes_seconds(summary)
+        piece, outline, told = measure_pieces(cubes, elements)
+        return cls(start=start, scene=scene / count, piece=piece, outline=outline, bytes=told,
                    prepare=prepare / count, factorise=(setup["assemble"] + setup["factorise"]) / count,
                    solve=loop["solve"] / (count * sweeps), own=own / (count * iterations),
                    results=max(cpu - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
@@ -113,6 +122,28 @@ class Costs:
         messages = max(rank["messages"] for rank in two["workload"]["iterations"]["ranks"]) / two["iterations"]
         return replace(self, start=start, prepare=prepare, own=own / self.iterations, prepare_rank=alone[0],
                        own_rank=alone[1] / self.iterations, messages=messages)
+
+
+def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> tuple[float, float, float]:
+    """CPU seconds of each of 2 × 2 × 2 cubes that a rank makes amid others; of each cube that others make; and bytes that are told of it."""
+    begin = time.process_time()
+    _amid(cubes((4, 4, 4), elements), 4)
+    piece = (time.process_time() - begin) / 8
+    config, side = cubes((OF_OTHERS,) * 3, 1), OF_OTHERS
+    source, (local, rank_of) = source_of(config), _amid(config, side)
+    all_told = Local.of(config, source, np.arange(side**3)).outline
+    begin = time.process_time()
+    whole = Outline.joined([all_told])
+    part = whole.around(local.part, local.present, whole.overview(local.part, source.nodes, source.box, rank_of))
+    Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
+    make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
+    return piece, (time.process_time() - begin) / side**3, len(pickle.dumps(all_told)) / side**3
+
+
+def _amid(config: Config, side: int) -> tuple[Local, np.ndarray]:
+    """2 × 2 × 2 of side³ cubes as rank 0 makes them, and (side³,) int, the rank of each."""
+    mine = np.ravel_multi_index(np.indices((2, 2, 2)).reshape(3, -1) + 1, (side,) * 3)
+    return Local.of(config, source_of(config), mine), np.where(np.isin(np.arange(side**3), mine), 0, 1)
 
 
 def orchestrators(summary: Mapping[str, Any]) -> tuple[float, float]:
@@ -227,10 +258,8 @@ def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, 
 
 def on_cores(costs: Costs, macro: MacroCosts, count: int, ranks: int, cores: int) -> tuple[float, float]:
     """Wall and CPU seconds of ``count`` subdomains over ranks with a worker each, which have so many cores to themselves."""
-    parts = _of_ranks(costs, macro, count, count / ranks, count / ranks)
-    once = sum(parts["set_up"][what] for what in BY_ONE)
-    every = _total(parts) - once
-    return once + every * max(1.0, ranks / cores), once + every * ranks
+    every = _total(_of_ranks(costs, macro, count, count / ranks, count / ranks))
+    return every * max(1.0, ranks / cores), every * ranks
 
 
 def _total(parts: Mapping[str, Mapping[str, float]]) -> float:
@@ -288,8 +317,8 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
     return {
         "set_up": {
             "start": costs.start,
-            "scene, on one rank": costs.scene * count,
-            "handing out parts, by one rank": 0.0 if alone else (costs.hand_out + costs.bytes / BANDWIDTH) * count,
+            "scene, of each rank's own": (costs.scene if alone else costs.piece) * each,
+            "outline of the scene, on every rank": 0.0 if alone else (costs.outline + 2 * costs.bytes / BANDWIDTH) * count,
             "prepare": costs.prepare_rank + costs.prepare * each,
             "factorise": costs.factorise * turns,
             "macro columns": FIELDS * 3 * min(count ** (1 / 3) - 1, 2) * costs.solve * turns,  # of a subdomain with the most neighbours

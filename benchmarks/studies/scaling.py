@@ -13,7 +13,7 @@ from dataclasses import asdict
 from typing import Any
 
 from benchmarks.kit.commands import CONVERGED, CORES, cpu_of_children, shares, whole_command, without_ranks
-from benchmarks.kit.drawing import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, panels
+from benchmarks.kit.drawing import BLUE, BROWN, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, panels
 from benchmarks.kit.study import Study
 from benchmarks.problems.cases import STEEL
 from benchmarks.studies.prediction import (
@@ -30,7 +30,7 @@ from benchmarks.studies.prediction import (
     predict,
     ranks_of,
 )
-from orchestrator import build_scene, config_from
+from orchestrator import config_from
 from orchestrator.method.interface.spread import SPREAD
 
 ELEMENTS = 16  # along the side of a cube
@@ -41,7 +41,7 @@ OFF, ALONE = 0.2, 0.5  # how far the model may be off; others' load, up to which
 CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others", "cpu", "waiting", "messages", "sums", "MB")
-SHOWN = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
+SHOWN = [("set_up", "scene, of each rank's own"), ("set_up", "outline of the scene, on every rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
          ("set_up", "repositioning"), ("iterations", "orchestrator"), ("iterations", "reductions"),
          ("iterations", "solve"), ("iterations", "macro problem: borders")]
 
@@ -72,7 +72,7 @@ def run(study: Study, elements: int = ELEMENTS, repeats: int = REPEATS) -> None:
     _targets(study)
     alone = [(summaries[0], study.rows[0]["cpu"])] + [_measured_run(study, "alone", STRONG, 1, 1, elements)[::2] for _ in range(repeats - 1)]
     start = _measured_run(study, "start", STRONG, 1, 1, 2)[2]
-    costs = Costs.least([Costs.of(*run, start, lambda: build_scene(config_from(cubes(STRONG, elements)))) for run in alone])
+    costs = Costs.least([Costs.of(*run, start, lambda counts, elements: config_from(cubes(counts, elements)), elements) for run in alone])
     if missing is None:
         costs = costs.apart(summaries[4], _measured_run(study, "start", STRONG, 2, 1, 2)[2] / 2)
     macro, measured = measure_macro()
@@ -199,8 +199,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; R ranks make MUMPS √R times as fast as one; "
         "cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, "
-        "as it does today.", "",
+        "measured; the rank works for its subdomains one after the other. Every rank makes its own subdomains, and has names, "
+        "neighbours and a few numbers of all others.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER),
         "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
@@ -214,7 +214,7 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
               "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
     lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
-              "a run is named in the last row: the scene as long as one rank makes it for all.", ""]
+              "a run is named in the last row.", ""]
     return "\n".join(lines)
 
 
@@ -227,7 +227,7 @@ def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts):
     left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
     counts = [int(10**(k / 4)) for k in range(4, 21)]
     found = [predict(costs, macro, count) for count in counts]
-    for (period, what), colour in zip(SHOWN, (GREY, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)):
+    for (period, what), colour in zip(SHOWN, (GREY, OLIVE, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)):
         right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour, label=what)
     right.set(title="Predicted seconds, one subdomain per core", xlabel="subdomains")
     return figure

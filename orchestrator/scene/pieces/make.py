@@ -56,7 +56,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
 
 
 @dataclass
-class _Local:
+class Local:
     """A rank's subdomains, in the numbers of the piece that it has made.
 
     part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
@@ -68,7 +68,7 @@ class _Local:
     outline: Outline
 
     @classmethod
-    def of(cls, config: Config, source: Boxes, mine: np.ndarray) -> _Local:
+    def of(cls, config: Config, source: Boxes, mine: np.ndarray) -> Local:
         """Raises InputError: whatever is wrong with it."""
         made = [source.piece(mine)]
         present, number, cell_number = made[0].present, made[0].number, made[0].cell_number
@@ -85,16 +85,16 @@ class _Local:
         return cls(part, present, Outline.of(scene, part, present, own))
 
 
-def _agreed(config: Config, source: Boxes, rank_of: np.ndarray, team: Team) -> _Local | None:
+def _agreed(config: Config, source: Boxes, rank_of: np.ndarray, team: Team) -> Local | None:
     """What this rank makes; None on all ranks where any has found something wrong, or what hangs on others."""
     try:
-        local = _Local.of(config, source, np.flatnonzero(rank_of == team.rank))
+        local = Local.of(config, source, np.flatnonzero(rank_of == team.rank))
     except InputError:
         local = None
     return None if team.max(float(local is None))[0] else local
 
 
-def _held(local: _Local, box: np.ndarray, team: Team) -> bool:
+def _held(local: Local, box: np.ndarray, team: Team) -> bool:
     """Whether boundary conditions hold the body, of which all ranks have pieces."""
     part, centre, size = local.part, box.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
     at = np.flatnonzero(part.fixed.any(axis=1))
