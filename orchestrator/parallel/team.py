@@ -1,4 +1,4 @@
-"""The processes that solve one scene together, what they tell each other, and sums at nodes on the borders between them.
+"""The processes that solve one scene together, and what they tell each other.
 
 ``Team`` is the single process: everything is local and costs nothing. ``mpi.Ranks`` is the same over MPI. Sums are taken in
 the order of the ranks, so that all of them hold the same bits and take the same decisions. Whether mpiexec (or srun) has started this
@@ -11,7 +11,6 @@ import atexit
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -55,6 +54,10 @@ class Team:
     def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
         """Point to point: send an array to each of some ranks, and receive one of known size from each of some."""
         return incoming
+
+    def deliver(self, outgoing: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """An array of numbers to every rank, most of them empty: what each of the ranks has for this one, flat; all ranks take part."""
+        return [np.ravel(array) for array in outgoing]
 
     def all_gather(self, part: Any) -> list[Any]:
         """Every rank's object, on all ranks."""
@@ -156,43 +159,3 @@ def _share_memory() -> None:
     folder = folders.make(SHARED)
     os.environ[BACKING] = str(folder)
     atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then
-
-
-class Borders:
-    """Completes sums at some of a rank's places by what other ranks have there; every rank makes one, and calls it as often.
-
-    names : (k, c) numbers that are the same on every rank that has such a place, and differ from place to place
-    at : (k,) int, where each is among this rank's places
-
-    What is exchanged is of the size of all borders, summed on every rank: right for some dozens of ranks.
-    """
-
-    def __init__(self, names: np.ndarray, at: np.ndarray, team: Team = ALONE):
-        self.team, self._at = team, at
-        everyone = team.all_gather(np.asarray(names, float))
-        unique, place = np.unique(np.concatenate(everyone), axis=0, return_inverse=True)
-        begin = sum(map(len, everyone[: team.rank]))
-        self._place, self._count = place.ravel()[begin : begin + len(names)], len(unique)
-
-    def __call__(self, sums: np.ndarray) -> np.ndarray:
-        """The same array (..., places), completed in place."""
-        if self.team.size > 1:
-            total = np.zeros((*sums.shape[:-1], self._count))
-            total[..., self._place] = sums[..., self._at]
-            total, = self.team.sum(total)
-            sums[..., self._at] = total[..., self._place]
-        return sums
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Where a rank's part of a mesh meets those of others."""
-
-    label: np.ndarray  # (n,) int, what a node is called on all ranks; nodes of a rank that are one, see ``Fields.joined``, share it
-    shared: np.ndarray  # (n,) bool, whether cells of other ranks have it too
-    team: Team = ALONE
-
-    def borders(self, node: np.ndarray, *properties: np.ndarray) -> Borders:
-        """Of places at nodes (K,); properties (K,) or (K, …) tell places at a node from each other."""
-        at = np.flatnonzero(self.shared[node])
-        return Borders(np.column_stack([self.label[node[at]], *(p[at] for p in properties)]), at, self.team)

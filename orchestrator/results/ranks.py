@@ -14,7 +14,8 @@ from orchestrator.method.checkpoint import Numbers
 from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
-from orchestrator.parallel.team import Meeting, Team
+from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
 from orchestrator.scene.model import Scene, Subdomain

@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.classes import classes
-from orchestrator.parallel.team import Meeting, Team
+from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import size_of

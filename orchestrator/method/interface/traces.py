@@ -28,8 +28,9 @@ import scipy.sparse as sp
 from orchestrator.method.interface.link import Link
 from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.transfer import Sides, Transfer
+from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.classes import classes
-from orchestrator.parallel.team import ALONE, Borders, Team
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -149,8 +150,8 @@ class TraceSpace:
     @cached_property
     def _borders(self) -> Borders:
         """Classes that other ranks have, too; all ranks have to ask."""
-        names, count = np.unique(np.concatenate(self.team.all_gather(self.labels)), return_counts=True)
-        at = np.flatnonzero(np.isin(self.labels, names[count > 1]))
+        sent = self.gather[joined([*self.link.sends.values()])]
+        at = np.unique(self.label[sent[sent >= 0]])
         return Borders(self.labels[at, None], at, self.team)
 
     # ---- traces and forces ---------------------------------------------------------------------

@@ -40,7 +40,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
-from orchestrator.parallel.team import ALONE, Meeting
+from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.team import ALONE
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients

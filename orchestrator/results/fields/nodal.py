@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.team import Borders, Meeting
+from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.elasticity import von_mises
 
