@@ -92,12 +92,12 @@ def mesh_of(elements, error, **more):
 
 
 def test_room_in_memory_and_seconds():
-    done = [mesh_of(1000, 0.2, memory=3e8), mesh_of(8000, 0.1, memory=4.5e8)]  # 1.5e8 more for 1.5e5 more of elements^(4/3): 1 kB each
+    done = [mesh_of(1000, 0.2, memory=3e8), mesh_of(8000, 0.1, memory=6.5e8)]  # 50 kB an element, more than 10 kB an unknown
     found = tightest(Accuracy(error=0.05, memory=1.0), done, 0.0, 64_000)
-    assert found.elements ** (4 / 3) == pytest.approx(160_000 + 5.5e8 / 1e3)
-    assert "0.45 were taken" in found.short and "64,000 elements, which take some 2.8 GB" in found.needed
+    assert found.elements == pytest.approx(8000 + 3.5e8 / 5e4)
+    assert "0.65 were taken" in found.short and "64,000 elements, which take some 3.5 GB" in found.needed
     assert tightest(Accuracy(error=0.05, memory=0.1), done, 0.0, 64_000).elements == 0
-    assert tightest(Accuracy(error=0.05, memory=1.0), done[:1], 0.0, 64_000).elements == pytest.approx((1e4 + 7e8 / 2250) ** 0.75)  # 10 kB an unknown
+    assert tightest(Accuracy(error=0.05, memory=1.0), done[:1], 0.0, 64_000).elements == pytest.approx(1000 + 7e8 / 3e4)
     seconds = tightest(Accuracy(error=0.05, memory=1.0, seconds=9.0), done, 8.0, 64_000)
     assert seconds.elements == pytest.approx(8000) and "take some 28 s" in seconds.needed
     assert math.isinf(tightest(Accuracy(error=0.05), done, 0.0, 64_000).elements)
