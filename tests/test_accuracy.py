@@ -127,7 +127,7 @@ def test_asked_and_reached(whole):
     assert code == 0 and summary["converged"] and found["met"] and len(found["meshes"]) > 1
     first, last = found["meshes"][0], found["meshes"][-1]
     assert first["mesh_error"] > 0.07 > last["error"] > 0.07 / 3 and last["elements"] > first["elements"]
-    assert summary["error_bound"] <= 0.007 and last["refined"] == ["bent"]
+    assert summary["error_bound"] <= 0.007 and last["refined"] == ["bent"] and last["had"] == pytest.approx(1.0)
     assert summary["config"]["method"]["accuracy"]["error"] == 0.07
     assert config_from(summary["config"]).method.accuracy.error == 0.07
     told, (before, now) = found["numbers"]["peak_displacement"], (mesh["numbers"]["peak_displacement"] for mesh in found["meshes"][-2:])

@@ -156,7 +156,7 @@ class _Refinement:
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
                                      time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], self.passes.refined, self.passes.kept,
-                                     share, known, peak_of(solution), answers(summary)))
+                                     self.passes.had, share, known, peak_of(solution), answers(summary)))
         if grows := growth([done.peak for done in self.passes.done]):
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:

@@ -23,6 +23,7 @@ from orchestrator.scene.mesh.size_map import SizeMap
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
 UNFINISHED_GOOD = f"{GOOD}.new"
+PLAIN = ("elements", "refined", "kept", "had", "tolerance", "element")  # of ``Passes``, written as they are
 
 
 @dataclass
@@ -34,7 +35,7 @@ class Pass:
         more than one, None where it is not measured
     iterations_error : bound or estimate of the iterations', None where it is not known; error : both
     seconds : wall time; memory : the program's and its codes' at the peak so far, bytes
-    refined : what was meshed anew for it, nothing in the first; kept : what was not
+    refined : what was meshed anew for it, nothing in the first; kept : what was not; had : share of the squared error before in the first
     quantities : name → what is told of each that an accuracy is asked of, see ``Quantity.told``
     peak : the largest stress, and the size of elements there
     numbers : those of its summary, see ``changes.answers``
@@ -49,6 +50,7 @@ class Pass:
     memory: float
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
+    had: float = 0.0
     told: float | None = None
     quantities: dict[str, dict] = field(default_factory=dict)
     peak: Peak | None = None
@@ -62,7 +64,8 @@ class Pass:
         """For the screen."""
         beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
         how = "estimated" if self.told is None else "measured against the mesh before"
-        finer = f"; finer: {_some(self.refined)}" + (f", kept: {_some(self.kept)}" if self.kept else "") if number > 1 else ""
+        kept = f", kept: {_some(self.kept)}" if self.kept else ""
+        finer = f"; finer: {_some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
         quantities = "".join(f"; {quantity_text(name, told)}" for name, told in self.quantities.items())
         return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
                 f"{quantities}, {self.seconds:.1f} s{finer}")
@@ -73,7 +76,7 @@ class Passes:
     """All so far, and how the next mesh is made.
 
     maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
-    refined, kept : what these have changed; tolerance : of its iterations, 0 where it is the configuration's
+    refined, kept, had : what these have changed; tolerance : of its iterations, 0 where it is the configuration's
     before : energies of the last that was solved on, None where they tell nothing
     element : of all meshes, "" before the first
     """
@@ -83,6 +86,7 @@ class Passes:
     elements: float = 0.0
     refined: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
+    had: float = 0.0
     before: Energies | None = None
     tolerance: float = 0.0
     element: str = ""
@@ -90,9 +94,8 @@ class Passes:
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
         arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
-        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "elements": self.elements,
-                "refined": self.refined, "kept": self.kept, "before": self.before and asdict(self.before), "tolerance": self.tolerance,
-                "element": self.element}
+        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "before": self.before and asdict(self.before),
+                **{name: getattr(self, name) for name in PLAIN}}
         path = folder / NAME
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_name(f".{path.name}")
@@ -109,8 +112,8 @@ class Passes:
         told = json.loads(str(arrays["told"]))
         maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
-        return cls([Pass(**one) for one in told["done"]], maps, told["elements"], told["refined"], told["kept"],
-                   told["before"] and Energies(**told["before"]), told["tolerance"], told["element"])
+        return cls([Pass(**one) for one in told["done"]], maps, before=told["before"] and Energies(**told["before"]),
+                   **{name: told[name] for name in PLAIN})
 
     @staticmethod
     def forget(folder: Path) -> None:

@@ -64,12 +64,14 @@ class Wanted:
     maps : of all that is not as the configuration says
     elements : how many there will be, about
     refined : names of what is meshed anew; kept : of what stays as it is
+    had : share of the squared error where it is meshed anew
     """
 
     maps: Maps
     elements: float
     refined: list[str]
     kept: list[str]
+    had: float
 
 
 def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: Maps, smallest: float) -> Wanted:
@@ -82,7 +84,8 @@ def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: 
     corners, order = mesh.cells[:, :4], 2 if mesh.cells.shape[1] == 10 else 1
     old = edge_lengths(mesh.nodes, corners)
     size = np.maximum(ratios(errors.max(axis=0), order, count) * old, np.minimum(smallest, old))
-    maps, elements, refined, kept = dict(known), 0.0, [], []
+    squares = errors.max(axis=0) ** 2
+    maps, elements, refined, kept, had = dict(known), 0.0, [], [], 0.0
     for key, own, name in _pieces(config, mesh):
         more = ((old[own] / size[own]) ** 3).sum()
         if more < WORTH * len(own):
@@ -91,13 +94,14 @@ def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: 
             continue
         refined.append(name)
         elements += more
+        had += squares[own].sum()
         used, local = np.unique(corners[own], return_inverse=True)
         local = local.reshape(-1, 4)
         beside = np.bincount(local.ravel(), minlength=len(used))
         at_nodes = np.exp(np.bincount(local.ravel(), np.repeat(np.log(size[own]), 4), len(used)) / beside)
         factor = _source(config, key[0]).scale
         maps[key] = SizeMap(_unmoved(config, key[0], mesh.nodes[used]) / factor, local, at_nodes / factor)
-    return Wanted(maps, elements, refined, kept)
+    return Wanted(maps, elements, refined, kept, float(had / (squares.sum() or 1.0)))
 
 
 def _source(config: Config, part: int) -> Source:
