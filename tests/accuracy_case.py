@@ -15,7 +15,7 @@ from orchestrator.config.load import Loaded, config_from
 
 # What it is killed at: a function of a module, or of a class there, and at which call of it after the first mesh's results were set aside
 PLACES = {"while results are set aside": ("shutil", "copy2", 2), "before sizes are written": ("numpy", "savez_compressed", 1),
-          "in the mesher": ("orchestrator.run", "build_scene", 1), "in the solve": ("orchestrator.results.record.Record", "iteration", 3),
+          "in the mesher": ("orchestrator.solving", "build_scene", 1), "in the solve": ("orchestrator.results.record.Record", "iteration", 3),
           "while results are written": ("orchestrator.results.solution", "write_fields", 1)}
 
 
