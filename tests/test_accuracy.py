@@ -14,7 +14,7 @@ from in_process import IN_PROCESS
 from processes import begin
 from quick import quick
 
-from orchestrator import run as one, solving
+from orchestrator import run as one
 from orchestrator.accuracy.changes import errors
 from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.loop import run
@@ -110,6 +110,7 @@ def test_what_numbers_are_off_by(power):
     assert told["b"] == 0.0 and 3 * 0.1**power <= told["a"] * (1 + 1e-12) and told["a"] <= 5 * 3 * 0.1**power * (1 + 1e-12)
     assert power > 1 or told["a"] == pytest.approx(0.3)
     assert errors([mesh_of(10, 0.4, numbers={"a": 1.0})]) == {}
+    assert errors([mesh_of(10, e, numbers={"tip.ux": e}, quantities={"tip": {}}) for e in (0.2, 0.1)]) == {}
     assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.2, 0.1, 0.09)]) == {"a": pytest.approx(0.09)}
     assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.1, 0.09)]) == {}
 
@@ -167,25 +168,6 @@ def test_a_killed_run_goes_on(place, tmp_path, whole):
     assert not any(path.name.startswith(Path(GOOD).name) for path in tmp_path.rglob("*"))
 
 
-def test_a_mesh_that_cannot_be_made_leaves_the_last_result(tmp_path, monkeypatch):
-    real, calls = solving.build_scene, []
-
-    def failing(*given, **options):
-        calls.append(given)
-        if len(calls) == 2:
-            raise one_problem()
-        return real(*given, **options)
-
-    def one_problem():
-        from orchestrator.errors import wrong
-        return wrong(("mesh", "step"), "gmsh cannot mesh it", "solids that can be meshed")
-
-    monkeypatch.setattr(solving, "build_scene", failing)
-    code, summary = refined(bent(0.05), tmp_path)
-    assert code == 1 and "gmsh cannot mesh it" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
-    assert (tmp_path / "fields.npz").is_file()
-
-
 def test_all_meshes_have_the_element_of_the_first(tmp_path, monkeypatch):
     """Which may have been left open: ten-node tets that become many are no reason to begin with others."""
     problem = bent(0.07, blackbox={**IN_PROCESS, "element": "auto"})
@@ -196,25 +178,31 @@ def test_all_meshes_have_the_element_of_the_first(tmp_path, monkeypatch):
     assert config_from(summary["config"]).codes[0].element == "auto"
 
 
-def test_a_killed_mesher_leaves_the_last_result(tmp_path):
-    """With what ended it; the same command goes on."""
+@pytest.mark.parametrize("fault", ["its process is killed", "the model is spoilt"])
+def test_a_mesh_that_cannot_be_made_leaves_the_last_result(fault, tmp_path):
+    """With what the fault was; once it is mended the same command goes on."""
     path = tmp_path / "bar.brep"
     with session():
         gmsh.model.occ.addBox(0, 0, 0, 20, 10, 10)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))
-    problem = {**bent({"error": 0.4, "elements": 3000}), "mesh": {"step": str(path), "h": 5.0}, "blackbox": IN_PROCESS, "boundary": [
-        {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "x", "at": 20}, "traction": [0, 0, 10]}]}
+    problem, model = {**bent({"error": 0.4, "elements": 3000}), "mesh": {"step": str(path), "h": 5.0}, "blackbox": IN_PROCESS, "boundary": [
+        {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "x", "at": 20}, "traction": [0, 0, 10]}]}, path.read_text()
 
-    def kill(solution):
-        mesher, = (one for one in psutil.Process().children() if "orchestrator.apart" in one.cmdline())
-        mesher.kill()
+    def spoil(solution):
+        if fault == "the model is spoilt":
+            path.write_text("nothing\n")
+        else:
+            mesher, = (one for one in psutil.Process().children() if "orchestrator.apart" in one.cmdline())
+            mesher.kill()
         return solution
 
-    code = run(Loaded(config_from(problem)), output=tmp_path, quiet=True, means=one.Means(judge=kill))
+    code = run(Loaded(config_from(problem)), output=tmp_path, quiet=True, means=one.Means(judge=spoil))
     summary = read_summary(tmp_path)
-    assert code == 1 and "was ended by SIGKILL" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
+    assert code == 1 and len(summary["accuracy"]["meshes"]) == 1
+    assert ("its content is not what .brep stands for" if "model" in fault else "was ended by SIGKILL") in summary["stop_reason"]
     assert len(read_npz(tmp_path).cells) == summary["accuracy"]["meshes"][0]["elements"] and not (tmp_path / GOOD).exists()
+    path.write_text(model)
     code, summary = refined(problem, tmp_path, resume=True)
     assert code == 0 and summary["accuracy"]["met"] and len(summary["accuracy"]["meshes"]) > 1
 
