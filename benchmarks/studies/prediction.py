@@ -7,9 +7,10 @@ interface. The repositioning of the error bound is solved on every rank for all 
 subdomains to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
 
 Measured: what one subdomain costs the code and the orchestrator, and what a rank costs whatever it has, on runs of this study
-with one and two ranks; what it takes to pack it for another rank; the macro problem and the repositioning, on matrices of their pattern;
-the borders, on a dense matrix. Assumed: the network, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they
-were not measured. All are CPU seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
+with one and two ranks; what it takes to make some of a scene's, and what all others cost each rank; the macro problem and the
+repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed: the network, what rank 0 takes for a message of
+each rank, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they were not measured. All are CPU
+seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
 
 ``on_cores`` says the same of runs that can be made here, so that the model can be held against such as it has not seen.
 """
@@ -21,7 +22,8 @@ import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,23 +33,28 @@ from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 from benchmarks.kit.commands import codes_seconds
 from orchestrator import build_scene
 from orchestrator.config.model import Config
+from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import Part
-from orchestrator.parallel.placement import Placement
+from orchestrator.parallel.placement import Placement, owners
 from orchestrator.parallel.team import ALONE
+from orchestrator.results.answers import InterfaceTable
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.pieces.make import Local, source_of
 from orchestrator.scene.pieces.outline import Outline
 from orchestrator.scene.soles.make import make_soles
+from orchestrator.timing import predicted_cost
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
+TOLD = 2 * 5e-5  # seconds that rank 0 takes in the end for what each rank tells it, in two messages
 FIELDS, FACES, RIGID = 6, 6, 6  # macro fields of an interface where these are many; interfaces of a cube; rigid motions
 MESSAGES = 13  # of a rank per iteration, sums over the ranks among them, where no two ranks were measured; see docs/parallel.md
 GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are measured: some seconds
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
 SIDES = range(1, 17)  # subdomains along the side of a rank's block
 PERIODS = ("set_up", "iterations")  # of a run, as its summary has them
-OF_OTHERS = 16  # cubes a side of the scene of which it is measured what a rank has of others' subdomains
+OF_OTHERS = 8  # cubes a side of the scene of which it is measured what a rank has of others' subdomains
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,8 @@ class Costs:
     ----------
     start : of a rank: Python, MPI and the code's process
     scene : mesh, cut and interfaces, where one rank makes all; piece : the same where each rank makes its own, and a layer of its neighbours
-    outline : what a rank has of every subdomain of the whole scene; bytes : that are told of each
+    outline : what a rank does for every subdomain of the whole scene: placement, names, neighbours, numbers; bytes : that are told of each
+    tables : what rank 0 writes of its interfaces
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads; prepare_rank : of a rank beside that
     factorise : assembling and factorising
     solve : one back-substitution
@@ -74,6 +82,7 @@ class Costs:
     scene: float
     piece: float
     outline: float
+    tables: float
     bytes: float
     prepare: float
     factorise: float
@@ -102,8 +111,7 @@ class Costs:
         build_scene(cubes((2, 2, 2), elements))
         scene = time.process_time() - begin
         known = start + scene + prepare + own + codes_seconds(summary)
-        piece, outline, told = measure_pieces(cubes, elements)
-        return cls(start=start, scene=scene / count, piece=piece, outline=outline, bytes=told,
+        return cls(start=start, scene=scene / count, **measure_pieces(cubes, elements)._asdict(),
                    prepare=prepare / count, factorise=(setup["assemble"] + setup["factorise"]) / count,
                    solve=loop["solve"] / (count * sweeps), own=own / (count * iterations),
                    results=max(cpu - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
@@ -124,26 +132,44 @@ class Costs:
                        own_rank=alone[1] / self.iterations, messages=messages)
 
 
-def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> tuple[float, float, float]:
-    """CPU seconds of each of 2 × 2 × 2 cubes that a rank makes amid others; of each cube that others make; and bytes that are told of it."""
-    begin = time.process_time()
-    _amid(cubes((4, 4, 4), elements), 4)
-    piece = (time.process_time() - begin) / 8
-    config, side = cubes((OF_OTHERS,) * 3, 1), OF_OTHERS
-    source, (local, rank_of) = source_of(config), _amid(config, side)
-    all_told = Local.of(config, source, np.arange(side**3)).outline
-    begin = time.process_time()
-    whole = Outline.joined([all_told])
+class Pieces(NamedTuple):
+    """CPU seconds of each of 2 × 2 × 2 cubes that a rank makes amid others; of each cube that others make, as many; of each in tables; and
+    bytes that are told of it."""
+
+    piece: float
+    outline: float
+    tables: float
+    bytes: float
+
+
+def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> Pieces:
+    """What scenes in pieces cost; parameters as of ``Costs.of``."""
+    config, begin = cubes((4, 4, 4), elements), time.process_time()
+    Local.of(config, source_of(config), _eight(4)[1])
+    piece, config = (time.process_time() - begin) / 8, cubes((OF_OTHERS,) * 3, 1)
+    source, ranks = source_of(config), (OF_OTHERS // 2) ** 3
+    rank_of = np.empty(OF_OTHERS**3, dtype=int)
+    for rank, mine in enumerate(_eight(OF_OTHERS)):
+        rank_of[mine] = rank
+    made = [Local.of(config, source, mine) for mine in _eight(OF_OTHERS)]
+    told, local, begin = [pickle.dumps(each.outline) for each in made], made[0], time.process_time()
+    nodes, pairs, common = source.sizes()
+    owners(predicted_cost(3 * nodes), pairs, 3 * common, ranks)
+    whole = Outline.joined([pickle.loads(each) for each in told])
     part = whole.around(local.part, local.present, whole.overview(local.part, source.nodes, source.box, rank_of))
     Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
     make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
-    return piece, (time.process_time() - begin) / side**3, len(pickle.dumps(all_told)) / side**3
+    done, none = time.process_time(), np.zeros((part.steps, len(part.interfaces), 3))
+    table = InterfaceTable.of(part, Resultants(none, none, none, none[0], none[0, :, 0]), None)
+    with TemporaryDirectory() as folder:
+        table.write(ResultsFolder(folder))
+    return Pieces(piece, *(seconds / len(rank_of) for seconds in (done - begin, time.process_time() - done)), sum(map(len, told)) / len(rank_of))
 
 
-def _amid(config: Config, side: int) -> tuple[Local, np.ndarray]:
-    """2 × 2 × 2 of side³ cubes as rank 0 makes them, and (side³,) int, the rank of each."""
-    mine = np.ravel_multi_index(np.indices((2, 2, 2)).reshape(3, -1) + 1, (side,) * 3)
-    return Local.of(config, source_of(config), mine), np.where(np.isin(np.arange(side**3), mine), 0, 1)
+def _eight(side: int) -> list[np.ndarray]:
+    """Blocks (8,) of side³ cubes, ascending."""
+    number = np.arange(side**3).reshape((side,) * 3)
+    return [number[x : x + 2, y : y + 2, z : z + 2].ravel() for x in range(0, side, 2) for y in range(0, side, 2) for z in range(0, side, 2)]
 
 
 def orchestrators(summary: Mapping[str, Any]) -> tuple[float, float]:
@@ -336,7 +362,8 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
             "macro problem: borders": 0.0 if alone else costs.iterations * (levels * LATENCY + solving),
             "repositioning": costs.iterations * (moving + (0.0 if alone else levels * LATENCY)),
         },
-        "end": {"results": costs.results * each},
+        "end": {"results": costs.results * each, "what each rank tells rank 0": 0.0 if alone else TOLD * ranks,
+                "tables, by rank 0": 0.0 if alone else costs.tables * count},
     }
 
 

@@ -21,6 +21,7 @@ from benchmarks.studies.prediction import (
     FIELDS,
     LATENCY,
     PERIODS,
+    TOLD,
     Costs,
     MacroCosts,
     largest,
@@ -197,6 +198,7 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         f"has the macro problem of as many subdomains as there are ranks, with more unknowns to an interface; so it is with {SPREAD:,} "
         "unknowns of repositioning, all of them MUMPS's.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
+        f"{TOLD * 1e6:g} µs of rank 0 for what each rank tells it in the end, "
         "none of it hidden behind work; R ranks make MUMPS √R times as fast as one; "
         "cores as fast as this one with the memory bandwidth to themselves; growth as "
         "measured; the rank works for its subdomains one after the other. Every rank makes its own subdomains, and has names, "

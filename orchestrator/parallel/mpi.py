@@ -90,6 +90,16 @@ class Ranks(Team):
                                 {rank: np.empty(found[rank]) for rank in others if found[rank]})
         return [flat[rank] if rank == self.rank else arrived.get(rank, np.empty(0)) for rank in range(self.size)]
 
+    def all_gather(self, part: Any) -> list[Any]:
+        packed, sizes = np.frombuffer(pickle.dumps(part), np.uint8), np.empty(self.size, dtype=int)
+        own = np.array([len(packed)])
+        self._wait(self._world.Iallgather(own, sizes), own, sizes)
+        every = np.empty(sizes.sum(), np.uint8)
+        self._count(packed)
+        ends = np.cumsum(sizes)
+        self._wait(self._world.Iallgatherv(packed, [every, (sizes, ends - sizes)]), packed, every)
+        return [pickle.loads(every[a:b]) for a, b in zip(ends - sizes, ends)]
+
     def gather(self, part: Any) -> list[Any] | None:
         if self.rank:
             self._send(part, 0)
