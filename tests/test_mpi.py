@@ -279,6 +279,19 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
 
 
 @pytest.mark.long
+def test_ranks_go_on_with_what_one_process_has_begun(tmp_path, temporary):
+    """With a mesh that they make in pieces, of which nobody has all to compare."""
+    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
+    settings.write_text(ENDLESS)
+    few = "--output", results, "--set", "method.max_iterations=3"
+    for ranks in (1, 3, 1):
+        run = orchestrate(ranks, settings, *few, *["--resume"] * (results / "checkpoint").exists(), folder=temporary)
+        _, errors = run.communicate(timeout=SECONDS)
+        assert run.returncode == 1, errors
+    assert np.array_equal(read_history(results)["iteration"], np.arange(1, 10))
+
+
+@pytest.mark.long
 def test_contact_is_drawn(tmp_path, temporary):
     run = orchestrate(2, Path("configs/two_blocks.yaml").absolute(), "--output", tmp_path / "results", folder=temporary)
     _, errors = run.communicate(timeout=SECONDS)

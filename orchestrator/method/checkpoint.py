@@ -134,7 +134,8 @@ def _restored(latin: Latin, last: Checkpoint) -> Decomposition:
     """The problem as the monitors had changed it; all know what they knew."""
     problem = latin.problem
     for monitor in latin.monitors:
-        problem = monitor.restore(last.state_of(monitor.name), problem)
+        if monitor.name in last.notes["states"]:  # what watches several ranks is not there with one
+            problem = monitor.restore(last.state_of(monitor.name), problem)
     if problem.coarse is not None:
         problem.coarse.restore(last.state_of("coarse"))
     latin.problem = problem
