@@ -521,7 +521,7 @@ def test_killed_before_the_first_iteration(tmp_path):
         raise Killed
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Killed):
-        patch.setattr("orchestrator.run.build_scene", killed)
+        patch.setattr("orchestrator.solving.build_scene", killed)
         run(case, output=out, quiet=True)
     assert run(case, output=out, resume=True, quiet=True) == 0
 
