@@ -179,3 +179,18 @@ def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, mo
     resumed = solve(made, scene, start=load_checkpoint(tmp_path, "key"))
     assert whole.iterations <= resumed.iterations <= whole.iterations + 1 and whole.iterations > most
     assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-10  # rounding of 5e-3
+
+
+def test_distances_are_those_of_the_jump_where_points_stand_for_their_neighbours():
+    """Nodes that are held have no point, and what they stand for goes to those beside: the distance of the sides has to go with it."""
+    made = sliding([[0, 0, 0]], slab=(8, 4, 1), slave="block", block=(3, 3, 1)).model_dump(exclude_unset=True)
+    held = [{"on": f"{part}/{end}", "displacement": [None, 0, None]} for part in ("slab", "block") for end in ("ymin", "ymax")]
+    interface, = build_scene(config_from({**made, "boundary": [*made["boundary"], *held]})).interfaces
+    moving = interface.moving
+    bent = np.zeros_like(moving.surfaces.points[1])
+    bent[:, 2] = -0.01 * moving.surfaces.points[1][:, 1] ** 2
+    mortar = moving.at((np.zeros_like(moving.surfaces.points[0]), bent))
+    there = mortar.carrying
+    assert 0 < there.sum() < len(np.unique(moving.surfaces.triangles[0]))
+    jump = np.einsum("pi,pi->p", mortar.normal, (mortar.second @ bent.ravel()).reshape(-1, 3))
+    assert np.abs(mortar.gap - jump)[there].max() < 1e-12

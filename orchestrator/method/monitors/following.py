@@ -14,7 +14,7 @@ Only the operators change: traces, soles and factors stay. The place is that of 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -123,9 +123,9 @@ class Paired:
 
 
 # A residual of this share of how far points have moved since they were paired, in elements, is worth to pair them anew: what
-# is solved better than that is solved for the wrong place.
-WORTH = 0.1
-
+# is solved better than that is solved for the wrong place. The die of ``study contact`` takes 325 iterations with 0.1, 268 with 1,
+# 297 with 3.
+WORTH = 1.0
 
 # What Aitken's rule may stretch a way by, and shorten it to.
 LONGEST, SHORTEST = 3.0, 0.1
@@ -135,7 +135,8 @@ class FollowingMonitor(Monitor):
     """Has the sides paired anew once points have slid farther than the tolerance, in elements, and the rest is solved as well.
 
     Paired where points are they move a little again, mostly to and fro: a place is a share ω of the way r from the last one to where the
-    points are then, by Aitken's rule ω' = −ω r·(r' − r) / |r' − r|² (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969).
+    points are then, by Aitken's rule ω' = −ω r·(r' − r) / |r' − r|² (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969). The forces of
+    points go with them, to the nodes that they meet there.
     """
 
     name = "following"
@@ -160,7 +161,10 @@ class FollowingMonitor(Monitor):
         along, size = self.case.problem.space.team.sum(float((self.way * turn).sum()), float((turn * turn).sum()))
         self.share = float(np.clip(-self.share * along / size, SHORTEST, LONGEST)) if along and size > 0 else 1.0
         self.way, self.place = way, self.place + self.share * way
-        return now.problem.paired(self.place)
+        problem, force = now.problem.paired(self.place), now.local.force
+        there, here = (d.local.pairs.transfer.opposed(force)[:, : d.space.size] for d in (problem, now.problem))
+        now.fields = replace(now.fields, s=now.fields.s + there - here)
+        return problem
 
     def state(self) -> dict[str, Any]:
         return {"trace/place": self.place, "trace/way": self.way, "share": self.share}

@@ -121,7 +121,6 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     weights = weights_of(surfaces)
     triangles = surfaces.triangles
     normal = unit(surfaces.vectors if vectors is None else vectors)
-    gap = node_gaps(surfaces, weights, normal) - surfaces.filled
     candidates = weights.area > 0
     wanted = candidates & free[0].all(axis=1)
     for better in (~crossed, weights.share >= COVERED):
@@ -136,9 +135,11 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     x1, x2 = surfaces.points
     offset = own @ x1 - other @ x2
     offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
+    # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has theirs, too
+    gap = -np.einsum("pi,pi->p", normal[points], offset) - scale @ (sums @ (weights.area * surfaces.filled))
     turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
     return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
-                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap[points], turned,
+                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap, turned,
                   surfaces.behind[1], free[1], hats(points, triangles[0]))
 
 
