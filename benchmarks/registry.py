@@ -25,6 +25,7 @@ _LISTED = {
     "metis": ("studies.stages:metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
     "assembly": ("studies.stages:assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
     "contact": ("studies.contact_cases:run", "contact beside books: friction, limit loads, Hertz, Mindlin, NAFEMS, with pictures"),
+    "sliding": ("studies.sliding:run", "a die dragged over a slab with pairs that stay and that follow: what staying costs beside the mesh"),
     "contact_cubes": ("studies.contact:cubes",
                       "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
     "contact_grains": ("studies.contact:polycrystals",

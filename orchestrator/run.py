@@ -13,8 +13,10 @@ from orchestrator.compiled import make_ready
 from orchestrator.config.load import Loaded
 from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
+from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
 from orchestrator.method.monitors.placing import Unbalanced
+from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
@@ -27,6 +29,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.scene.body import Meshed
+from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.outline import hollow
 from orchestrator.solving import Ranks, scene_of, solve
@@ -70,12 +73,15 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         with Progress(quiet) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
-            team.share((config, reference, means.judge is not None))
+            team.share((config, reference, means.judge is not None, True))
             with watch("mesh"):
                 made = [scene_of(config, means.ranks, reference, means.meshed)]
             known = hollow(made[0]) if made[0].overview else made[0]
             with Record(folder, config, known, watch, artist, resume=resume) as record:
                 solution = _balanced(config, [*record.subscribers, progress], record, made, reference, means.ranks)
+                if means.judge is None:  # who judges a mesh asks for the energy error
+                    first, solution = solution, _paired_anew(config, solution, [*record.subscribers, progress], record, means)
+                    team.share(0 if solution is first else -1)
                 progress.close()
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
@@ -114,18 +120,45 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: 
             placed = [f"{found}: after iteration {found.iteration} subdomains were placed anew, by the ranks' speeds"]
 
 
+def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
+    """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
+    ranks, progress = replace(means.ranks, may_stop=None), told[-1]
+    if first.scene.overview is not None:  # ranks make the parts of one mesh alone, in which nothing can follow
+        return first
+
+    def built(config: Config) -> Scene:
+        progress.stage("pairing sides anew")
+        with record.watch("mesh"):
+            return build_scene(config, run_programs=True, meshed=means.meshed)
+
+    def again(config: Config, scene: Scene, start: Start) -> Solution:
+        ranks.team.share((config, False, False, False))  # the whole scene is here
+        return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch, ranks=ranks)
+
+    return paired_anew(config, first, built, again)
+
+
 def follow(team: Team) -> int:
     """Work of the other ranks, which print nothing: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
     is rank 0's."""
+    pieces: list[Piece] = []
     while (given := team.share(None)) is not None:
-        config, reference, judged = given
+        if isinstance(given, int):  # which of them is written
+            _written(pieces[given], config)
+            pieces = []
+            continue
+        config, reference, judged, apart = given
         ranks = Ranks(team)
-        piece = _piece_of(config, [scene_of(config, ranks, reference)], reference, ranks)
+        pieces.append(_piece_of(config, [scene_of(config, ranks, reference)] if apart else [], reference, ranks))
         if judged:
-            piece.estimate(False)  # as the judge has it
-        if config.output.fields:
-            write_piece(piece)
+            pieces[0].estimate(False)  # as the judge has it
+            _written(pieces.pop(), config)
     return CONVERGED
+
+
+def _written(piece: Piece, config: Config) -> None:
+    if config.output.fields:
+        write_piece(piece)
 
 
 def _piece_of(config: Config, made: list[Scene | None], reference: bool, ranks: Ranks) -> Piece:

@@ -29,6 +29,7 @@ from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.setup import Part, prepare
 from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds
 from orchestrator.optional import check_there
+from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
@@ -68,7 +69,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
           start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
-    scene : default: ``scene_of`` the configuration
+    scene : default: ``scene_of`` the configuration, also where sides that slid are paired anew (``pairing: auto``); on a scene that is given
+        pairs stay as they are
     subscribers : told what goes on
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
@@ -98,7 +100,21 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     >>> print(f"{solution.displacement[0, :, 0].max():.7f}, held by {solution.reactions[0, 0, 0]:.6f}")
     0.0002000, held by -10.000000
     """
-    told, watch, team = Subscribers(subscribers), watch or Stopwatch(), ranks.team
+    watch = watch or Stopwatch()
+    solution = _solved(config, scene, subscribers, reference, start, watch, ranks)
+    if scene is not None or ranks.team.size > 1:
+        return solution
+
+    def again(config: Config, scene: Scene, start: Start) -> Solution:
+        return _solved(config, scene, without_checkpoints(subscribers), False, start, watch, ranks)
+
+    return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True), again)
+
+
+def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool, start: Start | None, watch: Stopwatch,
+            ranks: Ranks) -> Solution | Piece:
+    """One solution, with pairs as the configuration has them; parameters as for ``solve``."""
+    told, team = Subscribers(subscribers), ranks.team
     try:
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "

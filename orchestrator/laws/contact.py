@@ -44,9 +44,10 @@ class Parameters(Entry):
     gap: Gap | None = Field(None, description=(
         "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0, and geometry beside between: auto"))
     within: Positive | None = Field(None, description=("search distance of gap: geometry, a length; none: twice the local element size"))
-    pairing: Literal["fixed", "follow"] = Field("fixed", description=(
+    pairing: Literal["auto", "fixed", "follow"] = Field("auto", description=(
         "fixed: what lies opposite each other before loading stays paired, for sliding below an element; follow: paired anew "
-        "where the sides have slid to, load step after load step"))
+        "where the sides have slid to, load step after load step; auto: fixed, and solved again with those that follow that have slid "
+        "by more than a fifth of an element, where they can"))
 
     @property
     def apart(self) -> str:

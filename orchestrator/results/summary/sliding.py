@@ -32,19 +32,10 @@ WRONG = 0.1
 
 def sliding(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
     """A sentence for those that slid by more than an element, by more than a fifth, and on curved faces by too much for these."""
-    fixed = {i.name: i for i in scene.interfaces if not (i.law.follows or i.law.on_ground or i.tool is not None)}
-    holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
-    slip = np.where(holds[..., None], fields.slip, 0.0)
-    far, bent = {}, {}
-    for k, own in fields.each():
-        name = str(fields.names[k])
-        if name not in fixed:
-            continue
-        facets = fields.triangles[fields.owner == k]
-        corners = scene.mesh.nodes[fields.nodes][facets]
-        size = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-        far[name] = float(np.linalg.norm(slip[:, own], axis=2).max(initial=0.0)) / size
-        bent[name] = _amiss(scene, fixed[name], fields, slip, own, facets) if far[name] > 0 else 0.0
+    far, bent = slides(scene, fields), {}
+    slip = _held_slip(scene, fields)
+    for i, name, own, facets in _fixed(scene, fields):
+        bent[name] = _amiss(scene, i, fields, slip, own, facets) if far[name] > 0 else 0.0
     if much := [name for name, share in far.items() if share > 1]:
         yield (f"{some(much)} slid by more than an element: node pairs do not follow, "
                "large sliding is outside small perturbations; a law may have it, as contact has pairing: follow")
@@ -54,6 +45,30 @@ def sliding(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
     if wrong := {name: share for name, share in bent.items() if share > WRONG and far[name] <= 1}:
         yield (f"{some(sorted(wrong, key=wrong.get, reverse=True))} slid on curved faces that do not conform: pressures may be off by "
                f"{min(max(wrong.values()), 1.0):.0%} of the largest, as node pairs do not follow; contact has pairing: follow")
+
+
+def slides(scene: Scene, fields: InterfaceFields) -> dict[str, float]:
+    """Interface → how far its sides have slid, in elements, where they hold; of those whose pairs stay as they are."""
+    slip, corners = _held_slip(scene, fields), scene.mesh.nodes[fields.nodes]
+    far = {}
+    for _, name, own, facets in _fixed(scene, fields):
+        size = float(np.linalg.norm(corners[facets] - np.roll(corners[facets], 1, axis=1), axis=2).mean())
+        far[name] = float(np.linalg.norm(slip[:, own], axis=2).max(initial=0.0)) / size
+    return far
+
+
+def _fixed(scene: Scene, fields: InterfaceFields) -> Iterator[tuple[Interface, str, slice, np.ndarray]]:
+    """Interfaces whose pairs stay as they are: name, which of the fields' N nodes are theirs, and their facets (m, 3)."""
+    fixed = {i.name: i for i in scene.interfaces if not (i.law.follows or i.law.on_ground or i.tool is not None)}
+    for k, own in fields.each():
+        if (name := str(fields.names[k])) in fixed:
+            yield fixed[name], name, own, fields.triangles[fields.owner == k]
+
+
+def _held_slip(scene: Scene, fields: InterfaceFields) -> np.ndarray:
+    """(T, N, 3) slip, zero where nothing holds."""
+    holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
+    return np.where(holds[..., None], fields.slip, 0.0)
 
 
 def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray, own: slice, facets: np.ndarray) -> float:
