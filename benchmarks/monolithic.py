@@ -373,7 +373,9 @@ def _stiffness(scene: Scene, s: Any) -> sp.csr_array:
 
 
 def normals(scene: Scene, interface: Any) -> np.ndarray:
-    """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
+    """(n, 3) unit normals out of the first side: a rigid tool's, else the facets' own, weighted by their angle at the node."""
+    if interface.tool is not None:
+        return interface.normals
     result = np.zeros((len(interface.global_nodes), 3))
     x = scene.points(interface)
     for corners in interface.triangles[:, :3]:
