@@ -1,8 +1,9 @@
 """``pairing: auto``: where sides have slid by more than a fifth of an element they are paired anew, where they are.
 
 The run is solved with pairs as they lie before loading. Interfaces that have slid are then given entries of their own, with
-``pairing: follow``, and all is solved again. Places that are off by a fifth cost a third of what the mesh costs (``study sliding``). The
-first result stays where sides cannot follow, where something is asked for that following does not go with, or where the second run does not converge.
+``pairing: follow``, and all is solved again. Places that are off by a fifth cost less than a third of what the mesh costs, those that are
+off by one more than that (``study sliding``). The first result stays where sides cannot follow, where something is asked for that
+following does not go with, or where the second run does not converge.
 """
 
 from __future__ import annotations
