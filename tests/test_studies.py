@@ -305,7 +305,7 @@ def test_prediction_adds_up():
     costs = prediction.Costs(start=1, scene=0.01, piece=0.012, outline=0.001, tables=1e-4, bytes=1e4, prepare=0.5, factorise=2, solve=0.1,
                              own=0.02, results=0.03, iterations=10, sweeps=12, trace=300)
     macro = prediction.MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), rigid_factorise=(1e-7, 1.5),
-                       rigid_solve=(1e-7, 1.0), border=(1e-12, 1e-10))
+                       rigid_solve=(1e-7, 1.0), border=(1e-12, 1e-10), order=(1e-6, 1.0), rigid_order=(2e-6, 1.0))
     small, large = (prediction.predict(costs, macro, count) for count in (1000, 100_000))
     assert small["iterations"]["solve"] == large["iterations"]["solve"] == pytest.approx(1.2)
     assert large["set_up"]["scene, of each rank's own"] == pytest.approx(0.012)
@@ -317,15 +317,15 @@ def test_prediction_adds_up():
     assert large["end"]["tables, by rank 0"] == pytest.approx(10) and large["end"]["what each rank tells rank 0"] > 0
     assert large["set_up"]["outline of the scene, on every rank"] == pytest.approx(100 + 0.2)
     numbers, entries = 8 * 6 * 7 * 1e5, 12 * 7 * 36 * 7  # a subdomain to a rank, and its neighbours
-    assert large["set_up"]["repositioning"] == pytest.approx(1e-7 * 1e5**1.5 / 1e5**0.5 + (numbers + entries) / 1e10)
+    assert large["set_up"]["repositioning"] == pytest.approx(2e-6 * 1e5 + 1e-7 * 1e5**1.5 / 1e5**0.5 + (numbers + entries) / 1e10)
     assert large["iterations"]["repositioning"] == pytest.approx(10 * (1e-2 / 1e5**0.5 + (6 + 17) * 2e-6 + 2 * 48 * 7 / 1e10))
     few = prediction.predict(costs, macro, 800)["set_up"]["repositioning"]  # on every rank
     assert few == pytest.approx(1e-7 * 800**1.5 + 12 * 7 * 36 * 800 / 1e10)
-    assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * blocks**2 * each**2 / blocks**0.5)
+    assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * blocks * each ** (2 / 3) + 1e-6 * blocks**2 * each**2 / blocks**0.5)
     _, between, all_of_it = prediction.ranks_of(costs, macro, 27)
     assert between < prediction.SPREAD and all_of_it == pytest.approx(8e-9 * between**2)
     assert prediction.predict(costs, macro, 27)["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * between**3)
-    assert large["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * 1e5**2 / 1e5**0.5)  # a subdomain to a rank
+    assert large["set_up"]["macro problem: borders"] == pytest.approx(1e-6 * 1e5 + 1e-6 * 1e5**2 / 1e5**0.5)  # a subdomain to a rank
     assert prediction.largest(large)[0] == "set-up: outline of the scene, on every rank" and 0.6 < prediction.largest(large)[1] < 0.7
     assert prediction.Costs.least([replace(costs, own=1.0, solve=0.05), costs]) == replace(costs, solve=0.05)
     alone = prediction.predict(costs, prediction.MacroCosts((1e-6, 1.0), (1e-6, 1.0), (0.0, 1.0), (0.0, 1.0), (1.0, 1.0)),

@@ -9,8 +9,8 @@ subdomains to a rank mean smaller borders and more work for each rank: the best 
 Measured: what one subdomain costs the code and the orchestrator, and what a rank costs whatever it has, on runs of this study
 with one and two ranks; what it takes to make some of a scene's, and what all others cost each rank; the macro problem and the
 repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed: the network, what rank 0 takes for a message of
-each rank, that R ranks make MUMPS √R times as fast as one, and that costs grow as far as they were not measured. All are CPU
-seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
+each rank, that R ranks make MUMPS √R times as fast as one, but for the order of elimination, which one finds, and that costs grow as far
+as they were not measured. All are CPU seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
 
 ``on_cores`` says the same of runs that can be made here, so that the model can be held against such as it has not seen.
 """
@@ -34,7 +34,7 @@ from benchmarks.kit.commands import codes_seconds
 from orchestrator import build_scene
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
-from orchestrator.method.interface.factor import by_cholesky
+from orchestrator.method.interface.factor import by_cholesky, dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import Part
 from orchestrator.parallel.placement import Placement, owners
@@ -186,6 +186,7 @@ class MacroCosts:
     ----------
     factorise, solve : seconds of one factorisation and of one solution
     rigid_factorise, rigid_solve : the same of repositioning
+    order, rigid_order : seconds to find the order of elimination of either, a part of the factorisation
     border : seconds of factorising a dense matrix over the cube of its size, and of a solution over the square
     """
 
@@ -194,6 +195,8 @@ class MacroCosts:
     rigid_factorise: tuple[float, float]
     rigid_solve: tuple[float, float]
     border: tuple[float, float]
+    order: tuple[float, float] = (0.0, 1.0)
+    rigid_order: tuple[float, float] = (0.0, 1.0)
 
     def at(self, quantity: str, count: int) -> float:
         factor, exponent = getattr(self, quantity)
@@ -210,9 +213,11 @@ def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[s
             solve = _factor(matrix)
             done = time.process_time()
             row |= {f"{prefix}unknowns": matrix.shape[0], f"{prefix}factorise": done - begin,
+                    f"{prefix}order": _repeated(lambda: dissection(matrix), 0.02),
                     f"{prefix}solve": _repeated(lambda: solve(np.ones(matrix.shape[0])), 0.02)}
         rows.append(row)
-    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "rigid_factorise", "rigid_solve")), _dense(BORDER)), rows
+    growths = [_growth(rows, key) for key in ("factorise", "solve", "rigid_factorise", "rigid_solve", "order", "rigid_order")]
+    return MacroCosts(*growths[:4], _dense(BORDER), *growths[4:]), rows
 
 
 def _factor(matrix: sp.csr_array) -> Callable[[np.ndarray], np.ndarray]:
@@ -316,7 +321,7 @@ def _between(macro: MacroCosts, border: float, each: int, ranks: float) -> tuple
         cube, square = macro.border
         return 2 * 8 * border**2 / BANDWIDTH, cube * border**3, square * border**2 + 2 * 8 * border / BANDWIDTH
     more, faster = each ** (2 / 3), math.sqrt(ranks)  # unknowns to an interface, over those of the pattern that was measured; assumed
-    return (8 * _own(each)**2 / BANDWIDTH, macro.at("factorise", ranks) * more**3 / faster,
+    return (8 * _own(each)**2 / BANDWIDTH, macro.at("order", ranks) * more + macro.at("factorise", ranks) * more**3 / faster,
             macro.at("solve", ranks) * more**2 / faster + 2 * 8 * _own(each) / BANDWIDTH)
 
 
@@ -329,7 +334,7 @@ def _rigid(macro: MacroCosts, count: int, each: float, ranks: float) -> tuple[fl
                 solve + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH))
     seen, faster = each + FACES * each ** (2 / 3), math.sqrt(ranks)  # subdomains that a rank has modes of; assumed, as for the borders
     numbers = 8 * RIGID * seen * ranks  # bytes, of the modes that each rank sees, on all ranks
-    return ((numbers + 12 * (1 + FACES) * RIGID**2 * seen) / BANDWIDTH + factorise / faster,
+    return ((numbers + 12 * (1 + FACES) * RIGID**2 * seen) / BANDWIDTH + macro.at("rigid_order", count) + factorise / faster,
             solve / faster + FACES * LATENCY + 2 * 8 * RIGID * seen / BANDWIDTH)
 
 

@@ -199,7 +199,9 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         "unknowns of repositioning, all of them MUMPS's.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         f"{TOLD * 1e6:g} µs of rank 0 for what each rank tells it in the end, "
-        "none of it hidden behind work; R ranks make MUMPS √R times as fast as one; "
+        "none of it hidden behind work; R ranks make MUMPS √R times as fast as one, but for the order of elimination, "
+        f"which one finds for all in {macro.order[0]:.2g} N^{macro.order[1]:.2f} and, of repositioning, {macro.rigid_order[0]:.2g} "
+        f"N^{macro.rigid_order[1]:.2f} s; "
         "cores as fast as this one with the memory bandwidth to themselves; growth as "
         "measured; the rank works for its subdomains one after the other. Every rank makes its own subdomains, and has names, "
         "neighbours and a few numbers of all others.", "",
