@@ -15,7 +15,7 @@ from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern
 
 needs_cholmod = pytest.mark.skipif(cholmod.library() is None, reason="no CHOLMOD here")
-SIDE = 5  # cubes along it: 2,700 unknowns, beyond ``factor.ORDERED``
+SIDE = 6  # cubes along it: 3,240 unknowns, beyond ``factor.ORDERED``
 
 
 def lower(matrix):
