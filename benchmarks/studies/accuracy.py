@@ -58,8 +58,8 @@ class Settings(Keys):
     asked: dict[str, list[float]] = {"P1": [0.2, 0.1], "P2": [0.1, 0.05, 0.02, 0.01]}
     of_assemblies: dict[str, list[float]] = {"P1": [0.6], "P2": [0.4]}  # in place of these
     most: dict[str, int] = {"P1": 60_000, "P2": 60_000}  # elements for one accuracy
-    reference: dict[str, int] = {"l_shape": 90_000, "hole": 25_000, "slit": 90_000, "punch": 60_000,
-                                 "hertz": 40_000, "grains": 15_000, "lap_joint": 12_000, "as1": 25_000}  # ten-node tets, about
+    reference: dict[str, int] = {"l_shape": 40_000, "hole": 12_000, "slit": 35_000, "punch": 14_000,
+                                 "hertz": 24_000, "grains": 15_000, "lap_joint": 12_000, "as1": 25_000}  # ten-node tets, about
     limit: float = 20.0  # seconds: a uniform mesh is solved on where it is foreseen to take less
 
 
