@@ -15,7 +15,7 @@ from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautions, SHARE, stabilisation
 from orchestrator.method.monitors import Verdict
-from orchestrator.method.monitors.weakening import FAINTEST, FOLLOWS, PATIENCE, WEAKER, Weakening
+from orchestrator.method.monitors.weakening import PATIENCE, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.run import solve
@@ -213,28 +213,21 @@ def test_springs_that_begin_anew_leave_nothing(tmp_path):
            "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-1, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
     made = with_stabilisation("auto", **far)
     one = converged(made)
-    told, weakened = one.summary["stabilised"], one.summary["stabilised"]["weakened"]
-    assert len(weakened) > 1 and told["epsilon"] <= 1.001 * ANEW * WEAKER ** len(weakened) and told["force"] < 1e-12
-    assert f"weaker from iteration {', '.join(str(after + 1) for after in weakened)} on" in dict(summary_rows(one.summary))["stabilised"]
+    assert not one.summary["stabilised"]["weakened"] and one.summary["stabilised"]["force"] < 1e-11
     lawful = converged(with_stabilisation(0, **far))
     largest = max(np.abs(u).max() for u in lawful.parts)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, lawful.parts)) <= 2e-6 * largest
-    # stopped before, at and after it, it goes on as if nothing had happened
-    stops = sorted({stop for after in weakened for stop in (after - 1, after, after + 1)})
-    resumed, heard = stopped_and_resumed(tmp_path, made, one.scene, stops)
-    assert [event.iteration
-            for event in heard] == list(range(1, one.iterations + 1)) and resumed.summary["stabilised"]["weakened"] == weakened
+    # stopped, it goes on as if nothing had happened
+    resumed, heard = stopped_and_resumed(tmp_path, made, one.scene, [2, one.iterations - 1])
+    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1))
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # and so it does load step by load step, each of which begins with those of the beginning
     steps = [[0.0, 0.0, None], [2e-2, 0.0, None], [2e-2, 1e-3, None]]
     far["boundary"][1] = {"on": TOP, "displacement": steps}
     each = contact(0.2, method=method(increment=1), **far)
     one = converged(each)
-    assert len(one.summary["stabilised"]["weakened"]) > 1
-    stops = sorted({one.summary["stabilised"]["weakened"][-1], one.iterations - 1})
-    resumed, heard = stopped_and_resumed(tmp_path / "each", each, one.scene, stops)
+    resumed, heard = stopped_and_resumed(tmp_path / "each", each, one.scene, [one.iterations - 8, one.iterations - 1])
     assert [event.iteration for event in heard] == list(range(1, one.iterations + 1))
-    assert resumed.summary["stabilised"]["weakened"] == one.summary["stabilised"]["weakened"]
     assert resumed.summary["residuals"] == pytest.approx(one.summary["residuals"], rel=1e-9, abs=1e-12, nan_ok=True)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # what has no balance loads them as before
@@ -251,7 +244,7 @@ def test_springs_become_weaker_when_nothing_else_is_left():
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
     def due(watch, laws, met=False, excess=0.0):
-        times = watch.due(Verdict(met, laws=laws, excess=excess), WEAKER ** len(watch.at), False)
+        times = watch.due(Verdict(met, laws=laws, excess=excess), WEAKER ** len(watch.at))
         if times:
             watch.at, watch.carried = [*watch.at, *[0] * times], laws.springs
         return times
@@ -262,16 +255,6 @@ def test_springs_become_weaker_when_nothing_else_is_left():
     # where the error stands still: as often as it is too large, once springs carry less than when they became weaker last
     one, seen = Weakening(1e-4), ((1e-6, 300.0), (9e-7, 20.0), (1e-8, 40.0))
     assert [due(one, laws(carried, 1e-5), excess=excess) for carried, excess in seen] == [3, 0, 2]
-
-
-def test_springs_that_begin_anew_follow_the_law_residual():
-    def due(springs, rest, met=False):
-        return Weakening(1e-4).due(Verdict(met, laws=LawResiduals(rest, rest, {"stabilisation": 1e-5})), springs, True)
-
-    at = ANEW / FOLLOWS  # the residual that springs suit
-    assert [due(1.0, rest) for rest in (1.0, at, 0.11 * at, 0.09 * at, 0.9e-3 * at, np.nan)] == [0, 0, 0, 1, 3, 0]
-    assert due(WEAKER, 0.09 * at) == 0 and due(WEAKER, 0.9e-3 * at) == 2 and due(1.0, 1e-9, met=True) == 0
-    assert ANEW * WEAKER ** due(1.0, 0.0) >= 0.99 * FAINTEST
 
 
 def test_springs_that_go_on_carrying_stay_where_they_are():
@@ -303,9 +286,8 @@ def test_many_loose_bodies(tmp_path):
     assert begin_anew(scene, made.method)
     one = converged(made)
     told = one.summary["stabilised"]
-    assert told["force"] < 1e-8 and told["epsilon"] < ANEW and told["weakened"]
-    stop = told["weakened"][0]
-    resumed, _ = stopped_and_resumed(tmp_path, made, one.scene, [stop - 1, stop, stop + 1])
+    assert told["force"] < 1e-8
+    resumed, _ = stopped_and_resumed(tmp_path, made, one.scene, [one.iterations // 2, one.iterations - 1])
     force = np.array(one.summary["reactions"])
     assert np.abs(np.array(resumed.summary["reactions"]) - force).max() <= 1e-6 * np.abs(force).max()
     lawful = converged(contact(0.3, method={**made.method.model_dump(exclude_unset=True), "contact": {"stabilisation": 1e-10}}, **PILE,

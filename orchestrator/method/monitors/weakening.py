@@ -1,9 +1,8 @@
-"""When springs of stabilisation become weaker, or stay where they are.
+"""When springs of stabilisation stay where they are, and become weaker.
 
-Springs of ``auto`` begin anew in every iteration (``interface.stabilisation``) and carry nothing in the end. They become weaker as the law
-residual falls, a digit at a time, so that bodies that are pushed by less go as far. What has no balance is never done with: where
-springs carry more than the tolerance and have carried about as much for ``PATIENCE`` iterations they stay where they are from then
-on, so that all else comes to rest against them and a limit load can be told from a body on its way.
+Springs of ``auto`` begin anew in every iteration (``interface.stabilisation``) and carry nothing in the end. What has no balance is never
+done with: where springs carry more than the tolerance and have carried about as much for ``PATIENCE`` iterations they stay where they are
+from then on, so that all else comes to rest against them and a limit load can be told from a body on its way.
 
 Springs that stay become weaker where they alone keep a run from its end: a body that goes far in a load step needs it, or the energy
 error stands still on them, which falls with ε unless something else is left of it. What has no balance loads them as before, however
@@ -22,7 +21,6 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 WEAKER = 0.1  # ε over the one before
 FAINTEST = 1e-14  # the least ε: what such springs carry is rounding of what points do
-FOLLOWS = 1e-3  # ε over the law residual at least, where springs begin anew: 1e-5 takes half as many of Newton's steps again
 PATIENCE, FALLS = 10, 0.9  # iterations in which what springs carry has to fall to such a share, where they begin anew
 LESS = 0.5  # of what springs carried when they became weaker last, below which that has served the energy error
 
@@ -56,44 +54,30 @@ class Weakening(Monitor):
             self.least = verdict.laws.springs, now.number
         if verdict.changes or verdict.reason or now.last:
             return Verdict()
-        if self.stands(now):
-            return Verdict(False, changes=(self.name,), anew=True)
-        if self.due(verdict, problem.springs, problem.coarse.anew):
-            return Verdict(False, changes=(self.name,), anew=not problem.coarse.anew)
-        return Verdict()
+        changes = self.stands(now) if problem.coarse.anew else self.due(verdict, problem.springs)
+        return Verdict(False, changes=(self.name,), anew=True) if changes else Verdict()
 
     def stands(self, now: Evaluation) -> bool:
         """Whether springs that begin anew carry for good what nothing else does."""
-        return now.problem.coarse.anew and now.verdict.laws.springs > self.allowed and now.number >= self.least[1] + PATIENCE
+        return now.verdict.laws.springs > self.allowed and now.number >= self.least[1] + PATIENCE
 
-    def due(self, verdict: Verdict, springs: float, anew: bool) -> int:
-        """How many times springs are to become weaker; all ranks see the same.
+    def due(self, verdict: Verdict, springs: float) -> int:
+        """How many times springs that stay are to become weaker; all ranks see the same.
 
         springs : ε over that at the beginning
-        anew : whether they begin anew in every iteration
         """
         laws, epsilon = verdict.laws, springs * ANEW
-        if anew:
-            return 0 if verdict.met else self.behind(laws.largest_other, epsilon)
         if laws.held_by_springs(self.allowed):  # what has no balance goes ten times as far
             return int(WEAKER * epsilon >= FAINTEST)
         if verdict.excess and laws.springs <= LESS * self.carried:  # the error falls with ε
             return max(1, math.ceil(math.log(1 / verdict.excess, WEAKER)))
         return 0
 
-    @staticmethod
-    def behind(residual: float, epsilon: float) -> int:
-        """How many times ε is ten times as large as the law residual needs it."""
-        if not math.isfinite(residual):
-            return 0
-        least = max(FOLLOWS * residual, FAINTEST)
-        return max(0, math.floor(math.log10(epsilon / least)))
-
     def change(self, now: Evaluation) -> Decomposition:
-        if self.stands(now):
+        if now.problem.coarse.anew:
             self.stays = now.number
             return now.problem.anchored()
-        times = self.due(now.verdict, now.problem.springs, now.problem.coarse.anew)
+        times = self.due(now.verdict, now.problem.springs)
         self.at += [now.number] * times
         self.carried = now.verdict.laws.springs
         return now.problem.weakened(WEAKER ** times)
