@@ -89,14 +89,19 @@ class Piece:
     def together(self, unsound: Sequence[int] = ()) -> Fields | None:
         """Fields of the whole, on rank 0, which knows whose stresses are not to be believed; where all interfaces are perfect."""
         f, number = self.fields, self.fields.meeting.label
-        everyone = self.team.gather((number, self.cells, f.nodes, number[f.cells], f.subdomain, f.lame, f.displacement, f.part))
-        if everyone is None:
+        numbers, cells = self.team.gather(number), self.team.gather(self.cells)
+
+        def placed(at: Sequence[np.ndarray] | None, own: np.ndarray, axis: int = 0) -> np.ndarray | None:
+            """Values of all ranks; of one array at a time, so that rank 0 never has all of them twice."""
+            everyones = self.team.gather(own)
+            return None if everyones is None else _placed(at, everyones, axis)
+
+        fields = [placed(numbers, f.nodes), placed(cells, number[f.cells]), placed(cells, f.subdomain), placed(cells, f.lame),
+                  placed(numbers, f.displacement, 1)]
+        part = placed(cells, f.part)
+        if numbers is None:
             return None
-        numbers, cells, *values = zip(*everyone)
-        nodes, tets, subdomain, lame, displacement, part = values
-        return Fields(_placed(numbers, nodes), _placed(cells, tets), _placed(cells, subdomain), _placed(cells, lame),
-                      _placed(numbers, displacement, 1), part=_placed(cells, part), parts=f.parts,
-                      believed=~np.isin(_placed(cells, subdomain), unsound) if len(unsound) else None)
+        return Fields(*fields, part=part, parts=f.parts, believed=~np.isin(fields[2], unsound) if len(unsound) else None)
 
     def extremes(self, unsound: Sequence[int] = (), lost: np.ndarray | None = None) -> Extremes | None:
         """Those of the whole, on rank 0, which knows the parameters.

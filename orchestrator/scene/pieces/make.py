@@ -18,6 +18,7 @@ from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about, null_space
 from orchestrator.scene.conditions.selection import assign_materials
+from orchestrator.scene.mesh.faces import MAX_NODES
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.boxes import Boxes
@@ -42,7 +43,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     speeds : as of ``owners``
     """
     source = source_of(config) if team.size > 1 else None
-    if source is None or source.count < team.size:
+    if source is None or source.count < team.size or config.output.figures and source.nodes > MAX_NODES:  # pictures are of the whole
         return None
     nodes, pairs, common = source.sizes()
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
