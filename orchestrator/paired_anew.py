@@ -35,19 +35,20 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
     slid = _slid(config, first) if first.converged and first.interfaces is not None else {}
     if not slid:
         return first
-    many, said = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element", []
+    many = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element"
+    told, said = [], []
     config_then, scene = _following(config, first.scene, slid, built, said)
     result = first
     if scene is not None:
         second = solve(config_then, scene, Start(iteration=first.iterations, sweeps=first.summary["sweeps"]["iterations"]))
         spent = second.iterations - first.iterations
         if second.converged:
-            said.insert(0, f"{many}: paired anew where they are, in {spent} more iterations; of sides that follow no energy error is known")
+            told.append(f"{many}: paired anew where they are, in {spent} more iterations; of sides that follow no energy error is known")
             second.summary["config"], result = config.complete(), second
         else:
-            said.insert(0, f"{many}: with sides paired anew where they are the run has not converged ({second.stop_reason}, {spent} "
+            told.append(f"{many}: with sides paired anew where they are the run has not converged ({second.stop_reason}, {spent} "
                         "iterations), and forces act where they did before loading")
-    result.summary["warnings"] = [*said, *result.summary["warnings"]]
+    result.summary["warnings"] = [*told, *result.summary["warnings"], *said]
     return result
 
 

@@ -38,13 +38,14 @@ def sliding(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
         bent[name] = _amiss(scene, i, fields, slip, own, facets) if far[name] > 0 else 0.0
     if much := [name for name, share in far.items() if share > 1]:
         yield (f"{some(much)} slid by more than an element: node pairs do not follow, "
-               "large sliding is outside small perturbations; a law may have it, as contact has pairing: follow")
+               "large sliding is outside small perturbations; between parts meshed each on its own contact has pairing: follow")
     if more := {name: share for name, share in far.items() if FIFTH < share <= 1}:
         yield (f"{some(sorted(more, key=more.get, reverse=True))} slid by up to {max(more.values()):.2g} of an element: node pairs do not "
-               "follow, and forces act where they did before loading; contact has pairing: follow")
+               "follow, and forces act where they did before loading; between parts meshed each on its own contact has pairing: follow")
     if wrong := {name: share for name, share in bent.items() if share > WRONG and far[name] <= 1}:
         yield (f"{some(sorted(wrong, key=wrong.get, reverse=True))} slid on curved faces that do not conform: pressures may be off by "
-               f"{min(max(wrong.values()), 1.0):.0%} of the largest, as node pairs do not follow; contact has pairing: follow")
+               f"{min(max(wrong.values()), 1.0):.0%} of the largest, as node pairs do not follow; between parts meshed each on its own "
+               "contact has pairing: follow")
 
 
 def slides(scene: Scene, fields: InterfaceFields) -> dict[str, float]:
