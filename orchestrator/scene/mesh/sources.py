@@ -182,7 +182,7 @@ def box(mesh: Any) -> Mesh:
 
 def grid_of(mesh: Any) -> Bricks:
     """The bricks of ``mesh.box`` or ``mesh.beam``."""
-    if mesh.box is not None:
+    if getattr(mesh, "box", None) is not None:
         return Bricks(np.asarray(mesh.box.size, dtype=float), np.asarray(mesh.box.cells), "box")
     size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
     # Python's rounding would send 2.5 cells to 2; more than memory holds are counted all the same
