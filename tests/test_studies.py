@@ -614,7 +614,9 @@ def test_accuracies_are_compared_with_true_errors(tmp_path, saved_figures):
     run_study("accuracy", tmp_path, ["cases=[hole]", "elements=[P2]", "asked={P2: [0.1]}", "reference={hole: 3000}"])
     rows = rows_of(tmp_path / "table.csv")
     assert [row["mesh"] for row in rows] == ["uniform", "uniform", "1"] and all(0.7 < float(row["effectivity"]) < 1.5 for row in rows)
-    assert is_drawn(tmp_path / "accuracy.png", saved_figures[-1]) and rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
+    first = rows_of(tmp_path / "targets.csv")[0]
+    assert first["target"] == "hole, P2, 10%" and (first["met"] == "yes") == (accuracy.LEAST * 0.1 <= float(rows[-1]["true_error"]) <= 0.1)
+    assert is_drawn(tmp_path / "accuracy.png", saved_figures[-1]) and float(rows[-1]["true_error"]) < 0.05
     one, finer = (solve(config_from(accuracy.problem(tmp_path, "hole", *how))) for how in (("P1", 0.25), ("P2", 0.1)))
     assert apart(one, one) < 1e-9
     energies = [solved.summary["energy"][-1] for solved in (one, finer)]
