@@ -119,6 +119,16 @@ def test_nothing_that_is_no_mesh_is_run(tmp_path, command):
         assert not (tmp_path / MARK).exists(), name
 
 
+@pytest.mark.parametrize("ending", ["step", "brep"])
+def test_models_that_are_cut_short_are_refused(tmp_path, sound, ending):
+    """gmsh reads such a BREP file for ever, or ends the program."""
+    whole = (sound / f"box.{ending}").read_bytes().rstrip()
+    for share in (0.3, 0.6, 0.95, 1.0):
+        (tmp_path / f"cut.{ending}").write_bytes(whole[: int(share * len(whole)) - 1])
+        done = call("check", written(tmp_path, f"mesh: {{step: cut.{ending}}}"))
+        assert done.exit_code == 2 and f"cut.{ending}: " in done.output and "Traceback" not in done.output, (share, done.output)
+
+
 @pytest.mark.parametrize("head", ["$Comments\nx\n$EndComments\n", "$NOD\n"])
 def test_what_begins_as_a_mesh_is_read_as_one(tmp_path, head):
     (tmp_path / "part.msh").write_text(head + SCRIPT)

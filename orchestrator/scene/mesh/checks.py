@@ -56,6 +56,20 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
                     "check that the ending fits the content, and save it again from the program that made it")
 
 
+def check_complete(path: Path, key: KeyPath, source: str) -> None:
+    """Raises InputError for a BREP file whose end is missing: OpenCASCADE reads on for ever, or ends the program.
+
+    Every shape ends with a star, and the file with the shape that holds them all.
+    """
+    if path.suffix.lower() != ".brep":
+        return
+    count, shapes = re.search(rb"(?:\nTShapes (\d+)\s*\n(.*))?$", path.read_bytes(), re.DOTALL).groups(b"0")
+    found = len(re.findall(rb"\*\s", shapes))
+    if found < int(count) or not re.search(rb"\*\s*[+-]\d+ \d+\s*$", shapes):
+        raise wrong(key, f"{source}: its end is missing, after {found} whole shapes", "a BREP file as a program writes it",
+                    "copy or export the model again")
+
+
 def bad_file(path: Path | str, found: str, expected: str, cure: str) -> InputError:
     """The error to raise of a mesh file."""
     return wrong(("mesh", "file"), f"{path}: {found}", expected, cure)

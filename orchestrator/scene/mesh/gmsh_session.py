@@ -14,7 +14,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import Late, check_there
-from orchestrator.scene.mesh.checks import DENSITY, check_content, check_size, coarser
+from orchestrator.scene.mesh.checks import DENSITY, check_complete, check_content, check_size, coarser
 from orchestrator.scene.names import matching, suggestion, unique_names
 
 gmsh = Late("gmsh")
@@ -90,6 +90,7 @@ def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple
     Raises InputError: unreadable, no solids
     """
     check_content(path, ("mesh", "step"), source)
+    check_complete(path, ("mesh", "step"), source)
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=not shells)
     except Exception as error:
