@@ -43,3 +43,8 @@ def pytest_configure(config):
         import in_process
 
         in_process.IN_PROCESS.update(in_process.FREEFEM)
+
+
+def pytest_collection_modifyitems(items):
+    """Ranks first: what one process does one after the other is done while others do the rest."""
+    items.sort(key=lambda item: not any(mark.kwargs.get("name", *mark.args) == "ranks" for mark in item.iter_markers("xdist_group")))

@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 import pytest
 from processes import begin, gone
-from ranks_case import CASES, PLACED, REFINED, found, refined
+from ranks_case import CASES, PLACED, found, refined
 from quick import quick
 
 from orchestrator import folders
@@ -100,7 +100,8 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     several = [case for case in CASES if subdomains(case) >= 4]  # one for each rank
     four = several[::2]
     names = {2: [case for case in CASES if case not in four], 3: several[1:2], 4: four}[ranks]  # each by some number of ranks
-    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *list(REFINED) * (ranks == 2))
+    meshes = {2: ["refined contact"], 3: ["refined bonds"], 4: []}[ranks]
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *meshes)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
     for case in names:
@@ -122,8 +123,8 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
                 off = np.abs(together[name] - expected).max()
                 # where springs of stabilisation alone hold a grain, rounding of 1e-16 is ten million times larger
                 assert off <= 1e-10 * np.abs(expected).max() or off <= rounding(case, name), (case, name, off)
-    for name in REFINED if ranks == 2 else ():
-        same_meshes(name, tmp_path)
+    for name in meshes:
+        same_meshes(name, tmp_path, ranks)
     if ranks == 3:  # set up again on the way, with other subdomains on every rank: as if nothing had happened
         again, expected = Solution.read(tmp_path / PLACED), alone("contact")
         assert again.converged and "placed anew" in again.summary["warnings"][-1]
@@ -131,8 +132,8 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         assert np.abs(again.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
 
 
-def same_meshes(name: str, folder: Path) -> None:
-    """A refined run on two ranks is the one of a single process: the sizes of all meshes, errors, and their fields."""
+def same_meshes(name: str, folder: Path, ranks: int) -> None:
+    """A refined run on ranks is the one of a single process: the sizes of all meshes, errors, and their fields."""
     refined(name, folder / "alone")
     one, two = (Solution.read(folder / run) for run in ("alone", name))
     meshes = [solution.summary["accuracy"]["meshes"] for solution in (one, two)]
@@ -146,7 +147,7 @@ def same_meshes(name: str, folder: Path) -> None:
             assert (other["error"], other["value"]) == pytest.approx((told["error"], told["value"]), rel=1e-9)
     cells = one.fields.discretisation_error
     assert two.fields.discretisation_error == pytest.approx(cells, rel=1e-8)
-    pieces = [meshio.read(folder / name / f"fields/step_0001_{rank}.vtu").cell_data["discretisation_error"][0] for rank in (0, 1)]
+    pieces = [meshio.read(folder / name / f"fields/step_0001_{rank}.vtu").cell_data["discretisation_error"][0] for rank in range(ranks)]
     assert sum((piece**2).sum() for piece in pieces) == pytest.approx((cells**2).sum())
 
 
