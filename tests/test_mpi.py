@@ -362,6 +362,7 @@ def test_ranks_are_known_by_their_launchers_variables():
     assert without_launcher({"PMIX_RANK": "1", "OMPI_X": "", "HOME": "/"}) == {"HOME": "/"}
 
 
+@pytest.mark.filterwarnings("error:tpwghts")
 def test_ranks_get_equal_cost_and_neighbours():
     n = 40
     chain = np.column_stack([np.arange(n - 1), np.arange(1, n)])

@@ -66,7 +66,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     costs : (n,) of each subdomain
     pairs, dofs : (m, 2) int, the subdomains of each interface; (m,) what it has to exchange
     ranks : how many parts, at most n
-    speeds : (ranks,) shares of the cost, which sum up to 1; None: equal ones
+    speeds : (ranks,) as shares of the cost, over their sum; None: equal ones
     """
     costs = np.asarray(costs, float)
     n = len(costs)
@@ -78,7 +78,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     # by halves, unless ranks get unequal shares: what each cut misses of these would add up
     found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices), vweights=weights.tolist(),
                                eweights=graph.data.astype(int).tolist(), recursive=speeds is None,
-                               tpwgts=None if speeds is None else (speeds * (1 - 1e-6)).tolist())  # METIS takes no sum above 1
+                               tpwgts=None if speeds is None else (speeds / speeds.sum()).tolist())
     owner = np.asarray(found.vertex_part, dtype=int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains
         if not (owner == rank).any():
