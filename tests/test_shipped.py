@@ -30,7 +30,7 @@ SHIPPED = {  # configuration: what shortens it, iterations at most
     "bending_beam_p2": ([], 14),
 }
 SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show; of bonds, those whose meshes do not match
-    "accuracy_l": (["method.accuracy=0.08"], 10, lambda s, f: s["accuracy"]["met"] and len(s["accuracy"]["meshes"]) == 2
+    "accuracy_l": (["method.accuracy=0.08"], 10, lambda s, f: s["accuracy"]["met"] and 2 <= len(s["accuracy"]["meshes"]) <= 4
                    and s["accuracy"]["reached"] > 0.08 / 3),
     "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),
     "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
@@ -131,11 +131,13 @@ def test_shipped_configurations(name, tmp_path, configs_dir):
 
 @pytest.mark.parametrize("name", quick(SHIPPED_CONTACT, "hertz", "polycrystal_10", "press_fit"))
 def test_shipped_contact_configurations(name, tmp_path, configs_dir):
-    """Converged within the stages expected: the energy error is below what is asked, and each shows what it is there for."""
+    """Converged within the stages expected: the energy error, or the law residual, is below what is asked, and each shows what it is there for."""
     changes, iterations, shows = SHIPPED_CONTACT[name]
     summary, _ = of_command(configs_dir / f"{name}.yaml", tmp_path / "out", changes, "--quiet")
     assert summary["iterations"] <= iterations
-    assert summary["error_bound"] <= summary["config"]["method"]["tolerance"]["error"]
+    asked = summary["config"]["method"]["tolerance"]
+    reached = summary["residuals"]["law_residual"] if "law" in asked else summary["error_bound"]
+    assert reached <= asked["law" if "law" in asked else "error"]
     with np.load(tmp_path / "out" / "fields.npz") as fields:
         assert shows(summary, fields)
 
