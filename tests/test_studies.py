@@ -49,6 +49,7 @@ from benchmarks.studies import (
 )
 from orchestrator import BlackBoxError, InputError, build_scene, config_from, solve
 from orchestrator.method.interface import cholmod
+from orchestrator.method.interface.stabilisation import ANEW
 
 UNDRAWN = {"output": {"fields": False, "figures": False}}
 
@@ -174,7 +175,6 @@ def test_a_run_is_followed_to_where_it_tends(tmp_path):
 @pytest.mark.long
 def test_contact_studies(tmp_path, monkeypatch, saved_figures):
     monkeypatch.setattr(contact, "LONG", 8)
-    monkeypatch.setattr(contact, "pressed_cubes", lambda friction: cases.pressed_cubes(friction, 2, 2))
     monkeypatch.setattr(contact, "grains", lambda count, h: few_grains())
     monkeypatch.setattr(contact, "GRAINS", {15: {1e-2: 60}})
     monkeypatch.setattr(contact, "FRICTIONS", (0.3,))
@@ -190,7 +190,7 @@ def test_contact_studies(tmp_path, monkeypatch, saved_figures):
         assert is_drawn(tmp_path / name / f"{name}.png", saved_figures[-1])
         for quantity in shown:
             assert not missing_curves(saved_figures[-1], tmp_path / name / "curves.csv", quantity)
-        # small problems are easy: what the defaults have to reach, they reach
+        # what the defaults have to reach, they reach: with the cubes' own mesh, as coarser ones take them more sweeps
         assert {row["met"] for row in rows_of(tmp_path / name / "targets.csv")} == {"yes"}
 
 
@@ -508,7 +508,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]
     assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
     assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 10
-    assert row["spring_epsilon"] == pytest.approx(0.25e-6) and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
+    assert row["spring_epsilon"] == pytest.approx(ANEW) and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
     assert row["far"] == 0 == len(summary["far_bodies"])  # the top moves by a thousandth
     assert row["unsolved"] + summary["coarse_ends"]["tolerance"] == 4 * row["iterations"]  # a solve per load step
     assert row["cpu_per_grain"] > row["code_per_grain"] > 0  # those of FreeFEM, and of more
@@ -614,7 +614,8 @@ def test_accuracies_are_compared_with_true_errors(tmp_path, saved_figures):
     run_study("accuracy", tmp_path, ["cases=[hole]", "elements=[P2]", "asked={P2: [0.1]}", "reference={hole: 3000}"])
     rows = rows_of(tmp_path / "table.csv")
     assert [row["mesh"] for row in rows] == ["uniform", "uniform", "1"] and all(0.7 < float(row["effectivity"]) < 1.5 for row in rows)
-    first = rows_of(tmp_path / "targets.csv")[0]
+    first, *others = rows_of(tmp_path / "targets.csv")
+    assert not any("falls as" in target["target"] for target in others)  # of one mesh there is no rate
     assert first["target"] == "hole, P2, 10%" and (first["met"] == "yes") == (accuracy.LEAST * 0.1 <= float(rows[-1]["true_error"]) <= 0.1)
     assert is_drawn(tmp_path / "accuracy.png", saved_figures[-1]) and float(rows[-1]["true_error"]) < 0.05
     one, finer = (solve(config_from(accuracy.problem(tmp_path, "hole", *how))) for how in (("P1", 0.25), ("P2", 0.1)))

@@ -68,7 +68,7 @@ def soles(study: Study) -> None:
     for panel, (name, problem) in zip(axes[0], problems.items()):
         usual, found = None, {}
         for factor, colour in zip(FACTORS, shades(len(FACTORS), "plasma")):
-            case = Case(with_method(problem, contact_defaults(factor=factor, error=TOLERANCE)), {"case": name, "factor": factor})
+            case = Case(with_method(problem, contact_defaults(factor=factor, law=TOLERANCE)), {"case": name, "factor": factor})
             run = follow(study, case, usual)
             usual = usual or run
             study.rows[-1]["sweeps"] = found[factor] = run.sweeps_to("law_residual", TOLERANCE)

@@ -30,7 +30,7 @@ def run(study: Study) -> None:
                      f"{START:g} s = {limit:.1f} s", f"{row['seconds']:.1f} s", row["seconds"] <= limit)
     count = study.rows[0]["factorisations"]
     study.target("beam of 128 slices: factorisations", f"at most {FACTORISATIONS}", count, count <= FACTORISATIONS)
-    contact = with_method(grains(GRAINS, GRAIN_H), contact_defaults(error=TOLERANCE))
+    contact = with_method(grains(GRAINS, GRAIN_H), contact_defaults(law=TOLERANCE))
     for ranks in (1, RANKS) if without_ranks() is None else (1,):
         name = f"{GRAINS} grains in contact" + (f", {ranks} ranks" if ranks > 1 else "")
         row = _add(study, name, contact, ranks)

@@ -20,7 +20,7 @@ def run(study: Study) -> None:
     for contrast in CONTRASTS:
         for softer in ORDERS if contrast > 1 else ("neither",):
             moduli = [STIFF / contrast if softer == order else STIFF for order in ORDERS]
-            case = Case(with_method(punch(study.folder, *moduli), contact_defaults(error=TOLERANCE)),
+            case = Case(with_method(punch(study.folder, *moduli), contact_defaults(law=TOLERANCE)),
                         {"softer": softer, "contrast": contrast})
             solved = solve(config_from(dict(case.config)), study.scene(case.config))
             residual = solved.summary["residuals"]["law_residual"]

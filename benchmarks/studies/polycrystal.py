@@ -33,10 +33,10 @@ def run(study: Study, problem: Mapping[str, Any] | None = None) -> None:
     problem = problem or grains(GRAINS, GRAIN_H)
     study.columns = ("settings", "subdomains", "dofs", "iterations", "indicator", "law_residual", "true_error", "open", "stick", "slip",
                      "stop_reason", "seconds")
-    summary, seconds = whole_command(study, "defaults", with_method(problem, contact_defaults(error=END, iterations=LONG)), output="run")
+    summary, seconds = whole_command(study, "defaults", with_method(problem, contact_defaults(law=END, iterations=LONG)), output="run")
     h = problem["mesh"]["polycrystal"]["h"]
     # soles of the paper's stiffness, E h / length; as springs: with a layer and its diagonal as k⁺ both diverge
-    methods = {"defaults": contact_defaults(error=END, iterations=LONG),
+    methods = {"defaults": contact_defaults(law=END, iterations=LONG),
                **{name: paper_contact(strategy, kind="springs", ratio=h, relaxation=0.8)
                   for name, strategy in (("paper, multiscale", "equilibrium"), ("paper, mono-scale", "none"))}}
     runs = {name: follow(study, Case(with_method(problem, method), {"settings": name})) for name, method in methods.items()}
