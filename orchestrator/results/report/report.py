@@ -169,7 +169,7 @@ _STAGE = {"stage": "{name}", "rank": "{rank}", "calls": "{calls}", "seconds": "{
 _WORKER = {"rank": "{rank}", "worker": "{worker}", "subdomains": "{models}", "dofs": "{dofs:,}", "calls": "{calls}",
            "assemble, factorise": "{ready:.2f}", "solve": "{solve:.2f}", "messages": "{messages:.2f}", "waiting": "{waiting:.2f}",
            "idle": "{idle:.2f}", "idle share": "{percent:.1f} %"}
-_RANK = {"rank": "{rank}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}", "share": "{percent:.1f} %",
+_RANK = {"rank": "{rank}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}", "idle share": "{percent:.1f} %",
          "messages": "{messages:,}", "of them sums": "{reductions:,}", "MB sent": "{MB:.2f}", "peak memory MB": "{memory_peak_mb:,.0f}"}
 _LEAST = 5e-3  # share from which a stage is worth a row
 
@@ -187,7 +187,7 @@ def _workload(summary: Mapping[str, object]) -> list[str]:
                 (_WORKER, "idle_share", [{**row, "ready": row["start"] + row["assemble"] + row["factorise"],
                                           **{name: max(row[name], 0.0) for name in ("solve", "messages", "waiting", "idle")}}
                                          for row in period["workers"]]),
-                (_RANK, "share", [{**row, "MB": row["bytes"] / 1e6} for row in ranks] if len(ranks) > 1 else []))), level=3)
+                (_RANK, "idle_share", [{**row, "MB": row["bytes"] / 1e6} for row in ranks] if len(ranks) > 1 else []))), level=3)
     if parts:
         parts.append("Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
             "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")
