@@ -131,7 +131,7 @@ def test_shipped_configurations(name, tmp_path, configs_dir):
 
 @pytest.mark.parametrize("name", quick(SHIPPED_CONTACT, "hertz", "polycrystal_10", "press_fit"))
 def test_shipped_contact_configurations(name, tmp_path, configs_dir):
-    """Converged within the stages expected: the energy error, or the law residual, is below what is asked, and each shows what it is there for."""
+    """Converged within the stages expected, to the energy error or the law residual asked for; each shows what it is there for."""
     changes, iterations, shows = SHIPPED_CONTACT[name]
     summary, _ = of_command(configs_dir / f"{name}.yaml", tmp_path / "out", changes, "--quiet")
     assert summary["iterations"] <= iterations
