@@ -15,11 +15,9 @@ from orchestrator.method.coarse import ordering, subtrees
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.elimination import BlockPattern
 from orchestrator.method.monitors import placing
-from orchestrator.parallel.team import join
-from orchestrator.parallel.team import ALONE, Team
-from orchestrator.run import Means, Ranks, follow, run
+from orchestrator.parallel.team import ALONE, Team, join
+from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
-
 
 
 def _box(name: str, size: list, cells: list, corner: list) -> dict:

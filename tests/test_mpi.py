@@ -203,13 +203,19 @@ FAULTS = {
 }
 
 
+def endless(ranks: int, folder: Path, temporary: Path) -> tuple[subprocess.Popen, Path, Path]:
+    """A run that does not end, in its iterations; its settings and results."""
+    settings, results = folder / "endless.yaml", folder / "results"
+    settings.write_text(ENDLESS)
+    run = orchestrate(ranks, settings, "--output", results, folder=temporary)
+    iterating(run, results)
+    return run, settings, results
+
+
 @pytest.mark.parametrize("fault", quick(FAULTS, "the rank"))
 def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     victim, kind, message, code = FAULTS[fault]
-    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
-    settings.write_text(ENDLESS)
-    run = orchestrate(3, settings, "--output", results, folder=temporary)
-    iterating(run, results)
+    run, settings, results = endless(3, tmp_path, temporary)
     while run.poll() is None and saved_iteration(results) < 5:
         time.sleep(0.1)
     ranks = processes(run, settings)
@@ -230,10 +236,7 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
 @pytest.mark.long
 def test_one_ranks_disk_is_full(tmp_path, temporary):
     """The run says whose, goes on without checkpoint, and any number of ranks goes on from the last that all have written."""
-    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
-    settings.write_text(ENDLESS)
-    ours = orchestrate(3, settings, "--output", results, folder=temporary)
-    iterating(ours, results)
+    ours, settings, results = endless(3, tmp_path, temporary)
     resource.prlimit(processes(ours, settings)[1], resource.RLIMIT_FSIZE, (4096, 4096))
     iterating(ours, results, len(read_history(results)["iteration"]) + 5)
     ours.send_signal(signal.SIGUSR2)
@@ -246,10 +249,7 @@ def test_one_ranks_disk_is_full(tmp_path, temporary):
 
 @pytest.mark.long
 def test_an_interrupted_run_goes_on(tmp_path, temporary):
-    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
-    settings.write_text(ENDLESS)
-    run = orchestrate(2, settings, "--output", results, folder=temporary)
-    iterating(run, results)
+    run, settings, results = endless(2, tmp_path, temporary)
     run.send_signal(signal.SIGUSR2)  # mpiexec forwards it to all, and ends as they do
     _, errors = run.communicate(timeout=SECONDS)
     assert "Traceback" not in errors and run.returncode == 130
