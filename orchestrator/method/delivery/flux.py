@@ -5,8 +5,9 @@ With χ a rigid motion of some nodes, K those tets' stiffness that are asked, f�
     F = Σ χ · (K u − f₀)        across a plane,        R = Σ χ · (K u − p) + ∫ χ · t        through faces
 
 A *section* goes between tets, along the plane; with loads elsewhere its shape changes neither force nor moment. At its nodes the tets
-in front need forces f₁, those behind f₂, and f₁ + f₂ are the loads there, half of which each side is taken to carry: ½ (f₂ − f₁) acts on
-the matter behind, so that χ is half a rigid motion for the tets behind, and less half of it for those in front.
+in front need forces f₁, those behind f₂, and f₁ + f₂ are what acts there: loads, supports, other parts. It acts on the side of the plane
+that the node is on: on the matter behind acts f₂ where that is in front, −f₁ where it is behind, and ½ (f₂ − f₁) at nodes on the plane. So χ
+is a rigid motion of the tets behind at the first, less one of those in front at the second, and half of both at the last.
 
 A *resultant* is all that acts on the body through the nodes of a surface, with K u of the tets around, p all their loads, t the
 tractions on the faces themselves: supports, loads and what interfaces carry there. What holds a node of the rim, and what an interface carries there,
@@ -30,6 +31,7 @@ from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.model import Scene
 
 FORCES = ("section", "resultant")  # quantities of probes
+ON = 1e-6  # of an element's height: a node is on the plane
 
 
 def cells_of(probe: Section | Surface, copies: Copies) -> list[np.ndarray]:
@@ -75,8 +77,10 @@ def _layers(probe: Section | Surface, copies: Copies) -> Iterator[tuple[np.ndarr
     label, cells, asked = copies.label, copies.cells, cells_of(probe, copies)
     if isinstance(probe, Section):
         behind, front = (np.isin(label, label[cells[side]]) for side in asked)
-        half = np.where((behind & front)[:, None], 0.5, np.zeros(3))
-        factors, more = [half, -half], probe.normal[None]
+        height = copies.scene.mesh.nodes[copies.node] @ probe.normal - probe.level
+        size = np.ptp(height[cells[np.concatenate(asked)]], axis=1).max()
+        share = np.where((behind & front)[:, None], 0.5 + 0.5 * np.sign(np.where(np.abs(height) > ON * size, height, 0.0))[:, None], np.zeros(3))
+        factors, more = [share, np.where((behind & front)[:, None], share - 1.0, 0.0)], probe.normal[None]
     else:
         factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
     for own, factor in zip(asked, factors):
