@@ -13,7 +13,7 @@ from yaml_case import call
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.config.load import config_from
-from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -60,7 +60,7 @@ def exactly_solved(case, n, poisson, element="P1"):
 def estimated(case, n, poisson, element="P1"):
     """The estimate, and ‖u‖²."""
     scene, u, energy = exactly_solved(case, n, poisson, element)
-    return Estimator.of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
+    return estimator_of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
 
 
 @pytest.mark.parametrize("case, poisson", quick_sets(LIMITS, *((case, nu) for case, nu in LIMITS if nu in (0.3, 0.4999999))))

@@ -14,18 +14,12 @@ from orchestrator.method.delivery.flux import cells_of, lifted
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import Wanted
-from orchestrator.method.stopping.element_problems import ElementProblems
-from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.method.stopping.quantity import Quantity, errors
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
-
-
-def estimator_of(scene: Scene) -> Estimator:
-    """The estimator: for ten-node tets a problem in each, for four-node ones recovered stresses."""
-    return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
 
 
 def check_sections(scene: Scene, asked: Collection[str]) -> None:
