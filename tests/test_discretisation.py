@@ -184,3 +184,17 @@ def test_files(tmp_path):
 def test_neither_a_number_nor_auto():
     with pytest.raises(InputError, match="auto"):
         config_from({"name": "t", **bent(5.0, "automatic")})
+
+
+@pytest.mark.parametrize("end", [{"traction": [0, 0, 10]}, {"displacement": [0, 0, 1]}])
+def test_relative_to_the_exact_energy(end):
+    """A coarse mesh is too stiff: loads do too little work on it, displacements that are prescribed too much."""
+    def run(h, **more):
+        problem = bent(h, 1e-7, **more)
+        problem["boundary"][1] = {"on": {"plane": "x", "at": 40}, **end}
+        return solved(problem)
+
+    coarse, fine = run(5.0), run(5.0, blackbox={**IN_PROCESS, "element": "P2"})
+    energy, exact = (estimator_of(r.scene).energy(r.sides)[0] for r in (coarse, fine))
+    assert (energy < 0.6 * exact) if "traction" in end else (energy > 1.5 * exact)
+    assert 0.8 < coarse.summary["discretisation_error"] / min(np.sqrt(abs(exact - energy) / exact), 1.0) < 1.25
