@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -101,19 +102,21 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     0.0002000, held by -10.000000
     """
     watch = watch or Stopwatch()
-    solution = _solved(config, scene, subscribers, reference, start, watch, ranks)
-    if scene is not None or ranks.team.size > 1:
+    given, made = scene is not None, [scene]
+    del scene  # nobody else is to hold a part
+    solution = _solved(config, made, subscribers, reference, start, watch, ranks)
+    if given or ranks.team.size > 1:
         return solution
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
-        return _solved(config, scene, without_checkpoints(subscribers), False, start, watch, ranks)
+        return _solved(config, [scene], without_checkpoints(subscribers), False, start, watch, ranks)
 
     return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True), again)
 
 
-def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool, start: Start | None, watch: Stopwatch,
+def _solved(config: Config, given: list[Scene | None], subscribers: Sequence[Subscriber], reference: bool, start: Start | None, watch: Stopwatch,
             ranks: Ranks) -> Solution | Piece:
-    """One solution, with pairs as the configuration has them; parameters as for ``solve``."""
+    """One solution, with pairs as the configuration has them; parameters as for ``solve``, the scene taken out of ``given``."""
     told, team = Subscribers(subscribers), ranks.team
     try:
         if config.method.accuracy is not None:
@@ -123,11 +126,10 @@ def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscribe
             raise wrong(MESH_BOUND, f"mesh_bound on {team.size} ranks", "one process", "start it without mpiexec, or remove mesh_bound")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
-        if team.share(scene is None):
+        if team.share(given[0] is None):
             told.stage("meshing")
             with watch("mesh"):
-                scene = scene_of(config, ranks, reference)
-        given, scene = [scene], None  # nobody else is to hold a part
+                given = [scene_of(config, ranks, reference)]
         with by_keys():
             return _Solving(config, given, told, start, watch, ranks, reference).solution()
     except Unbalanced:
@@ -146,7 +148,10 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
     """
     apart = ranks.team.share(meshed is None) and not reference
     part = make(config, ranks.team, ranks.speeds) if apart else None
-    return part if part is not None or ranks.team.rank else build_scene(config, run_programs=True, meshed=meshed)
+    made = part if part is not None or ranks.team.rank else build_scene(config, run_programs=True, meshed=meshed)
+    gc.collect()  # what has searched for interfaces refers to itself
+    trim()
+    return made
 
 
 class _Solving:

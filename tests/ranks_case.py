@@ -55,6 +55,14 @@ CASES = {
                      {"on": "ymax", "traction": [[1, 2, 3], [0, 0, 1], [1, 2, 4]]}],
         "loads": [{"gravity": [0, 0, -1], "history": "up"}],
     },
+    # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
+    "partitions": {
+        "mesh": {"file": str(Path(__file__).parent / "meshes/bar_*.msh"), "scale": 2.0}, "subdomains": "groups",
+        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}, {"young": 300e3, "poisson": 0.47, "density": 1.0, "on": "bar_2"}],
+        "boundary": [{"on": "wall", "displacement": [0, 0, 0]}, {"on": "end", "traction": [[10, 0, 5], [0, 10, 1]]},
+                     {"on": {"plane": "x", "at": 8}, "displacement": [None, 0, None]}],
+        "loads": [{"gravity": [0, 0, -1]}], "output": {"certified": CERTIFIED["certified"]}, "blackbox": {"element": "P2"},
+    },
     "soft modes": {
         "mesh": {"box": {"size": [4, 4, 0.25], "cells": [8, 8, 1]}}, "subdomains": {"grid": [2, 2, 1]},
         "materials": [{"young": 200e3, "poisson": 0.3}],

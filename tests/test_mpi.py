@@ -279,16 +279,22 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert not any(path.exists() for path in shared)
 
 
+PARTITIONS = ENDLESS.replace("{box: {size: [8, 1, 1], cells: [16, 2, 2]}}", f"{{file: {HERE}/meshes/bar_*.msh}}").replace(
+    "{slices: {axis: x, count: 8}}", "groups").replace("xmin", "wall").replace("xmax", "end")
+
+
+@pytest.mark.parametrize("endless", [ENDLESS, PARTITIONS], ids=["box", "partitions"])
 @pytest.mark.long
-def test_ranks_go_on_with_what_one_process_has_begun(tmp_path, temporary):
+def test_ranks_go_on_with_what_one_process_has_begun(endless, tmp_path, temporary):
     """With a mesh that they make in pieces, of which nobody has all to compare."""
     settings, results = tmp_path / "endless.yaml", tmp_path / "results"
-    settings.write_text(ENDLESS)
+    settings.write_text(endless)
     few = "--output", results, "--set", "method.max_iterations=3"
     for ranks in (1, 3, 1):
         run = orchestrate(ranks, settings, *few, *["--resume"] * (results / "checkpoint").exists(), folder=temporary)
         _, errors = run.communicate(timeout=SECONDS)
         assert run.returncode == 1, errors
+        assert read_summary(results)["scene_in_pieces"] == (ranks > 1)
     assert np.array_equal(read_history(results)["iteration"], np.arange(1, 10))
 
 

@@ -71,7 +71,9 @@ class Mesh(Part):
     beam: Beam | None = Field(None, description="a structured beam: {size, h}")
     box: Box | None = Field(None, description="a structured box: {size, cells}")
     polycrystal: Polycrystal | None = Field(None, description="Voronoi grains: {grains, size, h, seed, lloyd}")
-    file: Name | None = Field(None, description="a mesh file of solid elements, relative to the YAML file")
+    file: Name | None = Field(None, description=(
+        "a mesh file of solid elements, relative to the YAML file; or a pattern, bracket_*.msh, of gmsh's files of one mesh, each with a "
+        "partition"))
     step: Name | None = Field(None, description="a STEP or BREP file, relative to the YAML file")
     h: Size | None = Field(None, description=(
         "element size for `step`, or {curvature: 12, min: 0.5, max: 5} by curved faces; none: the mesher derives one from the shape; "

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -172,7 +173,8 @@ def with_files(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
         if not isinstance(name, str) or not name or path[-2:] == ("mesh", "step") and name.startswith(SHIPPED):
             return name
         known = [os.path.normpath(folder / name), os.path.normpath(name)]
-        there = next((file for file in known if os.path.isfile(file)), None)
+        several = path[-2:] == ("mesh", "file")
+        there = next((file for file in known if os.path.isfile(file) or several and any(map(os.path.isfile, glob(file)))), None)
         if there is None:
             problems.append(Problem(path, f"no file {' nor '.join(dict.fromkeys(known))}",
                                     "an existing file", "paths are relative to the YAML file's folder"))

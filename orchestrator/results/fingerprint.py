@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
+from glob import glob
 from importlib.machinery import PathFinder
 from pathlib import Path
 
@@ -30,6 +31,8 @@ def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, s
         file, rest = named(value)
         if file is None:
             problem[key] = json.dumps(value, default=str)
+            if key.endswith("mesh.file"):  # a pattern, of several files
+                problem |= {f"{key}, {os.path.basename(other)}": f"content: {hashed(other)}" for other in sorted(glob(value))}
             continue
         problem[key] = f"content of {os.path.basename(file)}{rest}: {hashed(file)}"
         for other in included(file):

@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -27,6 +28,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
+from orchestrator.scene.mesh.partitioned import in_partitions
 from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -150,7 +152,10 @@ class Record(Subscriber):
 
 
 def _generated(config: Config, scene: Scene) -> bool:
-    """Whether the configuration says all of the mesh, none of whose tets is halved."""
+    """Whether the configuration, or what is in its files, says all of the mesh, none of whose tets is halved: of what ranks have made
+    together nobody has the nodes."""
+    if config.mesh is not None and config.mesh.file is not None:
+        return bool(in_partitions(Path(config.mesh.file))) and not config.refines
     box = config.mesh is not None and (config.mesh.box is not None or config.mesh.beam is not None)
     return box and 3 * int(np.prod(grid_of(config.mesh).counts + 1)) == problem_size(scene)["dofs"]
 

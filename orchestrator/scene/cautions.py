@@ -18,16 +18,20 @@ from orchestrator.errors import some
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
 
 
-def locking(scene: Scene) -> Iterator[str]:
-    """Four-node tets of nearly incompressible matter."""
-    if scene.mesh.cells.shape[1] != 4:
-        return
-    poisson = np.array([material.poisson for material in scene.materials])[scene.cell_material]
-    stiff = poisson > LOCKING
-    if stiff.any():
-        where = some([scene.mesh.volumes[v] for v in np.unique(scene.mesh.volume[stiff])])
-        yield (f"Poisson's ratio {poisson.max():g} in {where} with four-node tets (P1), which lock from about {LOCKING:g} on: "
-               "they move too little, however small the residuals; take blackbox: {element: P2}, which code: freefem has")
+def ratios(scene: Scene) -> np.ndarray:
+    """(volumes,) the largest Poisson's ratio of each volume's four-node tets; −1 where there are none."""
+    found = np.full(len(scene.mesh.volumes), -1.0)
+    if scene.mesh.cells.shape[1] == 4:
+        np.maximum.at(found, scene.mesh.volume, np.array([material.poisson for material in scene.materials])[scene.cell_material])
+    return found
+
+
+def locking(volumes: Sequence[str], ratio: np.ndarray) -> Iterator[str]:
+    """Four-node tets of nearly incompressible matter in volumes of these names, see ``ratios``."""
+    stiff = np.flatnonzero(ratio > LOCKING)
+    if len(stiff):
+        yield (f"Poisson's ratio {ratio.max():g} in {some([volumes[v] for v in stiff])} with four-node tets (P1), which lock from about "
+               f"{LOCKING:g} on: they move too little, however small the residuals; take blackbox: {{element: P2}}, which code: freefem has")
 
 
 def noted(scene: Scene) -> Iterator[str]:
@@ -80,7 +84,7 @@ def unloaded(scene: Scene) -> Iterator[str]:
     yield from Acting.of(scene, scene.subdomains).sentences(scene.boundary)
 
 
-RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
+RULES: list[Callable[[Scene], Iterator[str]]] = [lambda scene: locking(scene.mesh.volumes, ratios(scene)), noted, unloaded]
 
 
 def scene_cautions(scene: Scene) -> list[str]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
-from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.mortar.operators import Mortar
@@ -274,7 +273,7 @@ class Overview:
     met : (interfaces,) int, nodes on side 1
     used : (materials,) bool, which of them some cell has
     cautions : what a user should know before the scene is solved
-    mesh_nodes : nodes of the mesh; box : (2, 3) around them; length : their largest distance from the centre
+    mesh_nodes : nodes of the mesh; box : (2, 3) around them
     rank_of : (subdomains,) int, the rank that has made each; None: one has made all
     """
 
@@ -288,7 +287,6 @@ class Overview:
     cautions: list[str]
     mesh_nodes: int
     box: np.ndarray
-    length: float
     rank_of: np.ndarray | None = None
 
 
@@ -311,7 +309,7 @@ class Scene:
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
     thermal : (steps, m, 4) α ΔT at the corners of every cell; None where nothing is heated
-    body_force : (steps, m, 3) force/volume, mean of every cell; None where there is none
+    body_force : (steps, m, 3) force/volume, mean of every cell, of a whole scene; None where there is none
     overview : of the whole scene, where this is a part of it
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
     """
@@ -368,8 +366,8 @@ class Scene:
 
     @property
     def length(self) -> float:
-        """The largest distance of a node from the centre of all."""
-        return size_of(self.mesh.nodes) if self.overview is None else self.overview.length
+        """Half the diagonal of the box around all nodes."""
+        return 0.5 * float(np.linalg.norm(np.ptp(self.mesh.box if self.overview is None else self.overview.box, axis=0)))
 
     @property
     def matched(self) -> np.ndarray:

@@ -17,7 +17,6 @@ from orchestrator.parallel.classes import classes
 from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies
-from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -29,7 +28,7 @@ def overview(scene: Scene) -> Overview:
     nodes, met = np.array([len(s.nodes) for s in scene.subdomains]), np.array([len(i.global_nodes) for i in scene.interfaces], dtype=int)
     used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene), nodes,
-                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box, size_of(mesh.nodes))
+                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -62,8 +61,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
                  scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
-                 thermal=None if scene.thermal is None else scene.thermal[:, cells],
-                 body_force=None if scene.body_force is None else scene.body_force[:, cells])
+                 thermal=None if scene.thermal is None else scene.thermal[:, cells])
 
 
 def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:

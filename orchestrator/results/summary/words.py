@@ -331,7 +331,8 @@ def _ranks(summary: Mapping[str, object]) -> str:
     told = ", ".join(each) if len(each) <= SHOWN else f"{100 * min(idle):.0f} to {100 * max(idle):.0f}"
     return (f"idle for {told} % of the iterations, waiting for each other; per iteration and rank at most "
             f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
-            f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted")
+            f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted; "
+            + ("each made its part of the scene" if summary.get("scene_in_pieces") else "rank 0 made the scene"))
 
 
 def _skipped(summary: Mapping[str, object]) -> str:

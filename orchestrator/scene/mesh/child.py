@@ -82,26 +82,9 @@ def by_gmsh(source: str, target: str) -> None:
         if name != name.strip():  # MED's have 80 letters
             gmsh.model.removePhysicalName(name)
             gmsh.model.setPhysicalName(*group, name.strip())
-    if gmsh.model.getNumberOfPartitions():
-        _partitions_to_groups(gmsh.model)
-        gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)  # of newer ones with partitions meshio reads none
     gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_in_groups(gmsh.model) else 1)
     gmsh.option.setNumber("Mesh.Binary", 1)
     gmsh.write(target)
-
-
-def _partitions_to_groups(model: Any) -> None:
-    """Makes every partition of a volume's group a group of its own, called as that with the partition's number; without groups
-    partition_1, …"""
-    found: dict[tuple[int, str], list[int]] = {}
-    for _, tag in model.getEntities(3):
-        for number in model.getPartitions(3, tag):
-            names = [model.getPhysicalName(3, group) or f"volume_{group}" for group in model.getPhysicalGroupsForEntity(3, tag)]
-            for name in names or ["partition"]:
-                found.setdefault((number, name), []).append(tag)
-    model.removePhysicalGroups(model.getPhysicalGroups(3))
-    for (number, name), tags in sorted(found.items()):
-        model.setPhysicalName(3, model.addPhysicalGroup(3, tags), f"{name}_{number}")
 
 
 def _all_in_groups(model: Any) -> bool:

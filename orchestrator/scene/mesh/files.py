@@ -9,6 +9,7 @@ import io
 import re
 import tempfile
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ import numpy as np
 
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
+from orchestrator.scene.mesh.faces import LOCAL_FACES, MAX_NODES, pack
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.checks import HEAD, bad_file, check_content, check_memory, memory_left
+from orchestrator.scene.mesh.partitioned import TAG, Partitioned, check_whole, in_partitions, read_partitions, share_of
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 
@@ -44,7 +47,46 @@ def read(path: Path) -> Mesh:
     surfaces likewise, else ``surface_<tag>``. A named surface none of whose triangles lies on tets is there, empty.
     Raises InputError: no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
     """
-    loaded = _load(path)
+    return _meshed(_load(path), path)
+
+
+@dataclass(frozen=True)
+class MeshShare:
+    """A part of a mesh file.
+
+    mesh : its tets; all its named triangles are faces of theirs
+    node_tags, cell_tags : (n,) and (m,) int, ascending, the same in all shares
+    volumes : numbers of partitions and names of its volumes
+    listed : of each file, the partitions of the whole mesh
+    """
+
+    mesh: Mesh
+    node_tags: np.ndarray
+    cell_tags: np.ndarray
+    volumes: list[tuple[int, str]]
+    listed: list[frozenset[int]]
+
+
+def read_share(path: Path, share: int, shares: int) -> MeshShare:
+    """One of equal shares of a mesh file in partitions: some of several files, some partitions of one.
+
+    Raises InputError: as ``read``; or it has to be judged with all of the mesh
+    """
+    files, wanted = share_of(in_partitions(path), share, shares)
+    raw, tags = read_partitions(files, wanted)
+    solid = [i for i, block in enumerate(raw.cells) if block.type not in FLAT_CELLS]
+    mesh = _meshed(raw, path)
+    if [raw.cells[i].type for i in solid] != ["tetra"] or len(mesh.remarks) > 1 or len(mesh.nodes) > MAX_NODES:
+        raise bad_file(path, "more than tetrahedra of four nodes in groups that are apart", "these, where ranks read it together",
+                       "start one process")
+    faces = np.concatenate([pack(mesh.cells[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
+    if not all(np.isin(pack(triangles, len(mesh.nodes)), faces).all() for triangles in mesh.surfaces.values()):
+        raise bad_file(path, "named triangles that are no faces of tets in their partition", "faces", "start one process")
+    return MeshShare(mesh, tags[np.unique(raw.cells[solid[0]].data)], raw.cell_data[TAG][solid[0]],
+                     [own for own in raw.info["volumes"] if own[1] in mesh.volumes], [file.partitions for file in files])
+
+
+def _meshed(loaded: meshio.Mesh, path: Path) -> Mesh:
     raw, remarks = straightened(loaded)
     raw, split = in_tets(raw, str(path))
     _check_kinds(path, {block.type for block in raw.cells})
@@ -88,6 +130,8 @@ def _check_kinds(path: Path, kinds: set[str]) -> None:
 def _load(path: Path) -> meshio.Mesh:
     """Read a file with the reader of its ending."""
     ending = path.suffix.lower()
+    if parts := in_partitions(path):
+        return _all_partitions(parts)
     if not path.is_file():
         raise bad_file(path, "no such file", "an existing mesh file", "check the path")
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
@@ -115,6 +159,14 @@ def _load(path: Path) -> meshio.Mesh:
         raise bad_file(path, f"cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
                        "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
                        "check that the ending fits the content, or convert it with gmsh") from None
+
+
+def _all_partitions(paths: list[Path]) -> meshio.Mesh:
+    check_memory(ROOM * sum(path.stat().st_size for path in paths), ("mesh", "file"), str(paths[0]), "start it on several ranks")
+    files = [Partitioned(path) for path in paths]
+    raw, _ = read_partitions(files)
+    check_whole([file.partitions for file in files], {number for number, _ in raw.info["volumes"]}, paths[0])
+    return raw
 
 
 def _check_beside(path: Path) -> None:
@@ -205,9 +257,6 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
         except (Exception, SystemExit):  # meshio prints its complaint and ends the program
             raise bad_file(path, "cannot be read: gmsh finds no mesh in it", "nodes and elements",
                            "save the mesh again, with its volume elements") from None
-    if b"\n$PartitionedEntities" in path.read_bytes():
-        found.info = {"remarks": ["the file is in partitions: each is a volume of its own, and what joins two of them is an interface as "
-                                  "all others; subdomains: groups takes them as they are"]}
     return found
 
 

@@ -40,15 +40,22 @@ def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes 
     """
     key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
     make = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)
-    made = _named(make(mesh, failed, sizes) if key == "step" else make(mesh))
+    made = make(mesh, failed, sizes) if key == "step" else make(mesh)
     if sizes and key != "step":
         made = bisected(made, sizes[WHOLE])
+    return checked(finished(made, mesh, key))
+
+
+def finished(made: Mesh, mesh: Any, key: str) -> Mesh:
+    """What a source has made, its names such as can be shown, renamed and scaled as the configuration's ``mesh`` says.
+
+    key : which of the ``SOURCES``
+    """
+    made = _named(made)
     if key == "file" and getattr(mesh, "rename", None):
         made = replace(made, volumes=renamed(made.volumes, mesh.rename, ("mesh", "rename")))
     factor = float(getattr(mesh, "scale", None) or 1.0)
-    if factor != 1.0:
-        made = _placed(made, lambda points: factor * points)
-    return checked(made)
+    return made if factor == 1.0 else _placed(made, lambda points: factor * points)
 
 
 def _placed(mesh: Mesh, place: Callable[[np.ndarray], np.ndarray]) -> Mesh:

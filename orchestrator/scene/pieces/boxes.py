@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import wrong
-from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.mesh import Mesh, checked
+from orchestrator.parallel.team import Team
+from orchestrator.scene.mesh.mesh import checked
 from orchestrator.scene.mesh.sources import grid_of
-from orchestrator.scene.partition import AXES, PATH, Partition, block_name, layers, slice_name
+from orchestrator.scene.partition import AXES, block_name, layers, slice_name
+from orchestrator.scene.pieces.outline import Extent
+from orchestrator.scene.pieces.piece import Piece
 
 ROUNDING = 1e-6  # of a brick, what its tets' centroids may be off; bricks more than are needed do no harm
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Some subdomains of a mesh, and of others the cells that touch these, be it in a single node.
-
-    mesh, faces : of these cells; of its outer faces those alone that are the whole mesh's, too
-    partition : its subdomains, also those of which it has a few cells
-    present : (subdomains,) int, ascending, which of the whole scene's these are
-    number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
-    """
-
-    mesh: Mesh
-    faces: Faces
-    partition: Partition
-    present: np.ndarray
-    number: np.ndarray
-    cell_number: np.ndarray
 
 
 class Boxes:
@@ -63,14 +46,9 @@ class Boxes:
         return int(np.prod(self._blocks))
 
     @property
-    def box(self) -> np.ndarray:
-        """(2, 3) the box around the whole mesh."""
-        return self._factor * np.stack([np.zeros(3), self._bricks.size])
-
-    @property
-    def nodes(self) -> int:
+    def extent(self) -> Extent:
         """Of the whole mesh."""
-        return int(np.prod(self._bricks.counts + 1))
+        return Extent(int(np.prod(self._bricks.counts + 1)), self._factor * np.stack([np.zeros(3), self._bricks.size]))
 
     def sizes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(subdomains,) nodes of each, but for those that tets of a brick between two blocks add; (k, 2) int, pairs that meet in faces;
@@ -89,23 +67,19 @@ class Boxes:
         place = [int(i) for i in np.unravel_index(index, self._blocks)]
         return block_name(*place) if self._sliced < 0 else slice_name(place[self._sliced])
 
+    def deal(self, rank_of: np.ndarray, team: Team) -> None:
+        """Nothing: every rank makes its own."""
+
     def piece(self, mine: np.ndarray) -> Piece:
         """Of some subdomains, ascending.
 
         Raises InputError: one of them has no tets or is not connected
         """
         mesh, number, cells = self._bricks.some(np.unique(np.concatenate([np.empty(0, int), *self._around(mine)])))
-        mesh = replace(mesh, nodes=self._factor * mesh.nodes, within=self.box)
+        mesh = replace(mesh, nodes=self._factor * mesh.nodes, within=self.extent.box)
         mesh, faces = checked(mesh)
-        kept = faces.neighbour >= 0
-        kept[faces.outer] = self._bricks.on_sides(number, faces.triangles[faces.outer])
-        faces = Faces(faces.nodes, *(x[kept] for x in (faces.triangles, faces.keys, faces.owner, faces.neighbour)), *2 * [np.empty(0, int)])
         block = np.ravel_multi_index([layers(mesh, axis, int(count)) for axis, count in enumerate(self._blocks)], self._blocks)
-        present, subdomain = np.unique(block, return_inverse=True)
-        owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
-        if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
-            raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        return Piece(mesh, faces, Partition(subdomain.ravel(), [self.name(e) for e in present]), present, number, cells)
+        return Piece.of(mesh, faces, self._bricks.on_sides(number, faces.triangles[faces.outer]), block, mine, self.name, (number, cells))
 
     def _around(self, mine: np.ndarray) -> Iterator[np.ndarray]:
         """Bricks of each of some blocks, and one layer around: a block has those with a tet whose centroid is in it, at 1/4 to 3/4."""

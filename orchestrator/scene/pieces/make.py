@@ -5,36 +5,59 @@ What is wrong is told by one process that makes the whole: where anything is, or
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, some, wrong
 from orchestrator.parallel.placement import owners
-from orchestrator.parallel.team import Team
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about, null_space
 from orchestrator.scene.conditions.selection import assign_materials
-from orchestrator.scene.mesh.faces import MAX_NODES
+from orchestrator.scene.mesh.faces import MAX_NODES, components
+from orchestrator.scene.mesh.partitioned import in_partitions
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.boxes import Boxes
+from orchestrator.scene.pieces.dealt import Dealt, share_of
 from orchestrator.scene.pieces.outline import Outline
+from orchestrator.scene.pieces.piece import Piece
 from orchestrator.timing import predicted_cost
 
 
-def source_of(config: Config) -> Boxes | None:
-    """What makes the configuration's pieces; None where one process has to make the scene."""
+Source, T = Boxes | Dealt, TypeVar("T")
+
+
+def source_of(config: Config, team: Team = ALONE) -> Source | None:
+    """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
     plain = not (config.bolts or config.tools or config.output.probes or config.refines or config.output.mesh_bound)
-    bonded = all(LAWS[e.law].perfect and e.tool is None and e.pair == ("*", "*") and not e.exclude for e in config.interfaces)
-    codes = all(code.element == "P1" and not code.brings_loads and not code.remembers for code in config.codes)
+    bonded = all(LAWS[e.law].perfect and e.tool is None and e.pair == ("*", "*") and not (e.exclude or e.found) for e in config.interfaces)
+    codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
     local = all(entry.kind.local for entry in (*config.boundary, *config.loads))
     if not (plain and bonded and codes and local) or config.method.tolerance.error == "auto":
         return None
-    return Boxes.of(config.mesh, config.subdomains)
+    return Boxes.of(config.mesh, config.subdomains) or _read(config, team)
+
+
+def _read(config: Config, team: Team) -> Dealt | None:
+    """A mesh file in partitions, each a subdomain."""
+    file, groups = config.mesh and config.mesh.file, config.subdomains.groups and config.subdomains.split_above is None
+    if not file or not groups or not team.share(bool(in_partitions(Path(file)))):
+        return None
+    from orchestrator.scene.mesh.files import read_share  # with it comes meshio
+
+    read = agreed(lambda: read_share(Path(file), team.rank, team.size), team)
+    try:
+        return None if read is None else Dealt(*share_of(read, config.mesh, team), team)
+    except InputError:  # on all of them
+        return None
 
 
 def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | None:
@@ -42,18 +65,35 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
 
     speeds : as of ``owners``
     """
-    source = source_of(config) if team.size > 1 else None
-    if source is None or source.count < team.size or config.output.figures and source.nodes > MAX_NODES:  # pictures are of the whole
+    source = source_of(config, team) if team.size > 1 else None
+    if source is None or source.count < team.size or config.output.figures and source.extent.nodes > MAX_NODES:  # pictures are of the whole
         return None
     nodes, pairs, common = source.sizes()
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
-    local = _agreed(config, source, rank_of, team)
+    source.deal(rank_of, team)
+    mine, extent = np.flatnonzero(rank_of == team.rank), source.extent
+    made = [agreed(lambda: source.piece(mine), team)]
+    if made[0] is not None and config.codes[0].element == "P2":
+        piece, nodes = made.pop().of_ten_nodes(extent.nodes, team)
+        made, extent = [piece], replace(extent, nodes=nodes)
+        del piece
+    local = None if made[0] is None else agreed(lambda: Local.of(config, made, mine), team)
     if local is None:
         return None
     whole = Outline.joined(team.all_gather(local.outline))
-    if (whole.faces == 0).any() or not _held(local, source.box, team):
+    apart = components(*whole.sides[whole.order[:, 0] == 0].T, len(whole.number))[0] > 1
+    if (whole.faces == 0).any() or apart or not _held(local, extent.box, team):
         return None
-    return whole.around(local.part, local.present, whole.overview(local.part, source.nodes, source.box, rank_of))
+    return whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of))
+
+
+def agreed(made: Callable[[], T], team: Team) -> T | None:
+    """What each rank makes; None on all of them where any has found something wrong, or what hangs on others."""
+    try:
+        own = made()
+    except InputError:
+        own = None
+    return None if team.max(float(own is None))[0] else own
 
 
 @dataclass
@@ -69,9 +109,12 @@ class Local:
     outline: Outline
 
     @classmethod
-    def of(cls, config: Config, source: Boxes, mine: np.ndarray) -> Local:
-        """Raises InputError: whatever is wrong with it."""
-        made = [source.piece(mine)]
+    def of(cls, config: Config, made: list[Piece], mine: np.ndarray) -> Local:
+        """Of some subdomains, ascending.
+
+        made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
+        Raises InputError: whatever is wrong with it
+        """
         present, number, cell_number = made[0].present, made[0].number, made[0].cell_number
 
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
@@ -81,18 +124,12 @@ class Local:
         scene, own = build_scene(config, meshed=meshed), np.searchsorted(present, mine)
         if grounds := [entry.name for entry in scene.boundary if entry.ground]:
             raise wrong(("boundary",), f"grounds of {some(grounds)}", "supports that add no subdomain")
+        near = [pair for pair in scene.near if np.isin(pair, mine).any()]
+        if near or not all(np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))) for i in scene.interfaces):
+            raise wrong(("interfaces",), "faces that lie opposite each other, or are near", "faces that are shared")
         part = part_of(scene, own, None)
         part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
         return cls(part, present, Outline.of(scene, part, present, own))
-
-
-def _agreed(config: Config, source: Boxes, rank_of: np.ndarray, team: Team) -> Local | None:
-    """What this rank makes; None on all ranks where any has found something wrong, or what hangs on others."""
-    try:
-        local = Local.of(config, source, np.flatnonzero(rank_of == team.rank))
-    except InputError:
-        local = None
-    return None if team.max(float(local is None))[0] else local
 
 
 def _held(local: Local, box: np.ndarray, team: Team) -> bool:

@@ -8,12 +8,23 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from orchestrator.laws.perfect import Perfect
-from orchestrator.scene.cautions import Acting, locking, noted
+from orchestrator.scene.cautions import Acting, locking, noted, ratios
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.part import overview
 
 _NONE = np.empty(0, dtype=int)
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Of a whole mesh.
+
+    nodes : how many; box : (2, 3) around them
+    """
+
+    nodes: int
+    box: np.ndarray
 
 
 @dataclass
@@ -24,7 +35,7 @@ class Outline:
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none; order : (k, 2) int, whether it has no faces, and its place among those of its pair
     mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s,) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
-    used : (materials,) bool; told : sentences
+    used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
     acting : what acts on them
     """
 
@@ -46,6 +57,7 @@ class Outline:
     met: np.ndarray
     faces: np.ndarray
     used: np.ndarray
+    ratio: np.ndarray
     told: list[str]
     acting: Acting
 
@@ -71,7 +83,7 @@ class Outline:
                    *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes)),
                    present[sides], np.array([i.entry for i in first], dtype=int), np.column_stack([bare, place]), *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int),
-                   np.isin(np.arange(len(scene.materials)), used), [*locking(scene), *noted(scene)], Acting.of(part, subdomains))
+                   np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
 
     @classmethod
     def joined(cls, several: Sequence[Outline]) -> Outline:
@@ -86,6 +98,8 @@ class Outline:
                 return Acting.joined(values)
             if name == "told":
                 return list(dict.fromkeys(sentence for told in values for sentence in told))
+            if name == "ratio":
+                return np.max(values, axis=0)
             if name in ("faces", "used"):
                 return np.sum(values, axis=0).astype(values[0].dtype)
             if name in ("names", "bodies"):
@@ -105,12 +119,11 @@ class Outline:
             titles.append(f"{self.names[one]} | {self.names[two]}" + f" (patch {seen[one, two]})" * more)
         return titles
 
-    def overview(self, part: Scene, mesh_nodes: int, box: np.ndarray, rank_of: np.ndarray) -> Overview:
+    def overview(self, part: Scene, extent: Extent, rank_of: np.ndarray) -> Overview:
         """What every part has to know; ``part`` is any of them."""
-        length = 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
         return Overview(self.sizes, self.loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
-                        self.met, self.used, [*self.told, *self.acting.sentences(part.boundary)], mesh_nodes, box,
-                        length, rank_of)
+                        self.met, self.used, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
+                        extent.box, rank_of)
 
     def around(self, part: Scene, present: np.ndarray, known: Overview) -> Scene:
         """A part of the scene of a piece as a part of the whole scene: with places for all other subdomains and interfaces.
@@ -118,24 +131,25 @@ class Outline:
         present : as for ``of``
         """
         local = {e: s for e, s in zip(present.tolist(), part.subdomains)}
-        subdomains = [replace(local[e], index=e) if e in local else self._hollow(e, part.steps) for e in range(len(self.number))]
+        subdomains = [replace(local[e], index=e) if e in local else self._hollow(e, part) for e in range(len(self.number))]
         there: dict[tuple[int, int], list[Interface]] = {}
         for i in part.interfaces:
             there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
         interfaces = []
         for k, (pair, title, entry) in enumerate(zip(map(tuple, self.sides.tolist()), self.titles, self.entry.tolist())):
             own = there[pair].pop(0) if there.get(pair) else None
-            interfaces.append(_hollow(k, title, pair, entry) if own is None or not len(own.nodes[0]) else
+            interfaces.append(_hollow(k, title, pair, entry, part.mesh) if own is None or not len(own.nodes[0]) else
                               replace(own, index=k, subdomains=pair, name=title))
         return replace(part, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
 
-    def _hollow(self, e: int, steps: int) -> Subdomain:
-        return Subdomain(e, self.names[e], _NONE, _NONE, _NONE.reshape(0, 4), _NONE, np.empty((0, 3), bool), np.empty((steps, 0, 3)),
-                         np.empty((steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e])
+    def _hollow(self, e: int, part: Scene) -> Subdomain:
+        return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),
+                         np.empty((part.steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e])
 
 
-def _hollow(index: int, title: str, pair: tuple[int, int], entry: int) -> Interface:
-    return Interface(index, title, pair, _NONE, (_NONE, _NONE), np.empty((0, 3), int), np.empty((0, 2), int), np.empty((0, 3), bool),
+def _hollow(index: int, title: str, pair: tuple[int, int], entry: int, mesh: Mesh) -> Interface:
+    corners = 3 if mesh.cells.shape[1] == 4 else 6
+    return Interface(index, title, pair, _NONE, (_NONE, _NONE), np.empty((0, corners), int), np.empty((0, 2), int), np.empty((0, 3), bool),
                      Perfect(), entry=entry)
 
 
@@ -146,5 +160,5 @@ def hollow(scene: Scene) -> Scene:
     return replace(scene, mesh=mesh, subdomains=[replace(s, cells=_NONE, nodes=_NONE, connectivity=s.connectivity[:0], material=_NONE,
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
                                                          held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
-                   interfaces=[_hollow(i.index, i.name, i.subdomains, i.entry) for i in scene.interfaces],
+                   interfaces=[_hollow(i.index, i.name, i.subdomains, i.entry, mesh) for i in scene.interfaces],
                    boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], **none)

@@ -1,0 +1,146 @@
+"""Meshes that ranks have read in shares, cut at their volumes: each rank is dealt the cells of its subdomains, and of others those around."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orchestrator.errors import wrong
+from orchestrator.parallel.borders import rendezvous
+from orchestrator.parallel.numbering import met, numbered
+from orchestrator.parallel.team import Team
+from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
+from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.mesh import Mesh, checked
+from orchestrator.scene.mesh.partitioned import check_whole
+from orchestrator.scene.mesh.sources import finished
+from orchestrator.scene.pieces.outline import Extent
+from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.pieces.share import Share
+
+if TYPE_CHECKING:
+    from orchestrator.scene.mesh.files import MeshShare
+
+OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surface is called so
+
+
+def share_of(read: MeshShare, mesh: Any, team: Team) -> tuple[Share, int]:
+    """A rank's share of a file in the numbers of the whole mesh, and the number of its nodes; all ranks ask together.
+
+    mesh : ``mesh`` of the configuration
+    Raises InputError, on all ranks: partitions are missing
+    """
+    told = team.all_gather((read.volumes, list(read.mesh.surfaces), read.listed))
+    volumes = sorted({volume for volumes, _, _ in told for volume in volumes})
+    check_whole([listed for _, _, every in told for listed in every], {number for number, _ in volumes}, Path(read.mesh.source))
+    names, place = [name for _, name in volumes], {volume: i for i, volume in enumerate(volumes)}
+    surfaces = dict.fromkeys(name for _, names, _ in told for name in names)
+    own = np.array([place[volume] for volume in read.volumes], dtype=int)[read.mesh.volume]
+    whole = replace(read.mesh, volume=own, volumes=names,
+                    surfaces={name: read.mesh.surfaces.get(name, np.empty((0, 3), dtype=int)) for name in surfaces})
+    number, nodes = numbered(read.node_tags, team)
+    return Share(finished(whole, mesh, "file"), number, numbered(read.cell_tags, team)[0]), nodes
+
+
+class Dealt:
+    """A mesh of which each rank has a share at first. All ranks make it, and call what has a ``team``, together.
+
+    count : of its volumes; extent : of all of it
+    """
+
+    def __init__(self, share: Share, nodes: int, team: Team):
+        self._share, self._volumes, points = share, share.mesh.volumes, share.mesh.nodes
+        self.count = len(self._volumes)
+        ends = np.stack([-points.min(axis=0), points.max(axis=0)])
+        low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
+        self.extent = Extent(nodes, np.stack([-low, high]))
+        self._sizes = self._measured(team)
+
+    def sizes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(subdomains,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many."""
+        return self._sizes
+
+    def name(self, index: int) -> str:
+        """Of a subdomain."""
+        return self._volumes[index]
+
+    def _measured(self, team: Team) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mesh, number = self._share.mesh, self._share.number
+        n = len(mesh.nodes)
+        own = np.unique(mesh.volume[:, None] * np.int64(n) + mesh.cells)
+        nodes, = team.sum(np.bincount(own // n, minlength=self.count))
+        faces = faces_of(mesh.cells, n)
+        sides = mesh.volume[np.stack([faces.owner, np.where(faces.neighbour < 0, faces.owner, faces.neighbour)])]
+        border = (faces.neighbour < 0) | (sides[0] != sides[1])
+        pairs, common = met(np.tile(number[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
+        return nodes, pairs[common > 2], common[common > 2]
+
+    def deal(self, rank_of: np.ndarray, team: Team) -> None:
+        """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's: cells that touch them, and those behind
+        outer faces that are near outer faces of theirs."""
+        share, self._share = self._share, None
+        home = rank_of[share.mesh.volume]
+        share = share.handed_on([np.flatnonzero(home == rank) for rank in range(team.size)], team)
+        around = _touching(share, team)
+        beside = share.handed_on(around, team)
+        faces = faces_of(beside.mesh.cells, len(beside.mesh.nodes))
+        mine = rank_of[beside.mesh.volume[faces.owner]] == team.rank
+        outer = faces.triangles[mine & (faces.neighbour < 0)]
+        outer = np.searchsorted(share.number, beside.number[outer])
+        del beside, faces, mine
+        share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
+        around = [np.union1d(some, near) for some, near in zip(around, _near(share.mesh, outer, team))]
+        self._share = share.handed_on(around, team)
+
+    def piece(self, mine: np.ndarray) -> Piece:
+        """Of some subdomains, ascending, once they are dealt.
+
+        Raises InputError: one of them is not connected, tets are inverted, ranks have read what does not agree
+        """
+        share, self._share = self._share, None
+        surfaces = dict(share.mesh.surfaces)
+        outer = surfaces.pop(OUTER)
+        given = replace(share.mesh, surfaces=surfaces, within=self.extent.box)
+        mesh, faces = checked(given)
+        if mesh is not given or not share.sound:
+            raise wrong(("mesh",), "tets that are inverted, or files that do not agree", "files of one sound mesh")
+        known = np.zeros(len(faces.keys), dtype=bool)
+        known[faces.find(outer)] = True
+        return Piece.of(mesh, faces, known[faces.outer], mesh.volume, mine, self.name, (share.number, share.cell_number))
+
+
+def _touching(share: Share, team: Team) -> list[np.ndarray]:
+    """For every rank the cells of this one's that touch its, be it in a single node; for this rank all."""
+    found = [np.empty(0, int)] * team.size
+    found[team.rank] = np.arange(len(share.mesh.cells))
+    for rank, nodes in rendezvous(share.number[:, None].astype(float), team).items():
+        met_there = np.zeros(len(share.number), dtype=bool)
+        met_there[nodes] = True
+        found[rank] = np.flatnonzero(met_there[share.mesh.cells].any(axis=1))
+    return found
+
+
+def _near(mesh: Mesh, outer: np.ndarray, team: Team) -> list[np.ndarray]:
+    """For every rank the cells of this one's behind outer faces (k, 3) that are within reach of the box around outer faces of its."""
+    bodies = _bodies(mesh, outer)
+    boxes = np.array([[*np.concatenate(body.box), REACH * body.size.max()] for body in bodies]).reshape(-1, 7)
+    found = [[np.empty(0, int)] for _ in range(team.size)]
+    for rank, theirs in enumerate(team.all_gather(boxes)):
+        for body, (*_, room) in zip(bodies, boxes) if rank != team.rank else ():
+            low, high = body.box
+            reach = np.maximum(theirs[:, 6], room)[:, None]
+            for box in theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1)]:
+                found[rank].append(body.cells[body.within((box[:3], box[3:6]), max(box[6], room))])
+    return [np.unique(np.concatenate(some)) for some in found]
+
+
+def _bodies(mesh: Mesh, outer: np.ndarray) -> list[Body]:
+    """Outer faces (k, 3) of a mesh, by its volumes."""
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    at = faces.find(outer)
+    none = np.empty(0, int)
+    return outer_bodies(mesh, Faces(faces.nodes, faces.triangles[at], faces.keys[at], faces.owner[at], np.full(len(at), -1), none, none),
+                        mesh.volume)

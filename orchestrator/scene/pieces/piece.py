@@ -1,0 +1,61 @@
+"""What a rank makes its part of a scene of: its subdomains, and cells of others around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.errors import wrong
+from orchestrator.parallel.numbering import numbered
+from orchestrator.parallel.team import Team
+from orchestrator.scene.mesh.faces import Faces, pieces
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of, quadratic
+from orchestrator.scene.partition import PATH, Partition
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some subdomains of a mesh, and of others the cells that touch these, be it in a single node.
+
+    mesh, faces : of these cells; of its outer faces those alone that are the whole mesh's, too
+    partition : its subdomains, also those of which it has a few cells
+    present : (subdomains,) int, ascending, which of the whole scene's these are
+    number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
+    """
+
+    mesh: Mesh
+    faces: Faces
+    partition: Partition
+    present: np.ndarray
+    number: np.ndarray
+    cell_number: np.ndarray
+
+    @classmethod
+    def of(cls, mesh: Mesh, faces: Faces, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, name: Callable[[int], str],
+           numbers: tuple[np.ndarray, np.ndarray]) -> Piece:
+        """Of a mesh with all cells at the nodes of some subdomains.
+
+        faces, outer : the faces of the mesh; (k,) bool, which of those with one cell are outer faces of the whole mesh
+        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; name : of one of them
+        numbers : as above
+        Raises InputError: one of them has no tets or is not connected
+        """
+        kept = faces.neighbour >= 0
+        kept[faces.outer] = outer
+        faces = Faces(faces.nodes, *(x[kept] for x in (faces.triangles, faces.keys, faces.owner, faces.neighbour)), *2 * [np.empty(0, int)])
+        present, subdomain = np.unique(subdomain, return_inverse=True)
+        owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
+        if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
+            raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
+        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present]), present, *numbers)
+
+    def of_ten_nodes(self, nodes: int, team: Team) -> tuple[Piece, int]:
+        """The same with a node in the middle of every edge, of a mesh of so many corners; and how many nodes it has then. All ranks ask
+        together."""
+        ends, _ = edges_of(self.mesh.cells, TET_EDGES)
+        middles, edges = numbered(self.number[ends] @ [nodes, 1], team)
+        mesh, faces = quadratic(self.mesh, self.faces)
+        return replace(self, mesh=mesh, faces=faces, number=np.concatenate([self.number, nodes + middles])), nodes + edges

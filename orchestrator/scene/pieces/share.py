@@ -1,0 +1,65 @@
+"""Cells of a mesh that ranks have in shares, and hand on to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.parallel.team import Team
+from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
+from orchestrator.scene.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Share:
+    """Some cells of a mesh with their nodes.
+
+    mesh : of these; names of volumes and surfaces are those of the whole mesh, in one order on all ranks
+    number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
+    sound : whether what ranks have told of one node or cell was the same
+    """
+
+    mesh: Mesh
+    number: np.ndarray
+    cell_number: np.ndarray
+    sound: bool = True
+
+    def handed_on(self, cells: Sequence[np.ndarray], team: Team) -> Share:
+        """What all ranks hand on to this one; they do it together.
+
+        cells : for every rank (k,) int, which of this rank's cells it gets; with them go their nodes, and named triangles on their faces
+        """
+        told = [self._rows(some) for some in cells]
+        cell, node, face = (np.concatenate(team.deliver([rows[i] for rows in told])).reshape(-1, width)
+                            for i, width in enumerate((2 + self.mesh.cells.shape[1], 4, 4)))
+        cell, same = _each_once(cell)
+        node, alike = _each_once(node)
+        face = np.unique(face, axis=0).astype(int)
+        number, cell_rows = node[:, 0].astype(int), cell.astype(int)
+        triangles = np.searchsorted(number, face[:, 1:])
+        mesh = replace(self.mesh, nodes=np.ascontiguousarray(node[:, 1:]), cells=np.searchsorted(number, cell_rows[:, 2:]),
+                       volume=cell_rows[:, 1].copy(), surfaces={name: triangles[face[:, 0] == i] for i, name in enumerate(self.mesh.surfaces)})
+        return Share(mesh, number, cell_rows[:, 0].copy(), self.sound and same and alike)
+
+    def _rows(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Numbers of some cells (k, 2 + corners) with their volumes and nodes, of nodes (n, 4) with their places, and of triangles (t, 4)
+        with the surface that names them."""
+        mesh, own = self.mesh, self.mesh.cells[cells]
+        nodes = np.unique(own)
+        named = [np.empty((0, 4), dtype=int)]
+        if mesh.surfaces and len(cells):
+            keys = np.unique(np.concatenate([pack(own[:, face], len(mesh.nodes)) for face in LOCAL_FACES]))
+            for i, triangles in enumerate(mesh.surfaces.values()):
+                there = triangles[np.isin(pack(triangles, len(mesh.nodes)), keys)]
+                named.append(np.column_stack([np.full(len(there), i), self.number[there]]))
+        return (np.column_stack([self.cell_number[cells], mesh.volume[cells], self.number[own]]),
+                np.column_stack([self.number[nodes], mesh.nodes[nodes]]), np.concatenate(named))
+
+
+def _each_once(rows: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Rows by their first numbers, ascending, each once; and whether those of one number are the same."""
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    again = np.flatnonzero(rows[1:, 0] == rows[:-1, 0])
+    return np.delete(rows, again + 1, axis=0), bool((rows[again + 1] == rows[again]).all())
