@@ -47,6 +47,9 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
         ("output", "probes"), "accuracy at {name}, whose plane cuts faces that are held, loaded, or may slide on others",
         "a plane that cuts free faces alone: what acts between it and the nearest tets is another force on every mesh",
         "move the plane, or ask for the resultant on faces"),
+    "accuracy beside a rim": (
+        ("output", "probes"), "accuracy at {name}, at whose rim {interface} acts as well",
+        "a surface at whose rim nothing acts but what acts on its faces", "remove accuracy there; method.accuracy asks for the whole field's"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

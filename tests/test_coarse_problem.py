@@ -1,8 +1,6 @@
 """What makes the coarse contact problem quick leaves it what it is."""
 
 import gc
-from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,13 +9,9 @@ from method_case import decomposed
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config.model import Config
-from orchestrator.method.coarse.correction import MANY, kind_of
 from orchestrator.method.events import Subscriber
 from orchestrator.method.interface.pairs import History
-from orchestrator.parallel.team import Team
-from orchestrator.registry import LAWS
 from orchestrator.run import solve
-from orchestrator.scene.build import build_scene
 
 
 def rough_top(x):
@@ -81,18 +75,6 @@ def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
         assert np.abs(((u[:, 1:] - u[:, :1]) * way).sum(axis=2)).max() < 1e-10 * np.abs(u).max()
     one, two = converged(config), converged(rigidly(config))
     assert two.displacement == pytest.approx(one.displacement, abs=1e-7 * np.abs(one.displacement).max())
-
-
-def test_many_loose_bodies_are_rigid_in_it():
-    """From fifty bodies on, where they are stabilised, and none is cut into several."""
-    scene = build_scene(contact(0.3))
-    loose, held = SimpleNamespace(stabilisation=np.full(3, 1e-6)), SimpleNamespace(stabilisation=None)
-    many = replace(scene, subdomains=scene.subdomains * (MANY // 2))
-    assert kind_of("auto", many, loose, Team()) == "rigid"
-    assert {kind_of("auto", scene, loose, Team()), kind_of("auto", many, held, Team()),
-            kind_of("affine", many, loose, Team())} == {"affine"}
-    joined = replace(many, interfaces=[replace(i, law=LAWS["perfect"]()) for i in many.interfaces])
-    assert kind_of("auto", joined, loose, Team()) == "affine"
 
 
 class Cycles(Subscriber):

@@ -54,6 +54,18 @@ def judged(solved, scene):
     return np.array(widths), unknown
 
 
+def test_forces_that_nothing_makes_have_an_interval():
+    # turned, normals are off the axes by rounding: so are the springs' forces across them, and the energy of what asks for these
+    solved = solve(config_from({
+        "name": "springs", "parts": [{"name": "block", "mesh": {"box": {"size": [1, 3, 2], "cells": [1, 3, 2]}},
+                                      "move": {"rotate": {"axis": "y", "degrees": 90}, "translate": [0, 0, 1]}}],
+        "subdomains": {"slices": {"axis": "y", "count": 3}}, "materials": [{"young": 200e3, "poisson": 0.2}],
+        "boundary": [{"on": "block/xmax", "displacement": [0, 0, 0]}, {"on": "block/xmin", "foundation": {"normal": 20e3}}],
+        "method": {"tolerance": {"error": ROUGH}}, "blackbox": IN_PROCESS, "output": {"certified": ["reactions"]}}))
+    for found in solved.summary["intervals"]["reactions"]:
+        assert np.isfinite([found["low"], found["high"], found["moment"]["low"], found["moment"]["high"]]).all()
+
+
 @pytest.mark.parametrize("name", ["loose grains", "a gap", "springs", "P2"])
 def test_true_values_are_within(name):
     solved, scene = frictionless(name)

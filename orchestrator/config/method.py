@@ -151,8 +151,8 @@ class Method(Part):
         "depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact"))
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine, or its "
-        "rigid, fields under the true laws, after every linear stage; it removes the plateau of the fixed point. auto: rigid "
-        "where 50 bodies or more are stabilised and no interface joins its sides, else affine; slender bodies in modes of their own"))
+        "rigid, fields under the true laws, after every linear stage; it removes the plateau of the fixed point. "
+        "auto: affine, slender bodies in modes of their own"))
     contact: Contact = Field(Contact(), description="what keeps bodies in place that contact alone holds")
     increment: AutoCount = Field("auto", description=(
         "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch starting from the last"))

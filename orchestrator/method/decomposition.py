@@ -128,7 +128,7 @@ class Decomposition:
         if known is not None and np.isfinite(known.relative):
             return known
         if self.all_perfect:
-            return self.bound(fields)
+            return self.bound(fields, asked=np.inf)
         if self.certificate is not None and np.isfinite((known := self.certificate(fields)).relative):
             return known
         space = self.space

@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
-from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
+from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.soft_bodies import soft_bodies
 from orchestrator.method.coarse.sole_scale import fitted
@@ -212,8 +212,7 @@ class _SetUp:
         if asked == "none" or self.space.transfer.perfect.all():
             return None, 0.0
         modes, spent = soft_bodies(self.scene, stage.blackbox) if asked == "auto" else ({}, 0.0)
-        kind, anew = kind_of(asked, self.scene, pairs, self.space.team), begin_anew(self.scene, self.method)
-        coarse = CoarseCorrection(self.scene, stage, pairs, kind, modes, anew)
+        coarse = CoarseCorrection(self.scene, stage, pairs, asked, modes, begin_anew(self.scene, self.method))
         return coarse, spent + coarse.sweeps
 
     def _floor(self) -> float:

@@ -60,7 +60,7 @@ class Answers:
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(unsound, lost)
-        found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
+        found = read_probes(scene, fields.nodal, delivered.parts, delivered.rims) if scene.probes else []
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,16 +19,17 @@ NAME = "probes.csv"
 FOREIGN = "the matter there is its code's own: what it is stressed by is not known here"
 
 
-def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray]) -> list[dict[str, object]]:
+def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray], rims: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
     """Per probe of the scene its name, what it tells, and per component the values of all load steps.
 
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
+    rims : name → (T, 6) what others do at a resultant's rim
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
     copies = Copies.of(scene)
     return [_at_point(probe, nodal) if isinstance(probe, Point)
-            else _forces(probe, nodal.fields, copies, parts) if probe.quantity in FORCES
+            else _forces(probe, nodal.fields, copies, parts, rims.get(probe.name, 0.0)) if probe.quantity in FORCES
             else _over_surface(probe, scene, nodal) for probe in scene.probes if not isinstance(probe, Line)]
 
 
@@ -59,13 +60,14 @@ def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
     return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 
-def _forces(probe: Section | Surface, fields: Fields, copies: Copies, parts: Sequence[np.ndarray]) -> dict[str, object]:
-    """Across a section, or through faces."""
+def _forces(probe: Section | Surface, fields: Fields, copies: Copies, parts: Sequence[np.ndarray],
+            beside: np.ndarray | float) -> dict[str, object]:
+    """Across a section, or through faces; beside : (T, 6) what is not theirs."""
     section = isinstance(probe, Section)
     names = (*RESULTANT, "normal", "shear") if section else RESULTANT
     values = np.full((fields.steps, len(names)), np.nan)
     if fields.believed is None or fields.believed[np.concatenate(cells_of(probe, copies))].all():
-        values[:, : 7 if section else 6] = flux(probe, copies).of(parts)
+        values[:, : 7 if section else 6] = flux(probe, copies).of(parts) - beside
     if section:
         values[:, 7] = np.linalg.norm(values[:, :3] - values[:, 6:7] * probe.normal, axis=1)
     return _told(probe, probe.quantity, "force", names, values, at=probe.about)

@@ -13,7 +13,8 @@ import numpy as np
 from orchestrator.method.checkpoint import Numbers
 from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
-from orchestrator.method.stopping.discretisation import Estimate, Estimator
+from orchestrator.method.stopping.discretisation import Estimate
+from orchestrator.method.stopping.estimators import kind_of
 from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
@@ -28,11 +29,15 @@ class Piece:
     fields : of its cells, bodies with nodes of their own where interfaces open
     cells : (k,) int, their numbers in the whole
     team : the ranks
+    body_force : (T, k, 3) force/volume, the mean of each cell; None where there is none
+    loads : (T, n, 3) forces at its nodes
     """
 
     fields: Fields
     cells: np.ndarray
     team: Team
+    body_force: np.ndarray | None
+    loads: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
@@ -49,15 +54,17 @@ class Piece:
         for s, start in zip(own, starts):
             cells[s.cells] = s.connectivity + start
         nodes, cells, joined = np.concatenate([s.nodes for s in own]), cells[chosen], None
+        loads, body_force = np.concatenate([s.loads for s in own], axis=1), scene.body_force
         if opens:
             joined, displacement = np.unique(meeting.label, return_inverse=True)[1].ravel(), np.concatenate(sides, axis=1)
         else:
             nodes, place = np.unique(nodes, return_inverse=True)
             cells, displacement = place[cells], _mean(np.split(place, starts[1:-1]), sides, meeting)
+            loads = at_nodes(np.split(place, starts[1:-1]), np.split(loads, starts[1:-1], axis=1), len(nodes))[0]
         fields = Fields(scene.mesh.nodes[nodes], cells, scene.cell_subdomain[chosen], shown_moduli(scene)[chosen], displacement,
                         part=scene.mesh.volume[chosen], parts=tuple(scene.mesh.volumes), joined=joined,
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
-        return cls(fields, scene.cell_number[chosen], meeting.team)
+        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads)
 
     def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
@@ -72,8 +79,8 @@ class Piece:
         if not wanted:
             return None
         f = self.fields
-        joined = np.arange(len(f.nodes)) if f.joined is None else f.joined
-        found = Estimator(f.nodes, f.cells, joined, f.lame, f.thermal, meeting=f.meeting)([f.displacement])
+        found = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, f.lame, f.thermal, self.body_force,
+                                         [self.loads])([f.displacement])
         self._know(discretisation_error=found.cells)
         return self._whole(found)
 

@@ -61,7 +61,8 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
                  scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
-                 thermal=None if scene.thermal is None else scene.thermal[:, cells])
+                 thermal=None if scene.thermal is None else scene.thermal[:, cells],
+                 body_force=None if scene.body_force is None else scene.body_force[:, cells])
 
 
 def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:

@@ -32,7 +32,6 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
-from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
@@ -41,10 +40,7 @@ AFFINE = 12  # fields of a body: 1, x, y and z in each component
 _TURNS = np.zeros((AFFINE, 3))
 for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _TURNS[3 * (1 + _i) + _j, _turn], _TURNS[3 * (1 + _j) + _i, _turn] = 1.0, -1.0
-FIELDS = {"affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURNS])}
-# Bodies from which on half the fields save more than the one to three iterations that they cost: 27 grains take the same CPU
-# seconds either way, 64 and 125 take .9 of what they take with affine fields, 343 take .8, as factors cost more and more.
-MANY = 50
+FIELDS = {"auto": np.eye(AFFINE), "affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURNS])}
 # Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
 REACH = 0.3
 # Fields of a body, and unknowns of all, up to which points have fields of their own. An iteration of 27 grains then takes two to six times
@@ -59,7 +55,7 @@ class CoarseCorrection:
     scene : for the coordinates
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
-    kind : "affine", 12 fields per body, or "rigid", 6
+    kind : "affine", 12 fields per body, as "auto" is, or "rigid", 6
     anew : whether springs of stabilisation begin anew in every iteration, see ``stabilisation``
     modes : place among the rank's ``space.subdomains`` → (t, m) displacements of its boundary dofs, the fields of a body that has
         softer ones; see ``soft_bodies``
@@ -220,15 +216,6 @@ class CoarseCorrection:
     def _of_all(self, own: np.ndarray) -> np.ndarray:
         """(bodies, …) from what each rank knows of its own bodies."""
         return of_all(self.stage.space.team, self.bodies, self.stage.space.subdomains, own)
-
-
-def kind_of(asked: str, scene: Scene, pairs: Pairs, team: Team) -> str:
-    """What ``method: {coarse: auto}`` means: many loose bodies are to find their places, and how they bend the linear stage
-    finds nearly as quickly; what joins parts of one body bends with them."""
-    if asked != "auto":
-        return asked
-    joined, stabilised = team.max(float(any(i.law.joins for i in scene.interfaces)), float(pairs.stabilisation is not None))
-    return "rigid" if stabilised and not joined and len(scene.subdomains) >= MANY else "affine"
 
 
 def _affine_fields(scene: Scene, space: TraceSpace, parts: list[slice]) -> np.ndarray:

@@ -25,6 +25,7 @@ import numpy as np
 
 from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.flux import Rim
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
@@ -69,6 +70,19 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     known = (np.abs(pressed) > NO_CENTRE * size) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
+
+
+def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[Rim]) -> np.ndarray:
+    """(T, 6) force and moment of interface forces f (T, D) at some nodes, of all ranks."""
+    total = np.zeros((len(f), 6))
+    for rim in rims:
+        i = d.scene.interfaces[rim.interface]
+        if i.subdomains[rim.side] in d.space.subdomains:
+            traced = i.traced(rim.side)
+            forces = np.zeros((len(f), *traced.shape))
+            forces[:, traced] = f[:, d.space.sides[rim.interface][rim.side]]
+            total += np.einsum("tni,cni->tc", forces[:, rim.nodes], rim.motions)
+    return d.space.team.sum(total)[0]
 
 
 class _Surfaces:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.balance import Resultants
+from orchestrator.method.delivery.balance import Resultants, at_rim
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.wanted import Wanted
@@ -82,7 +82,7 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     bolts = [Way(i, axis[None], np.zeros((1, 3)), np.zeros(3)) for i, axis in wanted.bolts.values()]
     asked = (*supports, *wanted.forces.values(), *cuts, *bolts)
     ends = np.cumsum([0] + [len(way) for way in asked])
-    far = _forces(d, lawful, supports, list(wanted.forces.values()), [*cuts, *bolts]) if ends[-1] else np.zeros((0, d.steps, 2))
+    far = _forces(d, lawful, supports, wanted, [*cuts, *bolts]) if ends[-1] else np.zeros((0, d.steps, 2))
     far = [far[a:b].transpose(1, 0, 2) for a, b in zip(ends[:-1], ends[1:])]  # (T, m, 2)
     unit = np.repeat([1.0, wanted.length], 3)[:, None]  # of forces and moments over those of the motions
     supported, moment = None, reactions[:, :, 3:] - np.cross(wanted.about, reactions[:, :, :3])
@@ -91,7 +91,8 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     for way, own in zip(supports, far):
         supported[way.number] += unit * own
     far = far[len(supports):]
-    probes |= {name: at[..., None] + own for (name, at), own in zip(_carried(d, lawful, wanted.forces).items(), far)}
+    probes |= {name: (at - (at_rim(d, lawful.f, wanted.rims[name]) if name in wanted.rims else 0.0))[..., None] + own
+               for (name, at), own in zip(_carried(d, lawful, wanted.forces).items(), far)}
     far = far[len(wanted.forces):]
     whole = np.concatenate([resultants.force, resultants.moment], axis=2)
     carried = {way.number: whole[:, way.number, :, None] + unit * own for way, own in zip(cuts, far)}
@@ -138,9 +139,9 @@ def _carried(d: Decomposition, lawful: Lawful, forces: Mapping[str, Measured]) -
     return {name: probe.given + here for (name, probe), here in zip(forces.items(), found)}
 
 
-def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], through: Sequence[Measured], cuts: Sequence[Way]) -> np.ndarray:
+def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], wanted: Wanted, cuts: Sequence[Way]) -> np.ndarray:
     """(n, T, 2) how far forces of supports, through matter, and of interfaces are from those of û and λ̂; n motions in all."""
-    space, team, certificate = d.space, d.space.team, lawful.certificate
+    space, team, certificate, through = d.space, d.space.team, lawful.certificate, list(wanted.forces.values())
     held = sum(map(len, supports))
     moving = held + sum(map(len, through))
     count = moving + sum(map(len, cuts))
@@ -150,7 +151,15 @@ def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], through: 
     anywhere, = team.max(float(known is not None))
     if anywhere and known is None:
         known = np.zeros((count, space.size))
-    jump, start = _parted(d, lawful, cuts, count)
+    starts = held + np.cumsum([0, *map(len, through)])
+    parted = [_Moved(row, rim.interface, rim.side, rim.nodes, -rim.motions) for name, row in zip(wanted.forces, starts)
+              for rim in wanted.rims.get(name, ())]
+    row = moving
+    for way in cuts:
+        nodes = np.arange(len(d.scene.interfaces[way.number].nodes[0]))
+        parted.append(_Moved(row, way.number, 0, nodes, way.at(d.scene.side_points(d.scene.interfaces[way.number], 0))))
+        row += len(way)
+    jump, start = _parted(d, lawful, parted, count)
     answered, energy, carried = _answered(d, lawful, *_strained(d, lifts, through, held, count), known)
     influence = InfluenceFields(certificate, Asked(jump, start, known, answered, energy, np.arange(count) < moving))()
     return of_forces(certificate, lawful.judged, influence, carried, lawful.rest)
@@ -169,21 +178,39 @@ def _lifts(d: Decomposition, supports: Sequence[Way], count: int) -> dict[int, n
     return lifts
 
 
-def _parted(d: Decomposition, lawful: Lawful, cuts: Sequence[Way], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3, P) jumps, and (n, B) boundary values that have them: side 1 of an interface moves, all else rests."""
+@dataclass(frozen=True)
+class _Moved:
+    """Motions of one side of an interface, beside which all else rests: m rows of those asked for, from one on.
+
+    nodes : (k,) int, those of the side that move; motions : (m, k, 3)
+    """
+
+    row: int
+    interface: int
+    side: int
+    nodes: np.ndarray
+    motions: np.ndarray
+
+
+def _parted(d: Decomposition, lawful: Lawful, moved: Sequence[_Moved], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3, P) jumps, and (n, B) boundary values that have them."""
     space, pairs = d.space, lawful.certificate.pairs
     traces, start = np.zeros((count, space.size)), np.zeros((count, len(space.global_dof)))
-    row = count - sum(map(len, cuts))
-    for way in cuts:
-        side = space.sides[way.number][0]
-        own = side[side < space.size]
-        free = own[space.gather[own] >= 0]
-        for at, into, to in ((own, traces, own), (free, start, space.gather[free])):
-            node, component = np.divmod(space.dof[at], 3)
-            into[row: row + len(way), to] = way.at(d.scene.mesh.nodes[node])[:, np.arange(len(at)), component]
-        row += len(way)
+    for one in moved:
+        i, side = d.scene.interfaces[one.interface], space.sides[one.interface][one.side]
+        if not len(side):
+            continue  # other ranks'
+        traced = i.traced(one.side)
+        motions = np.zeros((len(one.motions), *traced.shape))
+        motions[:, one.nodes] = one.motions
+        rows, motions = slice(one.row, one.row + len(motions)), motions[:, traced]
+        own = side < space.size
+        side, motions = side[own], motions[:, own]
+        free = space.gather[side] >= 0
+        traces[rows, side] += motions
+        start[rows, space.gather[side[free]]] = motions[:, free]
     whole, = space.extended(traces)
-    return pairs.masked(-pairs.transfer.first(whole)), start
+    return pairs.masked(pairs.transfer.jump(whole)), start
 
 
 def _strained(d: Decomposition, lifts: Mapping[int, np.ndarray], through: Sequence[Measured], held: int,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.balance import Resultants, interface_resultants
+from orchestrator.method.delivery.balance import Resultants, at_rim, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
@@ -59,6 +59,7 @@ class Delivered:
     mesh_bound: MeshBound | None = None  # if asked for
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
+    rims: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a resultant → (T, 6) what others do at its rim
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
     @property
@@ -108,7 +109,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     everyones = of_all if gathered else lambda d, own: own
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
                      resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known,
-                     moved=moved)
+                     moved=moved, rims={name: at_rim(d, f, rims) for name, rims in wanted.rims.items()})
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -5,18 +5,20 @@ With χ a rigid motion of some nodes, K those tets' stiffness that are asked, f�
     F = Σ χ · (K u − f₀)        across a plane,        R = Σ χ · (K u − p) + ∫ χ · t        through faces
 
 A *section* goes between tets, along the plane; with loads elsewhere its shape changes neither force nor moment. At its nodes the tets
-in front need forces f₁, those behind f₂, and f₁ + f₂ are the loads there, half of which each side is taken to carry: ½ (f₂ − f₁) acts on
-the matter behind, so that χ is half a rigid motion for the tets behind, and less half of it for those in front.
+in front need forces f₁, those behind f₂, and f₁ + f₂ are what acts there: loads, supports, other parts. It acts on the side of the plane
+that the node is on: on the matter behind acts f₂ where that is in front, −f₁ where it is behind, and ½ (f₂ − f₁) at nodes on the plane. So χ
+is a rigid motion of the tets behind at the first, less one of those in front at the second, and half of both at the last.
 
 A *resultant* is all that acts on the body through the nodes of a surface, with K u of the tets around, p all their loads, t the
-tractions on the faces themselves: supports, loads and what interfaces carry there. What holds a node of the rim, and what an interface carries there,
-counts where that entry of ``boundary``, or that interface, has faces of the surface too; where several such entries hold a node, for the
-last, as among the reactions.
+tractions on the faces themselves: supports, loads and what interfaces carry there. What holds a node of the rim, and what an interface
+carries there, counts where that entry of ``boundary``, or that interface, has faces of the surface too; where several such entries hold a
+node, for the last, as among the reactions. Where a node has both, what the other interface carries is taken off again (``Rim``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,9 +29,10 @@ from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Interface, Scene
 
 FORCES = ("section", "resultant")  # quantities of probes
+ON = 1e-6  # of an element's height: a node is on the plane
 
 
 def cells_of(probe: Section | Surface, copies: Copies) -> list[np.ndarray]:
@@ -75,8 +78,10 @@ def _layers(probe: Section | Surface, copies: Copies) -> Iterator[tuple[np.ndarr
     label, cells, asked = copies.label, copies.cells, cells_of(probe, copies)
     if isinstance(probe, Section):
         behind, front = (np.isin(label, label[cells[side]]) for side in asked)
-        half = np.where((behind & front)[:, None], 0.5, np.zeros(3))
-        factors, more = [half, -half], probe.normal[None]
+        height = copies.scene.mesh.nodes[copies.node] @ probe.normal - probe.level
+        size = np.ptp(height[cells[np.concatenate(asked)]], axis=1).max()
+        share = np.where((behind & front)[:, None], 0.5 + 0.5 * np.sign(np.where(np.abs(height) > ON * size, height, 0.0))[:, None], np.zeros(3))
+        factors, more = [share, np.where((behind & front)[:, None], share - 1.0, 0.0)], probe.normal[None]
     else:
         factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
     for own, factor in zip(asked, factors):
@@ -127,10 +132,33 @@ def _heated(scene: Scene, cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     return heated
 
 
-def _elsewhere(probe: Surface, copies: Copies) -> np.ndarray:
-    """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces."""
+@dataclass(frozen=True)
+class Rim:
+    """What an interface without faces on a surface does at nodes of its rim that count for something else, on one side.
+
+    interface, side : which; nodes : (k,) int, of that side; motions : (6, k, 3) what force and moment make of forces there
+    """
+
+    interface: int
+    side: int
+    nodes: np.ndarray
+    motions: np.ndarray
+
+
+def rims(probe: Surface, copies: Copies) -> list[Rim]:
+    """All of a surface's."""
+    (own, factor, moved), = _layers(probe, copies)
+    found = []
+    for i, side, there, on in _acting(probe, copies):
+        nodes = np.flatnonzero(factor[there].any(axis=1))
+        if not on and len(nodes):
+            found.append(Rim(i.index, side, nodes, moved[:, there[nodes]]))
+    return found
+
+
+def _acting(probe: Surface, copies: Copies) -> Iterator[tuple[Interface, int, np.ndarray, bool]]:
+    """Interfaces that do not make both sides one, their sides, the copies of nodes there, and whether they have faces on the surface."""
     scene, ends, count = copies.scene, copies.ends, len(copies.scene.mesh.nodes)
-    on, beside = np.zeros((2, int(ends[-1])), dtype=bool)
     mine, volumes = pack(probe.triangles[:, :3], count), [scene.mesh.volume[s.cells[0]] for s in scene.subdomains]
     for i in scene.interfaces:
         within = not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()
@@ -138,5 +166,13 @@ def _elsewhere(probe: Surface, copies: Copies) -> np.ndarray:
             continue  # both sides are counted
         for side, e in enumerate(i.subdomains):
             faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]
-            (on if np.isin(pack(faces, count), mine).any() else beside)[ends[e] + i.nodes[side]] = True
-    return beside & ~on
+            yield i, side, ends[e] + i.nodes[side], bool(np.isin(pack(faces, count), mine).any())
+
+
+def _elsewhere(probe: Surface, copies: Copies) -> np.ndarray:
+    """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces."""
+    label = copies.label  # bonds within a body balance each other over all copies of a node
+    on, beside = np.zeros((2, int(label.max()) + 1), dtype=bool)
+    for _, _, there, has_faces in _acting(probe, copies):
+        (on if has_faces else beside)[label[there]] = True
+    return (beside & ~on)[label]

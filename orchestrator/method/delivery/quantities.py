@@ -10,12 +10,11 @@ from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.dual import solve_duals
-from orchestrator.method.delivery.flux import cells_of, lifted
+from orchestrator.method.delivery.flux import cells_of, lifted, rims
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.recovery import of_all
-from orchestrator.method.delivery.wanted import Wanted
-from orchestrator.method.stopping.element_problems import ElementProblems
-from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.delivery.wanted import RESULTANT, Wanted
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.method.stopping.quantity import Quantity, errors
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.copies import Copies
@@ -23,16 +22,11 @@ from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 
-def estimator_of(scene: Scene) -> Estimator:
-    """The estimator: for ten-node tets a problem in each, for four-node ones recovered stresses."""
-    return (ElementProblems if scene.mesh.cells.shape[1] == 10 else Estimator).of(scene)
-
-
 def check_sections(scene: Scene, asked: Collection[str]) -> None:
     """Check that what probes of a whole scene mean does not hang on its mesh: a section goes between tets, and what acts on the body between
     these and the plane counts or not, mesh by mesh.
 
-    Raises Refusal: a plane that cuts faces which are held, loaded, or between bodies that may part
+    Raises Refusal: a plane that cuts faces which are held, loaded, or between bodies that may part; a surface at whose rim others act
     """
     copies, acted = Copies.of(scene), scene.fixed.any(axis=1)
     for faces in (entry.triangles for entry in scene.boundary):
@@ -46,6 +40,8 @@ def check_sections(scene: Scene, asked: Collection[str]) -> None:
             behind, front = (copies.label[copies.cells[side]] for side in cells_of(p, copies))
             if acted[copies.node[np.isin(copies.label, np.intersect1d(behind, front))]].any():
                 raise Refusal("section that ends where something acts", name=p.name)
+        elif p.name in asked and p.quantity == RESULTANT and (others := rims(p, copies)):
+            raise Refusal("accuracy beside a rim", name=p.name, interface=scene.interfaces[others[0].interface].name)
 
 
 def unit_answers(d: Decomposition, delivered: Delivered, wanted: Wanted, method, watch: Stopwatch) -> np.ndarray | None:

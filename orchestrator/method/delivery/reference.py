@@ -32,6 +32,7 @@ from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -166,7 +167,7 @@ class DiscretisationEstimate:
 
     @cached_property
     def estimator(self) -> Estimator:
-        return Estimator.of(self.scene)
+        return estimator_of(self.scene)
 
     def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
         """Relative, energy norm, shared with all ranks; one back-substitution per subdomain and load step."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
-from orchestrator.method.delivery.flux import FORCES, cells_of, flux
+from orchestrator.method.delivery.flux import FORCES, Rim, cells_of, flux, rims
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.copies import Copies
@@ -18,7 +18,7 @@ from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
 from orchestrator.scene.model import Scene, Subdomain
 
-STRESS = "stress"  # quantity of a probe
+STRESS, RESULTANT = "stress", "resultant"  # quantities of probes
 REACTIONS, BOLTS, SECTIONS, RESULTANTS = KINDS = ("reactions", "bolts", "sections", "resultants")
 
 
@@ -32,6 +32,7 @@ class Wanted:
     about : (3,) what moments of reactions are about; length : of the scene
     bolts : name → number of the interface at its cut, and axis (3,)
     balanced : whether forces are to be in balance to rounding, though nothing is certified: an accuracy is asked for
+    rims : name of a resultant → what others do at its rim, certified or not, where they do anything
     """
 
     probes: dict[str, Measured] = field(default_factory=dict)
@@ -43,6 +44,7 @@ class Wanted:
     length: float = 1.0
     bolts: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
     balanced: bool = False
+    rims: dict[str, list[Rim]] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.probes or self.forces or self.reactions or self.interfaces or self.bolts)
@@ -67,7 +69,8 @@ class Wanted:
                    [b.index for b in scene.boundary if not b.forces and REACTIONS in kinds],
                    [i.index for i in scene.interfaces if (SECTIONS if i.law.perfect else RESULTANTS) in kinds],
                    np.array(about, dtype=float), scene.length,
-                   {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds})
+                   {b.name: (b.interface.index, b.axis) for b in scene.bolts if BOLTS in kinds}, rims={
+                       p.name: found for p in scene.probes if p.quantity == RESULTANT and (found := rims(p, copies))})
 
     def check(self, own: Sequence[Subdomain], blackbox: BlackBox) -> None:
         """Raises Refusal: a stress or a force in matter of a code's own, of which nobody knows the moduli.

@@ -38,7 +38,7 @@ class ErrorBoundCriterion(Monitor):
         imbalance = now.measures.force_imbalance
         due = bound.a <= value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(value))
         if due or not self.spare:
-            bound = evaluate(now.best, value if self.spare else np.inf, known)
+            bound = evaluate(now.best, value if self.spare else np.inf, known, value)
             least = bound.relative if np.isfinite(bound.relative) else bound.least
             self.ratio = _of_size(least) / imbalance if np.isfinite(least) and imbalance > 0 else 0.0
         return self._verdict(self.name, bound.relative, bound)

@@ -42,7 +42,7 @@ class RigidModes:
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
     number : (modes,) int, ascending, which of the modes of all ranks these are
-    boundary : (B, modes) sparse
+    boundary : (B, modes) sparse; dense : (6, B) the same, one row for the first of every subdomain, zero where it has fewer
     own : int, the modes of this rank's subdomains
     """
 
@@ -50,18 +50,18 @@ class RigidModes:
         counts = np.zeros(space.link.subdomain_count)
         counts[space.subdomains] = [m.shape[1] for m in modes]
         counts = space.team.sum(counts)[0].astype(int)
-        self._space, self._dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
+        self._space, self.dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
         self._seen = np.union1d(space.subdomains, space.owner).astype(int)
         self._starts = np.concatenate([[0], np.cumsum(counts[self._seen])])
         self.number = (np.repeat((np.cumsum(counts) - counts)[self._seen] - self._starts[:-1], counts[self._seen])
                        + np.arange(self._starts[-1]))
         self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
-        self.boundary = self._sparse(self._dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
+        self.boundary = self._sparse(self.dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
 
     @property
     def traces(self) -> sp.csr_array:
         """(D + G, modes), formed whenever asked: twice in a run at most. All ranks have to ask."""
-        traces, = self._space.extended(self._space.trace(self._dense))
+        traces, = self._space.extended(self._space.trace(self.dense))
         return self._sparse(traces, self._space.owner)
 
     def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:

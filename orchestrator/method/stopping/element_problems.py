@@ -17,81 +17,83 @@ R. E. Bank, A. Weiser, Some a posteriori error estimators for elliptic partial d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
-from orchestrator.scene.model import Scene
 
 FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # corners of the face opposite to each corner
-CHUNK = 5_000  # tets at once: some 15 kB each
+CHUNK = 300  # tets at once: some 15 kB each, which the processor keeps at hand
 _TENSOR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # which of a stress's six components stand where in the tensor
+_MIDDLE = np.zeros((4, 4), dtype=int)  # the node between two corners
+_MIDDLE[tuple(TET_EDGES.T)] = _MIDDLE[tuple(TET_EDGES[:, ::-1].T)] = np.arange(4, 10)
 
 
 class ElementProblems(Estimator):
-    """The estimate for a whole mesh of ten-node tets, called as ``Estimator`` is.
+    """The estimate for ten-node tets.
 
-    body_force : (T, m, 3) force/volume, the mean of each cell in the order of ``cells``; None where there is none
+    turn : (m, 4) int, corners of every tet in the order of their labels, so that both sides of a face have it in the same order
+    slopes : (m, 4, 3) of the linear shape functions, in that order
+    mate : (4 m,) int, of each face of a tet the same face of another one; −1: none here
+    outer : (k,) int, the faces of one tet alone, here; lonely : (m, 4) bool, those of one tet alone on all ranks
     """
 
-    body_force: np.ndarray | None = None
-
-    @classmethod
-    def of(cls, scene: Scene) -> ElementProblems:
-        made = super().of(scene)
-        made.body_force = None if scene.body_force is None else scene.body_force[:, made.order]
-        made._prepare()
-        return made
-
-    def _prepare(self) -> None:
-        """Corners of every tet in the order of their labels, so that both sides of a face have it in the same order."""
-        label = self.joined[self.cells[:, :4]]
-        self.turn = np.argsort(label, axis=1)
-        label = np.take_along_axis(label, self.turn, 1)
+    def _prepare(self, nodes: np.ndarray, meeting: Meeting) -> None:
+        label = meeting.label[self.cells]
+        self.turn = np.argsort(label[:, :4], axis=1)
         self.slopes = np.take_along_axis(self.gradients, self.turn[:, :, None], 1)
-        n = int(label.max(initial=0)) + 1
-        corners = label[:, FACES].reshape(-1, 3)
-        _, face = np.unique(corners[:, 0] * n + corners[:, 1], return_inverse=True)
-        order = np.lexsort((corners[:, 2], face.ravel()))
-        same = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
-        mate = np.full(len(corners), -1)
-        mate[order[:-1][same]], mate[order[1:][same]] = order[1:][same], order[:-1][same]
-        self.mate = mate.reshape(-1, 4)
+        # by their middles: all corners of a face may be joined by other interfaces than the one that it is on
+        ends = self.turn[:, FACES]
+        middles = np.take_along_axis(label, _MIDDLE[ends, np.roll(ends, -1, axis=2)].reshape(-1, 12), 1).reshape(-1, 3)
+        order = np.lexsort(middles.T)
+        same = (middles[order[1:]] == middles[order[:-1]]).all(axis=1)
+        self.mate = np.full(len(middles), -1)
+        self.mate[order[:-1][same]], self.mate[order[1:][same]] = order[1:][same], order[:-1][same]
+        self.outer = np.flatnonzero(self.mate < 0)
+        corner = np.take_along_axis(self.cells, self.turn, 1)[:, FACES[:, 0]].ravel()[self.outer]
+        self._borders = meeting.borders(corner, *middles[self.outer].T)
+        self.lonely = np.zeros(len(middles), dtype=bool)
+        self.lonely[self.outer] = self._borders(np.ones(len(self.outer))) < 2
+        self.lonely = self.lonely.reshape(-1, 4)
 
-    def _squares(self, sigma: np.ndarray, number: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        energy = super()._squares(sigma)[1]
-        corners = np.take_along_axis(sigma[:, :4].transpose(2, 1, 0), self.turn[:, :, None], 1)  # (m, 4, 6)
+    def _errors(self, stresses: Sequence[np.ndarray], numbers: Sequence[int | None]) -> np.ndarray:
+        loads = np.stack([self._load(sigma, number) for sigma, number in zip(stresses, numbers)], axis=2)
+        return np.concatenate([self._answered(slice(a, a + CHUNK), loads[a:a + CHUNK]) for a in range(0, len(loads), CHUNK)], axis=1)
+
+    def _load(self, sigma: np.ndarray, number: int | None) -> np.ndarray:
+        """(m, 30) what the stress (6, 4, m) of a load step leaves of balance, on every tet's functions."""
+        corners = np.take_along_axis(sigma.transpose(2, 1, 0), self.turn[:, :, None], 1)  # (m, 4, 6)
         tensors = corners[:, :, _TENSOR]
         vectors = -3 * self.volumes[:, None, None] * self.slopes  # of the faces, outward, as long as their areas
-        tractions = np.einsum("mfcij,mfj->mfci", tensors[:, FACES], vectors)
-        leap = tractions + tractions.reshape(-1, 3, 3)[self.mate]
-        leap[self.mate < 0] = 0.0
+        tractions = np.einsum("mfcij,mfj->mfci", tensors[:, FACES], vectors).reshape(-1, 9)
+        leap = tractions + tractions[self.mate]
+        leap[self.outer] = self._borders(tractions[self.outer].T.copy()).T
+        leap = np.where(self.lonely[:, :, None, None], 0.0, leap.reshape(-1, 4, 3, 3))
         inside = np.einsum("maij,maj->mi", tensors, self.slopes)
         if self.body_force is not None and number is not None:
             inside += self.body_force[number]
         load = np.einsum("q,mi->mqi", _BULK, self.volumes[:, None] * inside) - np.einsum("fqc,mfci->mqi", _FACE, leap) / 2
-        chunks = [slice(a, a + CHUNK) for a in range(0, len(load), CHUNK)]
-        return np.concatenate([self._answered(some, load[some]) for some in chunks]), energy
+        return load.reshape(-1, 30)
 
-    def _answered(self, some: slice, load: np.ndarray) -> np.ndarray:
-        """(k,) η² of some tets under loads (k, 10, 3)."""
+    def _answered(self, some: slice, loads: np.ndarray) -> np.ndarray:
+        """(T, k) η² of some tets under loads (k, 30, T)."""
         slopes, (first, second) = self.slopes[some], self.lame[some].T
         pairs = np.einsum("mai,mbj->mijab", slopes, slopes)
         shear = second[:, None, None, None, None]
         elastic = first[:, None, None, None, None] * pairs + shear * pairs.transpose(0, 2, 1, 3, 4)
         elastic[:, range(3), range(3)] += shear[:, 0] * np.einsum("miiab->mab", pairs)[:, None]
-        stiffness = (elastic.reshape(-1, 16) @ _PRODUCTS).reshape(-1, 3, 3, 10, 10).transpose(0, 3, 1, 4, 2)
-        dead = np.einsum("mf,fq->mq", (self.mate[some] < 0).astype(float), _ON_FACE) > 0
-        dead = np.repeat(dead, 3, axis=1)
-        size = self.volumes[some, None]
-        matrix = (stiffness * size[:, :, None, None, None]).reshape(-1, 30, 30)
+        elastic *= self.volumes[some, None, None, None, None]
+        matrix = (elastic.reshape(-1, 16) @ _PRODUCTS).reshape(-1, 3, 3, 10, 10).transpose(0, 3, 1, 4, 2).reshape(-1, 30, 30)
+        dead = np.repeat(self.lonely[some].astype(float) @ _ON_FACE > 0, 3, axis=1)
         matrix *= ~dead[:, :, None] & ~dead[:, None]
         diagonal = np.arange(30)
         matrix[:, diagonal, diagonal] += dead * matrix[:, diagonal, diagonal].max(axis=1, keepdims=True)
-        load = np.where(dead, 0.0, load.reshape(-1, 30))
-        answer = np.linalg.solve(matrix, load[:, :, None])[:, :, 0]
-        return np.maximum(np.einsum("mq,mq->m", answer, load), 0.0)
+        loads = np.where(dead[:, :, None], 0.0, loads)
+        return np.maximum(np.einsum("mqt,mqt->tm", np.linalg.solve(matrix, loads), loads), 0.0)
 
 
 def _functions(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

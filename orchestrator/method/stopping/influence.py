@@ -143,7 +143,8 @@ class InfluenceFields:
             before, energy, now = energy, start - gained, first.plus(factors, others)
             if np.max((before - energy) / np.maximum(before, np.finfo(float).tiny), initial=0.0) < GAIN:
                 break
-        return now.x + now.e, now.forces + now.stiff, np.maximum(energy, 0.0) + CANCELLED * start
+        energy, start = np.maximum([energy, start], 0.0)  # nothing may be less, by rounding
+        return now.x + now.e, now.forces + now.stiff, energy + CANCELLED * start
 
     def _moved(self, x: np.ndarray) -> np.ndarray:
         """(n, B) the bodies' rigid motions that bring the jumps of boundary values (n, B) nearest to what is asked for."""

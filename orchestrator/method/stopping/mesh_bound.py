@@ -127,7 +127,6 @@ class MeshBounds:
         points = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         self.corners = e.cells[:, :4]
         self.balance = Equilibration(points, self.corners, self._meeting(), e.lame, e.gradients, e.volumes)
-        self.place = np.argsort(e.order)
         places = {i.index: self._faces(i.cells[:, 0], scene.side_nodes(i, 0)[i.triangles]) for i in touching(scene)}
         for entry in scene.boundary:
             if not self.balance.outer[self._faces(entry.cells[:, 0], entry.triangles)[0]].all():
@@ -147,7 +146,7 @@ class MeshBounds:
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
             sigma = self._turned(self._elastic(u, t, at) for at in np.eye(4))
-            body = None if scene.body_force is None else scene.body_force[t, e.order]
+            body = None if scene.body_force is None else scene.body_force[t]
             if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
                 return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
             found, gaps[t] = self._nearest(sigma, body, u, t)
@@ -187,7 +186,7 @@ class MeshBounds:
         every = self._turned(strain(e.gradients, e.cells, u, at) for at in np.eye(4))
         work = (elements.products(moments)[1].sum() + energy - elements.products(moments, every)[1].sum()) / 2
         if self.scene.thermal is not None:
-            heat = self.scene.thermal[step, e.order]
+            heat = self.scene.thermal[step]
             dilation = sum((strain(e.gradients, e.cells, u, at)[:, :3].sum(axis=1) * (heat.sum(axis=1) + heat @ at) for at in np.eye(4)))
             work += np.vdot(np.abs(e.volumes) * (3 * e.lame[:, 0] + 2 * e.lame[:, 1]), dilation / 20)
         return float(work)
@@ -200,7 +199,7 @@ class MeshBounds:
         e = self.estimator
         epsilon = strain(e.gradients, e.cells, u, at)
         if self.scene.thermal is not None:
-            epsilon[:, :3] -= (self.scene.thermal[step, e.order] @ at)[:, None]
+            epsilon[:, :3] -= (self.scene.thermal[step] @ at)[:, None]
         return epsilon
 
     def _given(self, step: int) -> tuple[np.ndarray, np.ndarray]:
@@ -223,11 +222,10 @@ class MeshBounds:
 
     def _faces(self, cells: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(k,) faces of cells (k,) with corners (k, 3) on the mesh, and (k, 3) which of these corners theirs are."""
-        e, cell = self.estimator, self.place[cells]
-        corners = np.take_along_axis(self.scene.mesh.cells[e.order[cell], :4], self.balance.turn[cell], 1)
+        corners = np.take_along_axis(self.scene.mesh.cells[cells, :4], self.balance.turn[cells], 1)
         same = corners[:, :, None] == triangles[:, None, :3]  # (k, 4, 3)
         local = np.argmin(same.any(axis=2), axis=1)
-        return self.balance.face[cell, local], np.take_along_axis(same, FACES[local][:, :, None], 1).argmax(axis=2)
+        return self.balance.face[cells, local], np.take_along_axis(same, FACES[local][:, :, None], 1).argmax(axis=2)
 
 
 def relative(errors: np.ndarray, sizes: np.ndarray, works: np.ndarray, gaps: np.ndarray) -> float:

@@ -74,13 +74,13 @@ def errors(estimator: Estimator, solution: np.ndarray, duals: np.ndarray,
     solution, duals : (T, N, 3), of the estimator's nodes
     lifted : tets (k,) int and χ (T, k, 4 or 10, 3) at their nodes; None for a displacement
     """
-    cells, norms, place = np.empty((len(solution), len(estimator.cells))), np.empty(len(solution)), np.argsort(estimator.order)
+    cells, norms = np.empty((len(solution), len(estimator.cells))), np.empty(len(solution))
     for t, (u, z) in enumerate(zip(solution, duals)):
         ours, theirs = u[estimator.cells], z[estimator.cells]
         if lifted is not None:
-            np.subtract.at(theirs, place[lifted[0]], lifted[1][t])
+            np.subtract.at(theirs, lifted[0], lifted[1][t])
         (one, _), (other, energy) = estimator.squares(ours, t), estimator.squares(theirs)
         scale = np.sqrt(one.sum() / other.sum()) if one.any() and other.any() else 1.0  # as much of either, lest digits be lost
         more, less = (estimator.squares(ours + sign * scale * theirs, t)[0] for sign in (1, -1))
-        cells[t, estimator.order], norms[t] = np.abs(more - less) / (4 * scale), np.sqrt(energy.sum())
+        cells[t], norms[t] = np.abs(more - less) / (4 * scale), np.sqrt(energy.sum())
     return cells, norms

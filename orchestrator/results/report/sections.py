@@ -30,8 +30,10 @@ _QUANTITIES = [
     ("error_bound", "√(a² + b² − 2 δᵀNᵀδf + 2 Σγ), relative to the energy norm of the solution; "
                     "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge), γ what laws miss",
      "guaranteed upper bound, mostly an estimate with Coulomb's friction, of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
-    ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
-     "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
+    ("discretisation_error", "η_h = (Σ_cells η_T²)^½ / ‖u_exact‖, the latter's square ‖u_D‖² + η_h² under loads, ‖u_D‖² − η_h² where "
+                             "displacements are prescribed; η_T² = ∫ (σ* − σ) : C⁻¹ (σ* − σ) with recovered stresses σ* on four-node "
+                             "tets, ∫ ε(e) : C ε(e) of a small problem in each on ten-node ones",
+     "estimate of what the mesh is to blame for; fields/ has its cells"),
     ("mesh_bound", "E² = ‖σ − σ(u_D)‖² + 2 ∫ p g, over what ‖u‖ is at least, σ a stress in balance everywhere (Prager–Synge)",
      "guaranteed upper bound of the error of mesh and iterations together, ‖u_D − u‖ / ‖u‖, on the bodies as they are meshed"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),

@@ -78,13 +78,14 @@ class Section:
     """A probe across a plane, between tets in front of it and tets behind it.
 
     front, behind : (k,) int, the tets of the parts that are cut
-    normal : (3,) unit vector, to the front; about : (3,) what moments are about
+    normal : (3,) unit vector, to the front; level : of the plane along it; about : (3,) what moments are about
     """
 
     name: str
     front: np.ndarray
     behind: np.ndarray
     normal: np.ndarray
+    level: float
     about: np.ndarray
     quantity: str = "section"
 
@@ -200,10 +201,11 @@ class Finder:
         front, behind = np.flatnonzero(front & allowed), np.flatnonzero(~front & allowed)
         if not len(np.intersect1d(mesh.cells[front], mesh.cells[behind])):
             box = mesh.nodes[np.unique(mesh.cells[allowed, :4])]
-            self.problems.add((*path, "section"), f"the plane cuts nothing of the body from {format_point(box.min(axis=0))} to "
-                              f"{format_point(box.max(axis=0))}", "a plane through it", "look at the coordinates, and at part:")
+            self.problems.add((*path, "section"), "no tets have their centres behind the plane, or none before it, of the body from "
+                              f"{format_point(box.min(axis=0))} to {format_point(box.max(axis=0))}", "a plane through it",
+                              "look at the coordinates, and at part:; near a face move the plane inwards by half an element")
             return None
-        return Section(name, front, behind, normal, point if asked.about is None else np.array(asked.about, dtype=float))
+        return Section(name, front, behind, normal, float(normal @ point), point if asked.about is None else np.array(asked.about, dtype=float))
 
     def _apart(self, cells: np.ndarray) -> list[str]:
         """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
