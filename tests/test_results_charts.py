@@ -37,6 +37,13 @@ def test_curves_are_the_history():
     assert len(found[BONDED["error_bound"]][0]) == 5, "it begins with the third iteration"
 
 
+def test_what_is_solved_at_once_has_no_curves():
+    """One subdomain: no error, no jump; its chart is drawn all the same."""
+    history = case.history()
+    figure = convergence(case.summary(true_error=None), history | {column: np.zeros(7) for column in BONDED})
+    assert png(figure) and figure.axes[0].get_yscale() == "log" and "all of it is zero" in words(figure)
+
+
 def test_the_tolerance_and_how_it_ended():
     figure = convergence(case.summary(), case.history())
     assert words(figure) == "tolerance on the error bound: 1e-06 | made_up: converged after 7 iterations"

@@ -12,7 +12,7 @@ import results_case as case
 from orchestrator.errors import InputError
 from orchestrator.scene import elasticity as recovery
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.files import write_fields, write_vtu
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import shape_gradients
@@ -91,6 +91,21 @@ def test_field_files_round_trip(tmp_path):
     read = read_npz(tmp_path)
     for name in ("nodes", "cells", "subdomain", "lame", "displacement"):
         np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
+
+
+@pytest.mark.parametrize("points, triangles", [(18, 12), (9, 8), (25, 32)])
+def test_meshio_and_vtk_read_every_array_as_it_is(points, triangles, tmp_path):
+    """meshio exchanges arrays whose places coincide with those that it gives others: of 18 points, a gap for a displacement."""
+    rng = np.random.default_rng(1)
+    at = {name: rng.random((points, 3) if wide else points) for name, wide in (
+        ("displacement_1", True), ("displacement_2", True), ("gap", False), ("slip", True), ("pressure", False), ("friction", True))}
+    at["status"] = rng.integers(5, size=points).astype(np.int32)
+    write_vtu(ResultsFolder(tmp_path), "fields/one.vtu", rng.random((points, 3)), rng.integers(points, size=(triangles, 3)), at,
+              {"interface": np.arange(triangles, dtype=np.int32)})
+    for grid in (meshio.read(tmp_path / "fields/one.vtu"), read(tmp_path / "fields/one.vtu")):
+        assert set(grid.point_data) == set(at)
+        for name, values in at.items():
+            np.testing.assert_array_equal(grid.point_data[name], values)
 
 
 def test_vtk_reads_the_vtu(tmp_path):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import count
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -166,29 +167,45 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
     names : name → number in an array of the cells; ParaView lists them as field data (texts there are what other readers stumble on)
     """
-    appended, at = [], 0
+    m, width = cells.shape
+    triangles = {"connectivity": cells.astype(np.int64, copy=False).ravel(), "offsets": np.arange(width, width * m + 1, width),
+                 "types": np.full(m, _TYPES[width], np.uint8)}
+    sets = [{"Points": points.astype(float, copy=False)}, triangles, point_data, cell_data]
+    every = [np.ascontiguousarray(values) for each in sets for values in each.values()]
+    order = _in_order([_COUNT.itemsize + values.nbytes for values in every])
+    offsets = dict(zip(order, np.cumsum([0, *(_COUNT.itemsize + every[k].nbytes for k in order)]).tolist()))
+    number = count()
 
     def array(name: str, values: np.ndarray) -> str:
-        nonlocal at
-        appended.append(np.ascontiguousarray(values))
-        place, at = at, at + _COUNT.itemsize + appended[-1].nbytes
-        return f'        <DataArray {_kind(name, values)} format="appended" offset="{place}"/>'
+        return f'        <DataArray {_kind(name, values)} format="appended" offset="{offsets[next(number)]}"/>'
 
-    m, width = cells.shape
+    of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()] for each in sets)
     rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
             "  <UnstructuredGrid>", *_field_data(names or {}), f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
-            "      <Points>", array("Points", points.astype(float, copy=False)), "      </Points>",
-            "      <Cells>", array("connectivity", cells.astype(np.int64, copy=False).ravel()),
-            array("offsets", np.arange(width, width * m + 1, width)), array("types", np.full(m, _TYPES[width], np.uint8)),
-            "      </Cells>", "      <PointData>", *(array(*item) for item in point_data.items()), "      </PointData>",
-            "      <CellData>", *(array(*item) for item in cell_data.items()), "      </CellData>",
+            "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells, "      </Cells>",
+            "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells, "      </CellData>",
             "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
     with folder.replacing(name) as temporary, open(temporary, "wb") as file:
         file.write("\n".join(rows).encode())
-        for values in appended:
+        for values in (every[k] for k in order):
             file.write(_COUNT.type(values.nbytes))
             file.write(values.data.cast("B") if values.size else b"")
         file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def _in_order(sizes: Sequence[int]) -> list[int]:
+    """An order of arrays of so many bytes in which meshio 5 reads them.
+
+    It writes base64's offset in the place of each array's own, one after the other, and looks the next array up among both: where they are
+    equal it exchanges two arrays.
+    """
+    order, raw = list(range(len(sizes))), np.array(sizes)
+    for _ in sizes:
+        own, coded = (np.cumsum(each[order]) for each in (raw, 4 * -(-raw // 3)))
+        if not any(np.isin(own[k:-1], coded[k - 1]).any() for k in range(1, len(order))):
+            break
+        order = order[1:] + order[:1]
+    return order
 
 
 def _field_data(names: Mapping[str, int]) -> list[str]:

@@ -60,13 +60,16 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
         axes.annotate(f"tolerance on the {name}: {value:g}", (0, value), xycoords=("axes fraction", "data"),
                       xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY, zorder=5,
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
-    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
+    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity", yscale="log")
     axes.xaxis.get_major_locator().set_params(integer=True)
     powers_of_ten(axes.yaxis)
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
     place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if laws else {"loc": "best"}
+    if not axes.get_legend_handles_labels()[0]:  # one subdomain, say
+        axes.text(0.5, 0.7, "all of it is zero, or rounding", transform=axes.transAxes, ha="center", color=GREY)
+        return figure
     axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
     return figure
 
