@@ -40,8 +40,8 @@ class Settings(Keys):
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = Field(
         [1, 2, 3], description="of the grains' centres")
     tolerances: Annotated[list[PositiveFloat], Field(min_length=1)] = Field([USUAL], description="of the energy error")
-    friction: NonNegativeFloat = Field(0.1, description=(
-        "coefficient of friction; from 343 grains on 0.1 is too little for a pile with free sides to carry anything, and 0.15 is enough"))
+    friction: NonNegativeFloat = Field(0.3, description=(
+        "coefficient of friction; from 343 grains on 0.1 is too little for a pile with free sides to carry anything"))
     elements: PositiveFloat = Field(5.0, description=(
         "elements across a grain, as many for all numbers of grains; with five, a thousand grains have over 500,000 dofs"))
     lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains")
@@ -50,7 +50,7 @@ class Settings(Keys):
     figures: bool = Field(True, description="whether every run draws its figures")
 
 
-def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: float = 0.1) -> dict[str, Any]:
+def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: float = 0.3) -> dict[str, Any]:
     """Grains pressed, sheared, sheared further and half let go, ``elements`` of them across a cube of a grain's volume."""
     return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), friction, TOP, seed=seed, lloyd=lloyd)
 

@@ -21,8 +21,8 @@ from orchestrator.scene.model import Scene
 
 STEPS = 4  # of Lanczos' method from a bent field, each a back-substitution per body
 # σ found so, from above, below which a body is worth its modes, for about a hundred back-substitutions. It tells how many iterations
-# to 1e-4 two clamped beams take with affine fields, whatever their L/h and mesh: .145 19, .094 24, .07 30, .05 46, .044 57, .038 68.
-FOUND = 0.06
+# to 1e-4 two clamped beams take with affine fields, whatever their L/h and mesh: .145 19, .094 24, .07 30, .064 41, .05 46, .044 57, .038 68.
+FOUND = 0.07
 # No fewer fields than affine ones are. What is left of stiffer fields in a mode costs iterations: with residuals of .02 and of .005, beams
 # of L/h = 20 and 40 take 24 and 18, 27 and 18, for 8 to 24 back-substitutions more. Beams of ten-node tets with L/h = 40 need 370.
 MODES = Wanted(least=12, accurate=0.005, largest=640)
