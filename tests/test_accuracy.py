@@ -134,6 +134,7 @@ def test_asked_and_reached(whole):
     told, (before, now) = found["numbers"]["peak_displacement"], (mesh["numbers"]["peak_displacement"] for mesh in found["meshes"][-2:])
     assert told >= abs(now - before) * last["error"] / (found["meshes"][-2]["error"] - last["error"]) * (1 - 1e-12) > 0
     assert "peak displacement ± " in dict(summary_rows(summary))["off by"]
+    assert last["told"] is not None and "measured against the mesh before" in dict(summary_rows(summary))["accuracy"]
     cells = read_npz(folder).discretisation_error
     assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
 

@@ -147,11 +147,12 @@ class _Refinement:
         estimator, summary, mesh = estimator_of(solution.scene), solution.summary, solution.scene.mesh
         found = estimator(solution.sides)
         now = energies(solution, estimator, found) if solution.converged else None
-        share = told(self.passes.before, now)
+        share = told(self.passes.before, now, estimator)
         bonded = all(i.law.perfect for i in solution.scene.interfaces)
         believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
-        energy, *quantities = criteria(solution, found, share, now is not None, self.asked.error)
+        measurable = now is not None and (now.potential is not None or self.mesher is None)  # what is halved contains what it was
+        energy, *quantities = criteria(solution, found, share, measurable, self.asked.error)
         every = [one for one in (energy, *quantities) if one.asked]
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,

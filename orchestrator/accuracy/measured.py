@@ -1,6 +1,11 @@
-"""What an estimate tells of the true error, measured by the energies of the solutions on two meshes.
+"""What an estimate tells of the true error, measured by the solutions on two meshes.
 
-Displacements u_h that minimise the energy
+Where one mesh contains the other, the difference of both solutions lies where the finer one is free to move: its error e₂ has no part in it,
+
+    ‖e₁‖² = ‖u₂ − u₁‖² + ‖e₂‖².
+
+That is exact where all is bonded and meshes match. Friction, and sides that do not match, which leave leaps, take part as far as they differ
+between both: it was within 1 % on grains with friction, and 21 % on sides meshed each on its own. Other meshes have energies. Displacements u_h that minimise the energy
 
     Π = ½ ‖u_h‖² − f · u_h
 
@@ -8,16 +13,17 @@ among those of a mesh, what is exact held to, miss the exact one by e, and
 
     ½ ‖e‖² = Π(u_h) − Π(u).
 
-Π(u) is not known, but it goes out of the difference between two meshes, whether or not one contains the other. If both estimates η
-tell the same share θ of the true error,
+Π(u) is not known, but it goes out of the difference between two meshes, ‖e₁‖² − ‖e₂‖² = 2(Π₁ − Π₂). If both estimates η tell the same
+share θ of the true error,
 
-    θ² = (η₁² − η₂²) / 2(Π₁ − Π₂),      ‖e₂‖ = η₂/θ.
+    θ² = (η₁² − η₂²) / (‖e₁‖² − ‖e₂‖²),      ‖e₂‖ = η₂/θ.
 
 Estimates are raised by that, never lowered: the shares of two meshes differ by some tenths, and the first of both counts more.
 
 Contact without friction minimises Π among displacements that do not penetrate, and ½ ‖e‖² is less than the difference by the work of
-pressures along gaps. With friction, springs, or forces on rigid tools there is more to the energy, and nothing is measured; nor where
-bodies or loads on them have changed with the mesh, as those with curved faces do, by more than their energy allows.
+pressures along gaps. With friction, springs, or forces on rigid tools there is more to the energy, and sides that do not match leave leaps
+in which tractions work, as much as ½ ‖e‖². So of meshes none of which contains the other nothing is measured then; nor where bodies or loads
+on them have changed with the mesh, as those with curved faces do, by more than their energy allows.
 
 The identity: R. Verfürth, A Posteriori Error Estimation Techniques for Finite Element Methods, 2013, §1.
 """
@@ -30,6 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.laws.contact import Contact
+from orchestrator.accuracy.nested import Stressed
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
 from orchestrator.results.solution import Solution
 
@@ -42,49 +49,60 @@ FORESEEN = 0.85  # where it can be measured once there is a second mesh: .83 is 
 class Energies:
     """Of a solution, at the load step where most error is estimated; all energies are twice what they are.
 
-    step : which one; energy : ‖u‖²; potential : 2 Π; estimated : η²; iterated : what the iterations may leave in it
+    step : which one; energy : ‖u‖²; potential : 2 Π, None where that is not all of the energy
+    estimated : η²; iterated : what the iterations may leave in it
     volume : of all bodies; density : energy/volume where the energy is
     work : f · u; loads : (12,) Σ fᵢ ⊗ xᵢ and Σ fᵢ times the whole's length, the same on all meshes of planes
+    solved : the solution itself
     """
 
     step: int
     energy: float
-    potential: float
+    potential: float | None
     estimated: float
     iterated: float
     volume: float
     density: float
     work: float
     loads: list[float]
+    solved: Stressed | None
 
 
 def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energies | None:
-    """What the next solution's estimate can be measured by; None where Π is not all of the energy, or the iterations' error not known."""
+    """What the next solution's estimate can be measured by; None where matter is nonlinear, or the iterations' error not known."""
     scene, bound = solution.scene, solution.error_bound
-    least = all(i.law.perfect or isinstance(i.law, Contact) and not i.law.friction for i in scene.interfaces)
-    if not least or any(i.tool for i in scene.interfaces) or not math.isfinite(bound) or any(s.remembers for s in scene.subdomains):
+    if not math.isfinite(bound) or any(s.remembers for s in scene.subdomains):
         return None
+    least = all(i.mortar is None and not i.tool and (i.law.perfect or isinstance(i.law, Contact) and not i.law.friction)
+                for i in scene.interfaces)
     squares = (found.cells**2).sum(axis=1)
     step, size = int(squares.argmax()), found.size**2
-    sides = [side[step] for side in solution.sides]
-    (work,) = estimator.work([side[None] for side in sides], [step])
+    u = np.concatenate([side[step] for side in solution.sides])
+    (work,) = estimator.work([side[step:step + 1] for side in solution.sides], [step])
     low, high = scene.mesh.nodes.min(axis=0), scene.mesh.nodes.max(axis=0)
     places = np.insert(scene.mesh.nodes - (low + high) / 2, 3, np.linalg.norm(high - low), axis=1)
     loads = sum(s.loads[step].T @ places[s.nodes] for s in scene.subdomains)
-    cells = estimator.energies(np.concatenate(sides))
+    cells = estimator.energies(u)
     whole = cells.sum()
-    return Energies(step, float(whole), whole - 2 * work, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
-                    (cells**2 / estimator.volumes).sum() / (whole or 1.0), work, loads.ravel().tolist())
+    return Energies(step, float(whole), whole - 2 * work if least else None, squares[step] * size, bound**2 * size, estimator.volumes.sum(),
+                    (cells**2 / estimator.volumes).sum() / (whole or 1.0), work, loads.ravel().tolist(), Stressed.of(scene.mesh, estimator, u))
 
 
-def told(before: Energies | None, now: Energies | None) -> float | None:
-    """The share of the true error that the estimate tells, no more than one, from two meshes; None where it cannot be measured."""
+def told(before: Energies | None, now: Energies | None, estimator: Estimator) -> float | None:
+    """The share of the true error that the estimate tells, no more than one, from two meshes; None where it cannot be measured.
+
+    estimator : on the mesh of ``now``
+    """
     if before is None or now is None or before.step != now.step:
         return None
-    fallen, closer = before.estimated - now.estimated, before.potential - now.potential
-    loads, changed = np.linalg.norm(now.loads), np.linalg.norm(np.subtract(before.loads, now.loads))
-    unsure = (before.iterated + now.iterated + abs(before.volume - now.volume) * max(before.density, now.density)
-              + 2 * abs(now.work) * changed / (loads or 1.0))
+    fallen, unsure = before.estimated - now.estimated, before.iterated + now.iterated
+    closer = now.solved.apart(before.solved, estimator) if now.solved and before.solved else None
+    if closer is None:
+        if before.potential is None or now.potential is None:
+            return None
+        closer = before.potential - now.potential
+        loads, changed = np.linalg.norm(now.loads), np.linalg.norm(np.subtract(before.loads, now.loads))
+        unsure += abs(before.volume - now.volume) * max(before.density, now.density) + 2 * abs(now.work) * changed / (loads or 1.0)
     if fallen <= 0 or closer <= 0 or unsure > CLEAR * closer:
         return None
     return min(math.sqrt(fallen / closer), 1.0)

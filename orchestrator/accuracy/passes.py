@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.accuracy.measured import Energies
+from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Maps
 from orchestrator.packed import read_arrays
@@ -23,6 +24,7 @@ from orchestrator.scene.mesh.size_map import SizeMap
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
 UNFINISHED_GOOD = f"{GOOD}.new"
+SOLVED = "solved"  # of ``Energies``: arrays
 PLAIN = ("elements", "refined", "kept", "had", "tolerance", "element")  # of ``Passes``, written as they are
 
 
@@ -94,7 +96,10 @@ class Passes:
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
         arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
-        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "before": self.before and asdict(self.before),
+        if self.before and self.before.solved:
+            arrays |= {f"{SOLVED}/{name}": array for name, array in vars(self.before.solved).items()}
+        before = self.before and {name: value for name, value in vars(self.before).items() if name != SOLVED}
+        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "before": before,
                 **{name: getattr(self, name) for name in PLAIN}}
         path = folder / NAME
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,7 +117,9 @@ class Passes:
         told = json.loads(str(arrays["told"]))
         maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
-        return cls([Pass(**one) for one in told["done"]], maps, before=told["before"] and Energies(**told["before"]),
+        solved = {name.partition("/")[2]: array for name, array in arrays.items() if name.startswith(f"{SOLVED}/")}
+        before = told["before"] and Energies(**told["before"], solved=Stressed(**solved) if solved else None)
+        return cls([Pass(**one) for one in told["done"]], maps, before=before,
                    **{name: told[name] for name in PLAIN})
 
     @staticmethod

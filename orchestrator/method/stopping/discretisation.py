@@ -82,8 +82,8 @@ class Estimator:
         squares, energies = np.empty((2, len(displacement), len(self.cells)))
         alone = np.zeros(len(displacement))
         for some in (slice(a, a + BATCH) for a in range(0, len(displacement), BATCH)):
-            stresses = [self._stress(u, number) for u, number in zip(displacement[some], numbers[some])]
-            squares[some], energies[some] = self._errors(stresses, numbers[some]), [self._energies(sigma) for sigma in stresses]
+            stresses = [self.stress(u, number) for u, number in zip(displacement[some], numbers[some])]
+            squares[some], energies[some] = self._errors(stresses, numbers[some]), [self.energies_of(sigma) for sigma in stresses]
         for t, u in enumerate(displacement):
             alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
@@ -104,17 +104,17 @@ class Estimator:
 
     def energies(self, displacement: np.ndarray) -> np.ndarray:
         """(m,) ∫ ε : C ε of the cells, from displacements (n, 3)."""
-        return self._energies(self._stress(displacement))
+        return self.energies_of(self.stress(displacement))
 
     def squares(self, broken: np.ndarray, number: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and energies of the cells, of displacements at their own nodes (m, 4 or 10, 3), which may leap between them.
 
         number : load step of the scene, whose loads inside the cells count; None: there are none
         """
-        sigma = self._stress(broken.reshape(-1, 3), number, np.arange(self.cells.size).reshape(self.cells.shape))
-        return self._errors([sigma], [number])[0], self._energies(sigma)
+        sigma = self.stress(broken.reshape(-1, 3), number, np.arange(self.cells.size).reshape(self.cells.shape))
+        return self._errors([sigma], [number])[0], self.energies_of(sigma)
 
-    def _stress(self, displacement: np.ndarray, number: int | None = None, cells: np.ndarray | None = None) -> np.ndarray:
+    def stress(self, displacement: np.ndarray, number: int | None = None, cells: np.ndarray | None = None) -> np.ndarray:
         """(6, p, m) stress, of ten-node tets at the p = 4 corners, of four-node ones the one that there is.
 
         number : load step of the scene, whose thermal strain is without stress; None: all strain has stress
@@ -138,7 +138,7 @@ class Estimator:
         """
         raise NotImplementedError
 
-    def _energies(self, sigma: np.ndarray) -> np.ndarray:
+    def energies_of(self, sigma: np.ndarray) -> np.ndarray:
         """(m,) ∫ σ : C⁻¹σ of the cells, from their stress (6, p, m):  C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ."""
         first, second = self.lame.T
         squares = sum(weight * mean_square(component) for component, weight in zip(sigma, _WEIGHT))

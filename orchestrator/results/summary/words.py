@@ -156,8 +156,9 @@ def _accuracy(summary: Mapping[str, object]) -> str:
         return ""
     last = found["meshes"][-1]
     asked = f", {found['asked']:.2%} asked" if found["asked"] else ""
+    checked = "measured against the mesh before" if last["told"] is not None else "an estimate that nothing has checked"
     return (f"{found['reached']:.2%} reached{asked}, energy norm, of mesh and iterations together; {len(found['meshes'])} meshes, "
-            f"the last of {last['elements']:,} elements")
+            f"the last of {last['elements']:,} elements; the mesh's error is {checked}")
 
 
 def _off(summary: Mapping[str, object]) -> str:
