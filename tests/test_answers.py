@@ -134,6 +134,23 @@ def test_resultants_are_their_own_where_contact_meets_the_rim(cut):
         assert close(np.array(list(probe["values"].values()))[:, 0], one, 1e-7)
 
 
+@pytest.mark.parametrize("gap, thick", [({}, 2.0), ({"gap": "geometry"}, 2.0), ({"gap": "geometry"}, 0.2)],
+                         ids=["touching", "as the geometry has it", "plates"])
+def test_moments_balance_where_meshes_are_shifted(gap, thick):
+    """By a quarter of an element: nodes that are no partners are none under gap: geometry either. Outer sides of plates that are thinner than
+    an element, back to back, are no sides in each other."""
+    block = {"size": [2, 2, thick], "cells": [2, 2, 1]}
+    found = solve(config_from({
+        "name": "shifted", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}],
+        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": block}, "move": {"translate": [0.2, 0.15, thick]}}],
+        "interfaces": [{"between": ["base", "top"], "law": "contact", "friction": 0.5, **gap}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "top/zmax", "displacement": [0.002, 0, -0.01]}],
+        "method": {"tolerance": {"error": 1e-6}}})).summary
+    forces, moments = np.array(found["reactions"])[:, 0], np.array(found["reaction_moments"]["moments"])[:, 0]
+    assert np.abs(forces).max() > 1 and close(forces[0], -forces[1], 1e-7)
+    assert np.abs(moments.sum(axis=0)).max() < 1e-7 * np.abs(moments).max()
+
+
 def test_sections_carry_the_whole_wherever_they_go():
     """Half an element from a support, and from a joint of meshes that do not match; beside a foundation and a tool, of a part by name."""
     section = [{"section": {"plane": "z", "at": z}, "about": [0, 0, 0], **more} for z, more in (

@@ -21,6 +21,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facin
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skin, over, smooth_patches, surface_of
+from orchestrator.scene.interfaces.thickness import back_to_back
 from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
@@ -68,6 +69,8 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
     size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
     reach = (tolerance * size if within is None else within) + one.surface.sagitta + two.surface.sagitta.max(initial=0.0)
     found = find_segments(x, y, reach, cosine)
+    found = found.some(~back_to_back(x, y, found.slave, found.master, np.where(found.distance < -COINCIDE * x.size[found.slave],
+                                                                               -found.distance, 0.0)))
     i, j = found.slave, found.master
     here, there = one.surface.some(i), two.surface.some(j)
     distance = found.distance - sum(over(side.bulge, at) for side, at in zip((here, there), found.middles))

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, opposite
+from orchestrator.scene.interfaces.thickness import back_to_back
 from orchestrator.scene.mesh.faces import edge_patches
 
 # How deep, in h, parts may reach into each other to be noticed.
 DEEP = 0.5
-# Corners may miss each other sideways by this share of h, or of their distance where that is larger: normals turn.
+# Corners that are apart may miss each other sideways by this share of their distance: normals turn.
 ASIDE = 0.3
 # The three ways in which corners of two opposite triangles, then the middles of their edges, can belong together.
 TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
@@ -45,7 +46,7 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     """
     size = one.size
     reach = COINCIDE * size if not apart else np.full(len(size), within) if within else share * np.maximum(size, two.size.max())
-    found = list(opposite(one, two, (1 + ASIDE) * reach + ASIDE * size * apart, spheres=False))
+    found = list(opposite(one, two, (1 + ASIDE) * reach, spheres=False))
     if not found:
         return []
     i, j = (np.concatenate(side) for side in zip(*found))
@@ -57,8 +58,10 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     aside = np.linalg.norm(away - along[..., None] * normal[:, None, None, :], axis=3).max(axis=2)  # (m, 3)
     turn, rows = aside.argmin(axis=1), np.arange(len(i))
     aside, distance = aside[rows, turn], along[rows, turn].mean(axis=1)
-    limit, depth = (ASIDE * np.maximum(size[i], np.abs(distance)), DEEP * size[i]) if apart else (reach, reach)
+    limit, depth = (np.maximum(COINCIDE * size[i], ASIDE * np.abs(distance)), DEEP * size[i]) if apart else (reach, reach)
     fits = np.flatnonzero((distance <= reach) & (distance >= -depth) & (aside <= limit))
+    if apart:
+        fits = fits[~back_to_back(one, two, i[fits], j[fits], np.where(distance < -COINCIDE * size[i], -distance, 0.0)[fits])]
     # of several partners the nearest; then one node for one node
     order = fits[np.lexsort((aside[fits], np.abs(distance[fits])))]
     keep = np.sort(order[np.unique(i[order], return_index=True)[1]])
