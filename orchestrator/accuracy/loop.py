@@ -63,6 +63,7 @@ class _Refinement:
     tolerance : of the iterations on the mesh that is solved on, or will be next; as given, or such that they leave a small share
     plan : the next mesh, as the last solution asks for it; None where no other is needed
     why : why no finer mesh is tried, though the error is too large
+    known : meshes of files and the like, read once
     unsolved : why the iterations on the last mesh have stopped without converging
     """
 
@@ -75,7 +76,7 @@ class _Refinement:
         self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
-        self.passes, self.plan, self.why, self.unsolved, self.mesher = Passes(), None, "", "", None
+        self.passes, self.plan, self.why, self.unsolved, self.mesher, self.known = Passes(), None, "", "", None, {}
 
     def run(self, resume: bool, **options: bool) -> int:
         with mesher_for(self.config) as self.mesher:
@@ -136,7 +137,7 @@ class _Refinement:
         sizes: dict[int, dict] = {}
         for (part, name), one_map in self.passes.maps.items():
             sizes.setdefault(part, {})[name] = one_map
-        meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes)
+        meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
         return replace(self.means, meshed=meshed, judge=self._judged, artist=None, watch=None)
 
     def _judged(self, solution: Solution) -> Solution:

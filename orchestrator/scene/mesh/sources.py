@@ -29,20 +29,25 @@ SOURCES = {"beam": "mesh.sources", "box": "mesh.sources", "file": "mesh.files",
            "polycrystal": "mesh.polycrystal", "step": "mesh.solids"}
 
 
-def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None) -> tuple[Mesh, Faces]:
+def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None,
+              known: dict[str, Mesh] | None = None) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry, its names such as can be shown.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
 
     failed : takes what is wrong with single solids of a CAD file, by name: they are left out then
     sizes : elements are as small as these say: a CAD model is meshed so, the tets of other meshes are halved until they are
+    known : takes and gives sources' meshes before tets are halved, by what the configuration says of them
     Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
     key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
     make = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)
-    made = make(mesh, failed, sizes) if key == "step" else make(mesh)
-    if sizes and key != "step":
-        made = bisected(made, sizes[WHOLE])
+    if key == "step":
+        made = make(mesh, failed, sizes)
+    else:
+        known, name = {} if known is None else known, str(mesh)
+        made = known[name] = known.get(name) or make(mesh)
+        made = bisected(made, sizes[WHOLE]) if sizes else made
     return checked(finished(made, mesh, key))
 
 
@@ -75,12 +80,12 @@ def _named(mesh: Mesh) -> Mesh:
 
 
 def make_parts(parts: list[OnePart], run_programs: bool | None = False,
-               sizes: Mapping[int, Sizes] | None = None) -> tuple[Mesh, Faces]:
+               sizes: Mapping[int, Sizes] | None = None, known: dict[str, Mesh] | None = None) -> tuple[Mesh, Faces]:
     """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
     run_programs : whether programs are started that are parts; None: these are left out
-    sizes : part → as for ``make_mesh``
+    sizes : part → as for ``make_mesh``; known : as there
     Raises InputError: as ``make_mesh``; all parts' problems, each with its place in the YAML; programs that may not be started
     """
     foreign = [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
@@ -88,19 +93,19 @@ def make_parts(parts: list[OnePart], run_programs: bool | None = False,
         foreign = [(i, part) for i, part in foreign if part.program is None]
     elif not run_programs:
         check_asked(parts)
-    meshes = [_together(parts, sizes or {})] if any(part.mesh is not None for part in parts) else []
+    meshes = [_together(parts, sizes or {}, known)] if any(part.mesh is not None for part in parts) else []
     mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
 
 
-def _together(parts: list[OnePart], sizes: Mapping[int, Sizes]) -> Mesh:
+def _together(parts: list[OnePart], sizes: Mapping[int, Sizes], known: dict[str, Mesh] | None) -> Mesh:
     """The parts that have meshes of ours."""
     made, problems = [], Problems()
     for i, part in enumerate(parts):
         if part.mesh is None:
             continue
         try:
-            made.append(placed(make_mesh(part.source, sizes=sizes.get(i))[0], part.name, part.move))
+            made.append(placed(make_mesh(part.source, sizes=sizes.get(i), known=known)[0], part.name, part.move))
         except InputError as error:
             problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
     problems.raise_if_any()
