@@ -40,7 +40,7 @@ MORE = [name for name in RELATIONS if name not in DOORS and name not in FEW]
 
 
 @pytest.mark.parametrize("scene, relations, silent", [
-    (TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "superposed"}), late(BONDED, FEW + MORE, set())],
+    (TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
     ids=["contact", "contact, more", "bonded"])
 def test_relations_hold(scene, relations, silent):
     """Blocks pressed and sheared: all relations but those of other doors have something to say of them, and hold."""

@@ -7,10 +7,11 @@ no part in it, and where all is bonded each run's guaranteed bound is a bound in
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from benchmarks.metamorphic.answers import Answer, bodies
 from benchmarks.kit.elasticity import stiffness
@@ -73,6 +74,12 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
         float(np.abs(total(a.reactions - b.reactions)).max(initial=0.0) / force),
         float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * arm)),
         20 * sum(claims) + ROUNDING if bonded else LAWFUL)
+
+
+def in_order_of(a: Answer, b: Answer) -> Answer:
+    """The second answer with its nodes in the order of the first one's, found by their places."""
+    there = {name: cKDTree(b.places[name]).query(places)[1] for name, places in a.places.items() if name in b.places}
+    return replace(b, parts={name: b.parts[name][:, order] for name, order in there.items()})
 
 
 def size_of(a: Answer) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.metamorphic.answers import BROKEN, CODE_FAILED, CONVERGED, REFUSED, SINGULAR, STOPPED, Answer, answer
-from benchmarks.metamorphic.compare import distance
+from benchmarks.metamorphic.compare import distance, in_order_of
 from benchmarks.metamorphic.oracle import in_one_piece
 from benchmarks.metamorphic.relations import RELATIONS
 from benchmarks.metamorphic.variant import Variant
@@ -84,7 +84,8 @@ def _verdict(first: Answer, second: Answer, variant: Variant) -> tuple[str, str]
     if second.outcome == CONVERGED:
         if slaves(first, variant.names) != slaves(second, {}):
             return "another slave", ""
-        apart = distance(first, variant.seen(second), variant.joint)
+        seen = variant.seen(second)
+        apart = distance(first, in_order_of(first, seen) if variant.shuffled else seen, variant.joint)
         if any(loose(x) for x in (first, second)):  # pieces of a body too, which would strain it where they stand elsewhere
             apart = replace(apart, displacement=0.0, allowed=max(apart.allowed, LOOSE))
         if variant.cuts and slaves(first, {}):  # operators on other pieces are other ones

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.metamorphic import models
+from benchmarks.metamorphic import models, unchanged
 from benchmarks.metamorphic.units import in_units, loaded, turned
 from benchmarks.metamorphic.variant import Variant
 
@@ -198,7 +198,8 @@ RELATIONS: dict[str, Relation] = {
     "turned by quarters": turned_round, "turned askew": turned_askew, "other units": other_units, "loaded more": loaded_more,
     "renamed": renamed, "reordered": reordered, "sides swapped": sides_swapped, "cut otherwise": cut_otherwise,
     "solved otherwise": solved_otherwise, "batched": batched, "step repeated": step_repeated,
-    "superposed": superposed, "said otherwise": said_otherwise}
+    "superposed": superposed, "said otherwise": said_otherwise, "cancelled": unchanged.cancelled, "after rest": unchanged.after_rest,
+    "read from files": unchanged.read_from_files}
 # Dearer ones, tried on fewer scenes.
 DOORS: dict[str, Relation] = {
     "another code": models.other_code, "part as matrix": models.part_as_matrix, "part as deck": models.part_as_deck,

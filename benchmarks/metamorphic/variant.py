@@ -21,6 +21,7 @@ class Variant:
     sums : (T, own load steps), what of its load steps adds up to the first scene's
     without : parts that are not compared: models of others, of which joints alone are known
     joint : supports that share nodes may have shared their reaction otherwise; their sum counts
+    shuffled : its nodes are in another order, and known by their places
     cuts : cut otherwise, so that some cuts may be refused, and operators between meshes that do not match are others
     """
 
@@ -35,6 +36,7 @@ class Variant:
     without: set[str] = field(default_factory=set)
     joint: bool = False
     cuts: bool = False
+    shuffled: bool = False
 
     def seen(self, answer: Answer) -> Answer:
         """Of the variant's, in the axes, units and names of the first scene."""
