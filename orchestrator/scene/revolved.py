@@ -57,7 +57,7 @@ class Revolved:
             distance, normal, slopes = now.at(x)
             slopes = np.hstack([-normal, cross(normal, x - now.centre), slopes])
             step = np.linalg.lstsq(slopes, -distance, rcond=NONE)[0]
-            axis = now.axis + np.cross(step[3:6], now.axis)
+            axis = now.axis + cross(step[None, 3:6], now.axis[None])[0]
             now = replace(now, centre=now.centre + step[:3], axis=axis / np.linalg.norm(axis), numbers=now.numbers + step[6:])
         return now
 

@@ -97,8 +97,10 @@ def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray
 
 def _turn(scene: Scene, i: Interface) -> np.ndarray:
     """(c, 3) by how much the other side's unit normals differ from an interface's own, at the nodes shown; 0 where nothing is opposite."""
-    one = _normals(scene.side_points(i, 0), i.triangles)
-    two = _normals(scene.side_points(i, 1), i.triangles_on(1))
+    points, other = (scene.side_points(i, side) for side in (0, 1))
+    if i.paired and np.array_equal(points, other):  # as where one mesh was cut: the same facets
+        return np.zeros_like(points)[i.shown]
+    one, two = _normals(points, i.triangles), _normals(other, i.triangles_on(1))
     if i.paired:
         return (two - one)[i.shown]
     there = unit(i.mortar.second[::3, ::3] @ two)
