@@ -5,6 +5,7 @@ Indices are zero-based. Lengths, forces and moduli are in the user's units.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -165,6 +166,11 @@ class Interface(FacePatch):
     def cells_on(self, side: int) -> np.ndarray:
         """(k, 2) int, global cells behind each of these facets, in E1 and in E2."""
         return self.mortar.cells if side and self.mortar else self.cells
+
+
+def ends_of(interfaces: Iterable[Interface]) -> np.ndarray:
+    """(n, 2) int, the subdomains of each."""
+    return np.array([i.subdomains for i in interfaces], dtype=int).reshape(-1, 2)
 
 
 @dataclass(frozen=True)

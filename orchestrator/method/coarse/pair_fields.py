@@ -22,6 +22,7 @@ from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.kernels import carried, slopes, spread, swept
 from orchestrator.method.interface.pairs import Pairs
+from orchestrator.scene.model import ends_of
 
 EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
@@ -64,7 +65,7 @@ class PairFields:
         for i, (shapes, mixed) in enumerate(found):
             phi[pairs.bounds[i]: pairs.bounds[i + 1], : len(mixed)] = shapes
             A[i, :, : len(mixed)] = mixed.reshape(-1, 3, width).swapaxes(0, 1)
-        ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        ends = ends_of(pairs.interfaces)
         return cls(pairs, phi, A.reshape(len(found), 3 * m, width), np.ascontiguousarray(L, dtype=np.float32), ends, count)
 
     def __post_init__(self) -> None:

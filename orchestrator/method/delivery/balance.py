@@ -32,7 +32,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.model import Interface, Scene, ends_of
 
 # Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.
 NO_CENTRE = 1e-6
@@ -163,7 +163,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     taken : what supports take besides, see ``lawful``
     """
     scene = d.scene
-    perfect = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+    perfect = ends_of(i for i in scene.interfaces if i.law.perfect)
     count, body = components(*perfect.T, len(scene.subdomains))
     nodes = scene.mesh.nodes
     ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3)) * np.array([[-1], [1]])

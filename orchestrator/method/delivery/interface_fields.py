@@ -23,7 +23,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.model import Interface, Scene, ends_of
 
 
 SHIFTS = ("shift_normal", "shift_tangential")
@@ -167,7 +167,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     nodes, others = ([x[k] for x in (_nodes(scene, i) for i in chosen)] for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
-        np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets, at_shown(nodes), at_shown(others),
+        ends_of(chosen), offsets, at_shown(nodes), at_shown(others),
         joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]), normal, area,
         at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,

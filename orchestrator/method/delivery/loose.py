@@ -26,7 +26,7 @@ from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Scene, ends_of
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
@@ -37,7 +37,7 @@ LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, 
 
 def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins], dtype=int).reshape(-1, 2)
+    joined = ends_of(i for i in scene.interfaces if i.law.joins)
     bodies, body = components(*joined.T, len(scene.subdomains))
     fixed = np.zeros(bodies, bool)
     fixed[body[[s.fixed.any() for s in scene.subdomains]]] = True
@@ -123,7 +123,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     epsilon, largest, carried = team.max(*(x.max(initial=0.0) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
     moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None]) for t, _, before in iterated.by_pairing(d)])
-    ends = np.repeat(np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2), np.diff(pairs.bounds), axis=0)
+    ends = np.repeat(ends_of(pairs.interfaces), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):
         for side in ends.T:

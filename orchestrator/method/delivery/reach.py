@@ -28,6 +28,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bodies import RIGID, Bodies
+from orchestrator.scene.model import ends_of
 
 PASSES = 5  # in which weights follow what is within reach
 FREE = 1e-10  # stiffness of a motion, over that of all pairs closed, that counts as none
@@ -104,7 +105,7 @@ class _Springs:
     def __init__(self, pairs: Pairs, bodies: Bodies, moved: np.ndarray, stiffness: np.ndarray):
         self.pairs, self.bodies, self.stiffness = pairs, bodies, stiffness
         self.T = np.concatenate([pairs.transfer.first(moved), -pairs.transfer.second(moved)])  # (12, 3, P)
-        self.ends = bodies.body[np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)]
+        self.ends = bodies.body[ends_of(pairs.interfaces)]
         self.supports = sp.block_diag(list(stiffness[:, None, None] * bodies.held), format="csr")
         closed = dot(self.T, pairs.points.stiffness(self.T)) * pairs.mine
         whole = np.zeros((bodies.count, RIGID))

@@ -21,7 +21,7 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import HELD, motions_about
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import Scene, Subdomain, ends_of
 from orchestrator.timing import Savings
 
 ZERO = 1e-11  # of what loads and supports would do alone in energy norm: what rounding leaves of an answer that is zero
@@ -178,7 +178,7 @@ class Carried:
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Carried:
         """Of a scene; of a rank's part of one, whose ``rank_of`` its subdomains are, together with all others."""
-        joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
+        joined = ends_of(i for i in scene.interfaces if i.law.joins)
         body = components(*joined.T, len(scene.subdomains))[1]
         own, moved = [s for s in scene.subdomains if rank_of[s.index] == team.rank], np.zeros(body.max() + 1)
         for s in own:

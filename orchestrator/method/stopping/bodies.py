@@ -10,6 +10,7 @@ from orchestrator.laws.base import Law
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.model import ends_of
 
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
 RIGID = 6
@@ -32,7 +33,7 @@ class Bodies:
     def __init__(self, d: Decomposition, joins: Callable[[Law], bool]):
         self.team, self.boundary = d.space.team, d.space.boundary
         subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
-        joined = np.array([i.subdomains for i in d.scene.interfaces if joins(i.law)]).reshape(-1, 2)
+        joined = ends_of(i for i in d.scene.interfaces if joins(i.law))
         self.count, self.body = components(*joined.T, len(subdomains))
         self.own = self.body[d.space.subdomains]
         self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]

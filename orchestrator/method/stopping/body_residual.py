@@ -23,12 +23,12 @@ from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.bodies import Bodies
 from orchestrator.method.stopping.law_residuals import Lengths
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Scene, ends_of
 
 
 def judged_together(scene: Scene, bodies: Bodies) -> np.ndarray:
     """(subdomains,) int, the group of each."""
-    ends = bodies.body[np.array([i.subdomains for i in scene.interfaces], dtype=int).reshape(-1, 2)]
+    ends = bodies.body[ends_of(scene.interfaces)]
     touching = ends[bodies.loose.any(axis=(1, 2))[ends].all(axis=1)]
     return components(*touching.T, bodies.count)[1][bodies.body]
 

@@ -20,6 +20,7 @@ from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.method.stopping.cone_problem import failing, Motion, Reach, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
+from orchestrator.scene.model import ends_of
 
 ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
 RIGIDLY = 1e-6  # of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits
@@ -114,7 +115,7 @@ class LimitLoads:
         """What this rank's points may carry at a load step of the scene; parameters as of ``__call__``."""
         first, second = (side(self.everywhere).transpose(2, 1, 0) for side in (pairs.transfer.first, pairs.transfer.second))
         J = np.concatenate([-first, second], axis=2)
-        ends = self.bodies.body[np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)]
+        ends = self.bodies.body[ends_of(pairs.interfaces)]
         counts = np.diff(pairs.bounds)
         ends, group = np.repeat(ends, counts, axis=0), np.repeat([i.index for i in pairs.interfaces], counts).astype(int)
         apart = [np.zeros(0)]

@@ -10,7 +10,7 @@ from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.model import Interface, Scene, ends_of
 from orchestrator.scene.partition import Partition
 
 
@@ -26,7 +26,7 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     for i in scene.interfaces:
         if i.law.on_ground:
             kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], np.zeros(3), 1.0)))
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins and not i.law.on_ground], dtype=int).reshape(-1, 2)
+    joined = ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground)
     count, body = components(*joined.T, len(scene.subdomains))
     loose = np.zeros(count, dtype=bool)
     for b in range(count):

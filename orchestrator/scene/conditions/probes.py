@@ -15,7 +15,7 @@ from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Interface, ends_of
 from orchestrator.scene.names import matching, suggestion
 
 # A point counts as in a tet that it is outside of by rounding, in barycentric coordinates.
@@ -213,7 +213,7 @@ class Finder:
         if len(volumes) > 1:
             return [self.mesh.volumes[v] for v in volumes]
         theirs = np.unique(self.subdomain[cells])
-        bonds = np.array([i.subdomains for i in self.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+        bonds = ends_of(i for i in self.interfaces if i.law.perfect)
         held = components(*bonds.T, len(self.bodies))[1][theirs]
         first = theirs[np.unique(held, return_index=True)[1]]
         return list(dict.fromkeys(self.bodies[e] for e in first))

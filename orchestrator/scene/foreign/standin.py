@@ -22,7 +22,7 @@ from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, StandIn
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Interface, ends_of
 from orchestrator.scene.names import INSIDE
 from orchestrator.scene.soles.facets import Facets
 from orchestrator.scene.soles.make import prisms
@@ -180,7 +180,7 @@ def report_units(mesh: Mesh, interfaces: list[Interface], subdomain: np.ndarray,
         own, name, beside = stand.matter[0], mesh.volumes[stand.volume], "the material: of its entry"
         others = young[cells[:1]]
         if others[0] == own:
-            pairs = np.array([i.subdomains for i in interfaces], dtype=int).reshape(-1, 2)
+            pairs = ends_of(interfaces)
             met = np.setdiff1d(pairs[(pairs == subdomain[cells[0]]).any(axis=1)], subdomain[cells[0]])
             others, beside = young[np.isin(subdomain, met)], "the nearest of the parts that it meets"
         with np.errstate(divide="ignore", invalid="ignore"):

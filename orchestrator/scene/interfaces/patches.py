@@ -18,7 +18,7 @@ from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, close_
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import Faces, components, edge_patches
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Interface, ends_of
 from orchestrator.scene.names import suggestion
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
@@ -74,7 +74,7 @@ def _shared(search: Search) -> list[Interface]:
 
 def _report_loose(search: Search, shared: list[Interface]) -> None:
     """Pieces of one volume that no faces connect."""
-    sides = np.array([i.subdomains for i in shared], dtype=int).reshape(-1, 2)
+    sides = ends_of(shared)
     count, piece = components(*sides.T, len(search.partition.names))
     if count > 1:
         report_loose_pieces(search, piece[search.partition.subdomain])

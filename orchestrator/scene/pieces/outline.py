@@ -10,7 +10,7 @@ import numpy as np
 from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.cautions import Acting, locking, noted, ratios
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain
+from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain, ends_of
 from orchestrator.scene.part import overview
 
 _NONE = np.empty(0, dtype=int)
@@ -72,7 +72,7 @@ class Outline:
         known, subdomains = overview(scene), [scene.subdomains[e] for e in own]
         mine = np.isin(np.arange(len(present)), own)
         first = [i for i in scene.interfaces if mine[i.subdomains[0]]]
-        sides, at = np.array([i.subdomains for i in first], dtype=int).reshape(-1, 2), np.array([i.index for i in first], dtype=int)
+        sides, at = ends_of(first), np.array([i.index for i in first], dtype=int)
         bare = np.array([not len(i.triangles) for i in first], dtype=int)
         changes = np.diff(np.column_stack([bare, sides]), axis=0).any(axis=1)
         begins = np.flatnonzero(np.concatenate([[True], changes])) if len(first) else _NONE
