@@ -14,7 +14,7 @@ from orchestrator.laws.contact import Contact, forces, OPEN, SLIP, slopes, STICK
 from orchestrator.laws.elastic import Elastic, SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import BONDED, Hold, Points, Status, table
 from orchestrator.method.iterated import load_cases
-from orchestrator.registry import DEFAULT_LAW, LAWS
+from orchestrator.registry import DEFAULT_LAW, GROUND, LAWS
 from orchestrator.scene.build import build_scene
 
 ROOT = Path(__file__).parents[1]
@@ -313,7 +313,7 @@ def test_statuses_of_one_scene_have_one_name_each():
     class Wear(Law):
         name, statuses = "wear", (Status(2, "worn", "#000000", Hold.ALWAYS, Hold.NEVER),)
 
-    assert [s.name for s in table(LAWS.values())][:4] == ["open", "stick", "slip", "bonded"]
+    assert [s.name for s in table([*LAWS.values(), *GROUND.values()])][:4] == ["open", "stick", "slip", "bonded"]
     with pytest.raises(ValueError, match="law wear: status 2 is called 'worn', but it is 'slip' elsewhere"):
         table([Contact, Wear])
     assert BONDED == 3 and [int(s) for s in table([])] == [3]

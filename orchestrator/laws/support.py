@@ -16,9 +16,9 @@ import numpy as np
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status
 
-SUPPORTED = Status(9, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
-GUIDED = Status(10, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)
-CARRIED = Status(11, "carried along", "#F0E442", Hold.NEVER, Hold.ALWAYS)
+SUPPORTED = Status(13, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
+GUIDED = Status(14, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)
+CARRIED = Status(15, "carried along", "#F0E442", Hold.NEVER, Hold.ALWAYS)
 NOTHING_LEFT = 1e-6  # of a direction, where the components that are not prescribed have no more of it: coordinates have six digits
 UPRIGHT = 0.99  # cosine between a direction and the normal, from which it is what keeps bodies from moving along the normal
 
