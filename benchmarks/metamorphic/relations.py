@@ -52,7 +52,7 @@ def other_units(data: dict, rng: np.random.Generator) -> Variant | None:
 def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
     """Everything that acts, and all gaps that are numbers, times a factor: all laws are homogeneous in that."""
     if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
-           for e in data.get("interfaces", [])) or any(e.get("pairing") for e in data.get("interfaces", [])):
+           for e in data.get("interfaces", [])) or any(e.get("pairing") or e["law"] == "cohesive" for e in data.get("interfaces", [])):
         return None
     opens = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", []))
     one_way = opens or "bolts" in data or any("spin" in e for e in data.get("loads", []))  # bolts pull, turning bodies are pulled out
@@ -158,7 +158,7 @@ def step_repeated(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def superposed(data: dict, rng: np.random.Generator) -> Variant | None:
     """Whatever acts in a load step of its own, where all is linear: the answers add up."""
-    if any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", [])) or "bolts" in data:
+    if any(e["law"] in ("contact", "cohesive") or e.get("tension_only") for e in data.get("interfaces", [])) or "bolts" in data:
         return None
     made, factors = copy.deepcopy(data), []
     h = _factors(data)

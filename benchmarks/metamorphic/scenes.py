@@ -18,7 +18,7 @@ HISTORIES = {"one": None, "two steps": [0.5, 1.0], "off": [1.0, 0.0], "reversal"
              "four": [1.0, 1.0, 0.2, -0.7]}
 CUTS = ["groups"] * 5 + ["split"] * 2 + ["metis", "slices", "grid"]
 PRESCRIBING = ("displacement", "partly", "motion", "frame", "rigid coupling", "distributed coupling")
-LAWS = ["perfect"] * 5 + ["contact"] * 7 + ["elastic", "elastic", "taut", "jump", "jump"]
+LAWS = ["perfect"] * 5 + ["contact"] * 7 + ["elastic", "elastic", "taut", "jump", "jump", "cohesive"]
 
 
 @st.composite
@@ -249,11 +249,14 @@ def _bolt(draw, body: Body, boundary: list[dict], unit: float, timed: dict) -> d
 
 def _law(draw, law: str, pair: Pair | None, unit: float, timed: dict, words: set[str]) -> dict:
     words.add(f"law {law}")
-    stiff = YOUNG / unit * draw(st.sampled_from([0.1, 1.0, 100.0])) if law in ("elastic", "taut") else 0.0
+    stiff = YOUNG / unit * draw(st.sampled_from([0.1, 1.0, 100.0])) if law in ("elastic", "taut", "cohesive") else 0.0
     if law == "elastic":
         return {"law": "elastic", "stiffness_n": stiff, "stiffness_t": 0.4 * stiff}
     if law == "taut":
         return {"law": "elastic", "stiffness_n": stiff, "stiffness_t": 0.4 * stiff, "tension_only": True}
+    if law == "cohesive":  # tough enough not to snap
+        strength = YOUNG * STRAIN * draw(st.sampled_from([0.3, 1.0, 1e3]))
+        return {"law": "cohesive", "stiffness": stiff, "strength": strength, "toughness": 20 * strength**2 / stiff}
     if law == "jump":
         return {"law": "jump", "jump": _vector(draw, unit * STRAIN)} | (timed if draw(st.booleans()) else {})
     if law == "perfect":

@@ -14,7 +14,7 @@ DIMENSIONS: dict[str, tuple[int, int]] = {
     "jump": (1, 0), "gap": (1, 0), "within": (1, 0), "young": (-2, 1), "density": (-4, 1), "gravity": (1, 0), "body_force": (-3, 1),
     "traction": (-2, 1), "pressure": (-2, 1), "value pressure": (-2, 1), "gradient pressure": (-3, 1), "gradient temperature": (-1, 0),
     "force": (0, 1), "moment": (1, 1), "normal": (-3, 1), "tangential": (-3, 1), "stiffness": (-3, 1), "stiffness_n": (-3, 1),
-    "stiffness_t": (-3, 1), "moments_about": (1, 0)}
+    "stiffness_t": (-3, 1), "strength": (-2, 1), "toughness": (-1, 1), "moments_about": (1, 0)}
 VECTORS = {"translate", "about", "displacement", "traction", "gradient", "force", "moment", "body_force", "gravity", "jump", "rotation"}
 LOADS = {"displacement", "jump", "gap", "body_force", "gravity", "traction", "pressure", "value pressure", "gradient pressure",
          "value temperature", "gradient temperature", "temperature", "force", "moment", "rotation", "degrees motion", "translate motion"}
