@@ -283,7 +283,12 @@ PARTITIONS = ENDLESS.replace("{box: {size: [8, 1, 1], cells: [16, 2, 2]}}", f"{{
     "{slices: {axis: x, count: 8}}", "groups").replace("xmin", "wall").replace("xmax", "end")
 
 
-@pytest.mark.parametrize("endless", [ENDLESS, PARTITIONS], ids=["box", "partitions"])
+PARTS = ENDLESS.replace("mesh: {box: {size: [8, 1, 1], cells: [16, 2, 2]}}", "parts:" + "".join(
+    f"\n  - {{name: p{i}, mesh: {{box: {{size: [1, 1, 1], cells: [2, 2, 2]}}}}, move: {{translate: [{i}, 0, 0]}}}}" for i in range(6))).replace(
+    "{slices: {axis: x, count: 8}}", "groups").replace("xmin", "p0/xmin").replace("xmax", "p5/xmax")
+
+
+@pytest.mark.parametrize("endless", [ENDLESS, PARTITIONS, PARTS], ids=["box", "partitions", "parts"])
 @pytest.mark.long
 def test_ranks_go_on_with_what_one_process_has_begun(endless, tmp_path, temporary):
     """With a mesh that they make in pieces, of which nobody has all to compare."""

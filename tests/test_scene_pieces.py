@@ -60,10 +60,15 @@ def saved(tmp_path_factory):
 
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
-@pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file"])
+@pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "parts bonded"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     file = {"mesh": {"file": str(saved / "bar.msh"), "scale": 2.0}} if case == "one file" else {}
     config = config_from({"name": "pieces", **CASES["partitions" if file else case], **file, "blackbox": {"element": element}})
+    same_as_one(config, 3)
+
+
+def same_as_one(config, ranks):
+    """The parts that ranks make are those that one process would hand out."""
     whole = build_scene(config)
     known = overview(whole)
     assert len(whole.subdomains) >= 4
@@ -72,12 +77,12 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
         part = make(config, team)
         rank_of = part.overview.rank_of
         dealt = part_of(whole, np.flatnonzero(rank_of == team.rank), known)
-        assert np.bincount(rank_of, minlength=3).min() > 0
+        assert np.bincount(rank_of, minlength=ranks).min() > 0
         wrong = differing(part, dealt)
         own = [f".subdomains[{e}].loads" for e in np.flatnonzero(rank_of == team.rank)]
         return [place for place in wrong if place in own or not place.endswith(ELSEWHERE)]
 
-    for found in among(3, of_rank):
+    for found in among(ranks, of_rank):
         assert not isinstance(found, Exception), found
         assert found == []
 
@@ -118,8 +123,8 @@ def test_files_that_do_not_belong_together_are_left_to_one(saved, folder, told):
 
 
 @pytest.mark.parametrize("shift, joined", [(0.0, 2), (0.003, 1), (30.0, 1)])
-def test_bodies_of_a_file_that_share_no_nodes_are_left_to_one(tmp_path, shift, joined):
-    """It bonds what touches, warns of what is near, and sees whether all are held."""
+def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
+    """What touches is bonded; one that has all of the mesh warns of what is near, and sees whether bodies apart are held."""
     with session():
         for corner in (0.0, 1.0 + shift):
             gmsh.model.occ.addBox(corner, 0, 0, 1, 1, 1)
@@ -135,8 +140,9 @@ def test_bodies_of_a_file_that_share_no_nodes_are_left_to_one(tmp_path, shift, j
     ends = [{"on": {"plane": "x", "at": at}, "displacement": [0, 0, 0]} for at in (0.0, 2.0 + shift)]
     config = config_from({"name": "boxes", "mesh": {"file": str(tmp_path / "boxes.msh")}, "subdomains": "groups",
                           "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": ends})
-    assert among(2, lambda team: make(config, team)) == [None, None]
-    whole = build_scene(config)
+    found, whole = among(2, lambda team: make(config, team)), build_scene(config)
+    assert [part is None for part in found] == [joined == 1] * 2
+    assert joined == 1 or [len(part.interfaces) for part in found] == [len(whole.interfaces)] * 2
     assert components(*np.array([i.subdomains for i in whole.interfaces]).T, len(whole.subdomains))[0] == 3 - joined
     assert bool(whole.warnings[1:]) == (shift == 0.003)
 
@@ -156,6 +162,35 @@ def test_arms_that_are_near_each_other_are_left_to_one(tmp_path):
                           "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]})
     assert build_scene(config).near
     assert among(4, lambda team: make(config, team)) == [None] * 4
+
+
+def _block(name, corner, cells=(2, 2, 2), **more):
+    return {"name": name, "mesh": {"box": {"size": [1, 1, 1], "cells": list(cells)}}, "move": {"translate": corner}, **more}
+
+
+# four blocks of a square that meet in a line, and one on top of two of them
+FIVE = [_block("one", [0, 0, 0]), _block("two", [1, 0, 0]), _block("three", [1, 1, 0], material={"young": 1e5, "poisson": 0.2}),
+        _block("four", [0, 1, 0]), _block("five", [0.5, 0, 1])]
+
+
+@pytest.mark.parametrize("interfaces", [{}, {"interfaces": [{"law": "perfect"}]}])
+def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
+    """With supports that hold some of them by what they are bonded to."""
+    config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "four/ymax", "displacement": [None, 0, None]},
+                                       {"on": "five/zmax", "traction": [1, 0, -1]}], **interfaces})
+    same_as_one(config, 3)
+
+
+@pytest.mark.parametrize("change", [
+    {"interfaces": [{"law": "contact"}]}, {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks
+    {"parts": [*FIVE, _block("six", [1.5, 0.001, 1])]}, {"parts": [*FIVE, _block("apart", [9, 0, 0])]},
+    {"parts": [*FIVE, _block("inside", [0.25, 0.25, 0.25])]},
+    {"boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0}]}])  # half of it is covered
+def test_parts_that_one_has_to_judge_are_left_to_it(change):
+    config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}], **change})
+    assert among(3, lambda team: make(config, team)) == [None] * 3
 
 
 def test_a_piece_is_little_more_than_its_share():

@@ -31,6 +31,7 @@ from orchestrator.results.summary.summary import versions, write_summary
 from orchestrator.scene.mesh.partitioned import in_partitions
 from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.model import Scene
+from orchestrator.scene.pieces.sources import told_by_configuration
 from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
@@ -154,9 +155,11 @@ class Record(Subscriber):
 def _generated(config: Config, scene: Scene) -> bool:
     """Whether the configuration, or what is in its files, says all of the mesh, none of whose tets is halved: of what ranks have made
     together nobody has the nodes."""
-    if config.mesh is not None and config.mesh.file is not None:
+    if config.parts is not None:
+        return all(part.mesh is not None and told_by_configuration(part.mesh) for part in config.parts) and not config.refines
+    if config.mesh.file is not None:
         return bool(in_partitions(Path(config.mesh.file))) and not config.refines
-    box = config.mesh is not None and (config.mesh.box is not None or config.mesh.beam is not None)
+    box = config.mesh.box is not None or config.mesh.beam is not None
     return box and 3 * int(np.prod(grid_of(config.mesh).counts + 1)) == problem_size(scene)["dofs"]
 
 

@@ -144,12 +144,16 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
 
         report_joints(mesh, interfaces, cut.numbering, problems)
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
-    problems.warnings += loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
+    problems.warnings += (covered := loads_on_pairs(mesh, boundary, interfaces, cut.numbering))
+    if covered and mesh.within is not None:
+        problems.add(("boundary",), "loads on faces that lie on another part", "all of the mesh, to count them")
     if any(i.surfaces is not None for i in interfaces):
         stays = matter.held.copy()
         for stand in mesh.foreign:
             stays[stand.nodes] = True
         body.mesh = fitted(mesh, interfaces, stays)
+        if mesh.within is not None and not np.array_equal(body.mesh.nodes, mesh.nodes):
+            problems.add(("interfaces",), "curved faces that do not match", "all of the mesh, to fit one to the other")
         for entry, given, times in zip(boundary, config.boundary, _times(config, config.boundary)):
             entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems())  # told before
     return Joints(interfaces, near, bolts)

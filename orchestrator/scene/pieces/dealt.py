@@ -1,48 +1,24 @@
-"""Meshes that ranks have read in shares, cut at their volumes: each rank is dealt the cells of its subdomains, and of others those around."""
+"""Meshes that ranks have in shares, cut at their volumes: each rank is dealt the cells of its subdomains, and of others those around."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.parallel.borders import rendezvous
-from orchestrator.parallel.numbering import met, numbered
+from orchestrator.parallel.numbering import met
 from orchestrator.parallel.team import Team
 from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.mesh import Mesh, checked
-from orchestrator.scene.mesh.partitioned import check_whole
-from orchestrator.scene.mesh.sources import finished
 from orchestrator.scene.pieces.outline import Extent
 from orchestrator.scene.pieces.piece import Piece
 from orchestrator.scene.pieces.share import Share
 
-if TYPE_CHECKING:
-    from orchestrator.scene.mesh.files import MeshShare
-
+PLACES = 2**17  # along an axis: three of them are a number that messages can hold
 OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surface is called so
-
-
-def share_of(read: MeshShare, mesh: Any, team: Team) -> tuple[Share, int]:
-    """A rank's share of a file in the numbers of the whole mesh, and the number of its nodes; all ranks ask together.
-
-    mesh : ``mesh`` of the configuration
-    Raises InputError, on all ranks: partitions are missing
-    """
-    told = team.all_gather((read.volumes, list(read.mesh.surfaces), read.listed))
-    volumes = sorted({volume for volumes, _, _ in told for volume in volumes})
-    check_whole([listed for _, _, every in told for listed in every], {number for number, _ in volumes}, Path(read.mesh.source))
-    names, place = [name for _, name in volumes], {volume: i for i, volume in enumerate(volumes)}
-    surfaces = dict.fromkeys(name for _, names, _ in told for name in names)
-    own = np.array([place[volume] for volume in read.volumes], dtype=int)[read.mesh.volume]
-    whole = replace(read.mesh, volume=own, volumes=names,
-                    surfaces={name: read.mesh.surfaces.get(name, np.empty((0, 3), dtype=int)) for name in surfaces})
-    number, nodes = numbered(read.node_tags, team)
-    return Share(finished(whole, mesh, "file"), number, numbered(read.cell_tags, team)[0]), nodes
 
 
 class Dealt:
@@ -68,14 +44,16 @@ class Dealt:
         return self._volumes[index]
 
     def _measured(self, team: Team) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        mesh, number = self._share.mesh, self._share.number
+        """As ``sizes``; nodes that are at one place, but for what a grid of ``PLACES`` does not tell apart, are one."""
+        mesh, (low, high) = self._share.mesh, self.extent.box
         n = len(mesh.nodes)
         own = np.unique(mesh.volume[:, None] * np.int64(n) + mesh.cells)
         nodes, = team.sum(np.bincount(own // n, minlength=self.count))
         faces = faces_of(mesh.cells, n)
         sides = mesh.volume[np.stack([faces.owner, np.where(faces.neighbour < 0, faces.owner, faces.neighbour)])]
         border = (faces.neighbour < 0) | (sides[0] != sides[1])
-        pairs, common = met(np.tile(number[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
+        place = np.rint((mesh.nodes - low) / (high - low).max() * (PLACES - 1)).astype(int) @ PLACES ** np.arange(3)
+        pairs, common = met(np.tile(place[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
         return nodes, pairs[common > 2], common[common > 2]
 
     def deal(self, rank_of: np.ndarray, team: Team) -> None:
@@ -124,23 +102,28 @@ def _touching(share: Share, team: Team) -> list[np.ndarray]:
 
 
 def _near(mesh: Mesh, outer: np.ndarray, team: Team) -> list[np.ndarray]:
-    """For every rank the cells of this one's behind outer faces (k, 3) that are within reach of the box around outer faces of its."""
+    """For every rank cells of this one's volumes that have outer faces (k, 3) within reach of such of its: those behind all outer faces,
+    which tell of a pair what the whole would, and those that touch outer faces within reach of the box around its."""
     bodies = _bodies(mesh, outer)
     boxes = np.array([[*np.concatenate(body.box), REACH * body.size.max()] for body in bodies]).reshape(-1, 7)
-    found = [[np.empty(0, int)] for _ in range(team.size)]
+    found = [np.empty(0, int)] * team.size
     for rank, theirs in enumerate(team.all_gather(boxes)):
+        cells, met_there = [np.empty(0, int)], np.zeros(len(mesh.nodes), dtype=bool)
         for body, (*_, room) in zip(bodies, boxes) if rank != team.rank else ():
-            low, high = body.box
-            reach = np.maximum(theirs[:, 6], room)[:, None]
-            for box in theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1)]:
-                found[rank].append(body.cells[body.within((box[:3], box[3:6]), max(box[6], room))])
-    return [np.unique(np.concatenate(some)) for some in found]
+            (low, high), reach = body.box, np.maximum(theirs[:, 6], room)[:, None]
+            close = theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1)]
+            cells += [body.cells] * bool(len(close))
+            for box in close:
+                met_there[body.triangles[body.within((box[:3], box[3:6]), max(box[6], room))]] = True
+        found[rank] = np.union1d(np.concatenate(cells), np.flatnonzero(met_there[mesh.cells].any(axis=1)))
+    return found
 
 
 def _bodies(mesh: Mesh, outer: np.ndarray) -> list[Body]:
     """Outer faces (k, 3) of a mesh, by its volumes."""
     faces = faces_of(mesh.cells, len(mesh.nodes))
-    at = faces.find(outer)
-    none = np.empty(0, int)
+    at, none = faces.find(outer), np.empty(0, int)
+    if not len(at):
+        return []
     return outer_bodies(mesh, Faces(faces.nodes, faces.triangles[at], faces.keys[at], faces.owner[at], np.full(len(at), -1), none, none),
                         mesh.volume)

@@ -5,15 +5,12 @@ What is wrong is told by one process that makes the whole: where anything is, or
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, some, wrong
+from orchestrator.errors import some, wrong
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
@@ -22,17 +19,17 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about, null_space
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.faces import MAX_NODES, components
-from orchestrator.scene.mesh.partitioned import in_partitions
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.boxes import Boxes
-from orchestrator.scene.pieces.dealt import Dealt, share_of
+from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import Outline
 from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
 
 
-Source, T = Boxes | Dealt, TypeVar("T")
+Source = Boxes | Dealt
 
 
 def source_of(config: Config, team: Team = ALONE) -> Source | None:
@@ -43,21 +40,7 @@ def source_of(config: Config, team: Team = ALONE) -> Source | None:
     local = all(entry.kind.local for entry in (*config.boundary, *config.loads))
     if not (plain and bonded and codes and local) or config.method.tolerance.error == "auto":
         return None
-    return Boxes.of(config.mesh, config.subdomains) or _read(config, team)
-
-
-def _read(config: Config, team: Team) -> Dealt | None:
-    """A mesh file in partitions, each a subdomain."""
-    file, groups = config.mesh and config.mesh.file, config.subdomains.groups and config.subdomains.split_above is None
-    if not file or not groups or not team.share(bool(in_partitions(Path(file)))):
-        return None
-    from orchestrator.scene.mesh.files import read_share  # with it comes meshio
-
-    read = agreed(lambda: read_share(Path(file), team.rank, team.size), team)
-    try:
-        return None if read is None else Dealt(*share_of(read, config.mesh, team), team)
-    except InputError:  # on all of them
-        return None
+    return Boxes.of(config.mesh, config.subdomains) or dealt(config, team)
 
 
 def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | None:
@@ -81,19 +64,10 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     if local is None:
         return None
     whole = Outline.joined(team.all_gather(local.outline))
-    apart = components(*whole.sides[whole.order[:, 0] == 0].T, len(whole.number))[0] > 1
+    apart = components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[0] > 1
     if (whole.faces == 0).any() or apart or not _held(local, extent.box, team):
         return None
     return whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of))
-
-
-def agreed(made: Callable[[], T], team: Team) -> T | None:
-    """What each rank makes; None on all of them where any has found something wrong, or what hangs on others."""
-    try:
-        own = made()
-    except InputError:
-        own = None
-    return None if team.max(float(own is None))[0] else own
 
 
 @dataclass
@@ -125,8 +99,8 @@ class Local:
         if grounds := [entry.name for entry in scene.boundary if entry.ground]:
             raise wrong(("boundary",), f"grounds of {some(grounds)}", "supports that add no subdomain")
         near = [pair for pair in scene.near if np.isin(pair, mine).any()]
-        if near or not all(np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))) for i in scene.interfaces):
-            raise wrong(("interfaces",), "faces that lie opposite each other, or are near", "faces that are shared")
+        if near:
+            raise wrong(("interfaces",), "faces that are near each other", "faces that are joined, or far apart")
         part = part_of(scene, own, None)
         part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
         return cls(part, present, Outline.of(scene, part, present, own))

@@ -32,7 +32,7 @@ class Outline:
     """Of some subdomains and of the interfaces whose first side they are, in the order of the whole scene.
 
     number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
-    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none; order : (k, 2) int, whether it has no faces, and its place among those of its pair
+    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none; order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, and its place among those of its pair
     mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s,) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
@@ -71,17 +71,14 @@ class Outline:
         """
         known, subdomains = overview(scene), [scene.subdomains[e] for e in own]
         mine = np.isin(np.arange(len(present)), own)
-        first = [i for i in scene.interfaces if mine[i.subdomains[0]]]
-        sides, at = ends_of(first), np.array([i.index for i in first], dtype=int)
-        bare = np.array([not len(i.triangles) for i in first], dtype=int)
-        changes = np.diff(np.column_stack([bare, sides]), axis=0).any(axis=1)
-        begins = np.flatnonzero(np.concatenate([[True], changes])) if len(first) else _NONE
-        place = np.arange(len(first)) - np.repeat(begins, np.diff(np.append(begins, len(first))))
+        order, at = _order(scene), np.array([i.index for i in scene.interfaces if mine[i.subdomains[0]]], dtype=int)
+        first = [scene.interfaces[k] for k in at]
+        sides = ends_of(first)
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
                    *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes)),
-                   present[sides], np.array([i.entry for i in first], dtype=int), np.column_stack([bare, place]), *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
+                   present[sides], np.array([i.entry for i in first], dtype=int), order[at], *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int),
                    np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
 
@@ -89,7 +86,7 @@ class Outline:
     def joined(cls, several: Sequence[Outline]) -> Outline:
         """Of all ranks'."""
         own = np.argsort(np.concatenate([x.number for x in several]))
-        key = np.column_stack([np.concatenate([x.order for x in several]), np.concatenate([x.sides for x in several])])
+        key = np.column_stack([np.concatenate([x.order for x in several]), np.sort(np.concatenate([x.sides for x in several]), axis=1)])
         pairs = np.lexsort((key[:, 1], key[:, 3], key[:, 2], key[:, 0]))
 
         def sorted_(name: str) -> object:
@@ -145,6 +142,17 @@ class Outline:
     def _hollow(self, e: int, part: Scene) -> Subdomain:
         return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),
                          np.empty((part.steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e])
+
+
+def _order(scene: Scene) -> np.ndarray:
+    """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
+    made = scene.interfaces
+    kind = np.array([2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
+                     for i in made], dtype=int)
+    pairs = np.sort(ends_of(made), axis=1)
+    changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)
+    begins = np.flatnonzero(np.concatenate([[True], changes])) if made else _NONE
+    return np.column_stack([kind, np.arange(len(made)) - np.repeat(begins, np.diff(np.append(begins, len(made))))])
 
 
 def _hollow(index: int, title: str, pair: tuple[int, int], entry: int, mesh: Mesh) -> Interface:

@@ -1,0 +1,99 @@
+"""Meshes that ranks read or make in shares: files in partitions, some of them each; parts, some of them each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from orchestrator.config.mesh import OnePart
+from orchestrator.config.model import Config
+from orchestrator.errors import InputError, wrong
+from orchestrator.parallel.numbering import numbered
+from orchestrator.parallel.team import Team
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.partitioned import check_whole, in_partitions
+from orchestrator.scene.mesh.sources import finished, joined, make_mesh, placed
+from orchestrator.scene.pieces.dealt import Dealt
+from orchestrator.scene.pieces.share import Share
+
+T = TypeVar("T")
+
+
+def agreed(made: Callable[[], T], team: Team) -> T | None:
+    """What each rank makes; None on all of them where any has found something wrong, or what hangs on others."""
+    try:
+        own = made()
+    except InputError:
+        own = None
+    return None if team.max(float(own is None))[0] else own
+
+
+def dealt(config: Config, team: Team) -> Dealt | None:
+    """The configuration's mesh, each volume a subdomain; None, on all ranks, where they cannot make it together."""
+    if not config.subdomains.groups or config.subdomains.split_above is not None:
+        return None
+    if config.parts is not None:
+        return _of_parts(config.parts, team)
+    file = config.mesh.file
+    return _of_file(config.mesh, team) if file and team.share(bool(in_partitions(Path(file)))) else None
+
+
+def _of_file(mesh: Any, team: Team) -> Dealt | None:
+    """A file in partitions; ``mesh`` of the configuration."""
+    from orchestrator.scene.mesh.files import read_share  # with it comes meshio
+
+    read = agreed(lambda: read_share(Path(mesh.file), team.rank, team.size), team)
+    if read is None:
+        return None
+    told = team.all_gather((read.volumes, list(read.mesh.surfaces), read.listed))
+    volumes = sorted({volume for volumes, _, _ in told for volume in volumes})
+    names, place = [name for _, name in volumes], {volume: i for i, volume in enumerate(volumes)}
+    surfaces = dict.fromkeys(name for _, names, _ in told for name in names)
+    own = np.array([place[volume] for volume in read.volumes], dtype=int)[read.mesh.volume]
+    whole = replace(read.mesh, volume=own, volumes=names, surfaces=_with_all(read.mesh.surfaces, surfaces))
+    try:
+        check_whole([listed for _, _, every in told for listed in every], {number for number, _ in volumes}, Path(mesh.file))
+        whole = finished(whole, mesh, "file")
+    except InputError:  # on all of them
+        return None
+    number, nodes = numbered(read.node_tags, team)
+    return Dealt(Share(whole, number, numbered(read.cell_tags, team)[0]), nodes, team)
+
+
+def _of_parts(parts: list[OnePart], team: Team) -> Dealt | None:
+    """Parts, of which each rank makes some."""
+    if len(parts) < team.size or not all(part.mesh is not None and told_by_configuration(part.mesh) for part in parts):
+        return None
+    own = parts[team.rank * len(parts) // team.size : (team.rank + 1) * len(parts) // team.size]
+    made = agreed(lambda: [_plain(placed(make_mesh(part.source)[0], part.name, part.move)) for part in own], team)
+    if made is None:
+        return None
+    told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks) for m in made])
+    every, first = [part for rank in told for part in rank], sum(len(rank) for rank in told[: team.rank])
+    counts = np.array([[nodes, cells, len(volumes)] for nodes, cells, volumes, *_ in every])
+    nodes, cells, volumes = counts[:first].sum(axis=0)
+    mesh = joined(made)
+    whole = replace(mesh, volume=mesh.volume + volumes, volumes=[name for part in every for name in part[2]],
+                    surfaces=_with_all(mesh.surfaces, [name for part in every for name in part[3]]),
+                    source=" + ".join(part[4] for part in every), remarks=[text for part in every for text in part[5]])
+    return Dealt(Share(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells))), int(counts[:, 0].sum()), team)
+
+
+def told_by_configuration(mesh: Any) -> bool:
+    """Whether the configuration and the files that it names say all of a mesh, whatever makes it."""
+    return any(getattr(mesh, key) is not None for key in ("box", "beam", "file"))
+
+
+def _plain(mesh: Mesh) -> Mesh:
+    if mesh.smooth or mesh.foreign:
+        raise wrong(("parts",), "surfaces of a CAD model", "meshes alone")
+    return mesh
+
+
+def _with_all(own: dict[str, np.ndarray], names: Any) -> dict[str, np.ndarray]:
+    """Surfaces by all names, of which some have no triangles here."""
+    return {name: own.get(name, np.empty((0, 3), dtype=int)) for name in names}
