@@ -216,6 +216,16 @@ def test_report_of_a_foreign_folder(tmp_path, content):
     assert not directory.exists() or os.listdir(directory) in ([], ["summary.json"])
 
 
+@pytest.mark.parametrize("table, left", [("interfaces.csv", b"interface,side_1,side_2,law,load_step,fx\na | b,a,b,contact"),
+                                         ("extremes.csv", bytes(range(256))), ("extremes.csv", b"part,value\na,1\n")])
+def test_report_of_tables_that_are_not_whole(table, left, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules[report.__module__], "drawn", lambda draw, *job: draw(*job))
+    Solution({"name": "cut short", "converged": True, "stop_reason": "converged", "iterations": 1, "timing": None}, {}).write(tmp_path)
+    (tmp_path / table).write_bytes(left)
+    with pytest.raises(InputError, match=f"{table} cannot be read"):
+        report(tmp_path)
+
+
 class Terminal(io.StringIO):
     def isatty(self):
         return True

@@ -8,10 +8,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from orchestrator.config.method import Method
+from orchestrator.errors import wrong
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
-from orchestrator.results.answers import INTERFACES
-from orchestrator.results.extremes import NAME as EXTREMES
+from orchestrator.results.answers import INTERFACES, OF_INTERFACES
+from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES
+from orchestrator.results.folder import DIRECTORY_KEY
 from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
 from orchestrator.results.summary.words import (ROUNDED, hold_sentences, own_errors, place_sentences, quantity_text, shown_statuses,
@@ -196,7 +198,7 @@ def probes(summary: Mapping[str, object]) -> list[str]:
 
 def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
     """Per part the largest displacement and stresses, with their places."""
-    rows = [row for row in _read(folder / EXTREMES) if (row["quantity"], row["extreme"]) in _SHOWN]
+    rows = [row for row in _read(folder / EXTREMES, COLUMNS) if (row["quantity"], row["extreme"]) in _SHOWN]
     units, size = units_of(summary), dict.fromkeys((row["part"] for row in rows), 0.0)
     size |= {row["part"]: float(row["value"]) for row in rows if row["quantity"] == "von_mises"}
     kept = _largest(size)
@@ -211,13 +213,13 @@ def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
 
 def carried(folder: Path) -> list[str]:
     """Force, moment and centre of pressure of every interface."""
-    rows, size = list(_read(folder / INTERFACES)), {}
+    rows, size = _read(folder / INTERFACES, OF_INTERFACES), {}
     for row in rows:
         size[row["interface"]] = max([size.get(row["interface"], 0.0), *(abs(float(row[key])) for key in ("fx", "fy", "fz"))])
     kept = _largest(size)
     columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
     columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows)
-    columns += ("work", "dissipation") * any(float(row["work"]) or float(row["dissipation"]) for row in rows)
+    columns += ("work", "dissipation") * any(float(row["work"] or 0) or float(row["dissipation"] or 0) for row in rows)
     kinds = [columns[0:3], columns[3:6], columns[6:9], *zip(columns[9:])]
     lines = [(row["interface"], row["load_step"], *(text for kind in kinds for text in _alike(row, kind)))
              for row in rows if row["interface"] in kept]
@@ -243,11 +245,21 @@ def _largest(size: Mapping[str, float]) -> list[str]:
     return sorted(size, key=size.__getitem__, reverse=True)[:MOST]
 
 
-def _read(path: Path) -> list[dict[str, str]]:
+def _read(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a table that has these columns; none where there is no such file.
+
+    Raises InputError: it cannot be read, or is not whole
+    """
     if not path.is_file():
         return []
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        if any(None in row or None in row.values() or not row.keys() >= set(columns) for row in rows):
+            raise ValueError("columns or ends of rows are missing")
+    except (OSError, ValueError, csv.Error) as error:
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", "a table that a run has written", "run the configuration again") from error
+    return rows
 
 
 def interface_section(summary: Mapping[str, object]) -> list[str]:
