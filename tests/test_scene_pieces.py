@@ -3,6 +3,7 @@
 from dataclasses import fields, is_dataclass
 
 import gmsh
+import meshio
 import numpy as np
 import pytest
 from meshes.bar import bar
@@ -12,6 +13,7 @@ from threads import among
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.files import read
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.part import overview, part_of
@@ -54,15 +56,27 @@ def saved(tmp_path_factory):
         for name, partitions in (("five", 5), ("mixed", 4), ("short", 4)):
             (folder / name).mkdir()
             bar(folder / name, partitions)
+    write_groups(folder)
     (folder / "mixed/bar_5.msh").write_bytes((folder / "five/bar_5.msh").read_bytes())
     (folder / "short/bar_2.msh").unlink()
     return folder
 
 
+def write_groups(folder):
+    """The bar in nine partitions as a file that has groups, and no partitions."""
+    mesh = read(folder / "bar.msh")
+    count, triangles = len(mesh.volumes), np.concatenate([*mesh.surfaces.values()])
+    tags = [mesh.volume + 1, count + 1 + np.repeat([0, 1], [len(t) for t in mesh.surfaces.values()])]
+    names = {name: np.array([i + 1, 3 if i < count else 2]) for i, name in enumerate([*mesh.volumes, *mesh.surfaces])}
+    meshio.write(folder / "whole.msh", meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", triangles)], field_data=names, cell_data={
+        "gmsh:physical": tags, "gmsh:geometrical": tags}), "gmsh22")
+
+
 @pytest.mark.parametrize("element", ["P1", "P2"])
-@pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "parts bonded"])
+@pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
-    file = {"mesh": {"file": str(saved / "bar.msh"), "scale": 2.0}} if case == "one file" else {}
+    names = {"one file": "bar.msh", "whole file": "whole.msh"}
+    file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
     config = config_from({"name": "pieces", **CASES["partitions" if file else case], **file, "blackbox": {"element": element}})
     same_as_one(config, 3)
 

@@ -8,7 +8,6 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -28,7 +27,6 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
-from orchestrator.scene.mesh.partitioned import in_partitions
 from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.sources import told_by_configuration
@@ -158,7 +156,7 @@ def _generated(config: Config, scene: Scene) -> bool:
     if config.parts is not None:
         return all(part.mesh is not None and told_by_configuration(part.mesh) for part in config.parts) and not config.refines
     if config.mesh.file is not None:
-        return bool(in_partitions(Path(config.mesh.file))) and not config.refines
+        return not config.refines
     box = config.mesh.box is not None or config.mesh.beam is not None
     return box and 3 * int(np.prod(grid_of(config.mesh).counts + 1)) == problem_size(scene)["dofs"]
 

@@ -65,7 +65,7 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
-    start = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
+    start = np.flatnonzero(np.r_[len(keys) > 0, keys[1:] != keys[:-1]])
     count = np.diff(np.r_[start, len(keys)])
     first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
     triangles, others = (cells[at[:, None] // 4, LOCAL_FACES[at % 4]] for at in (first, second))

@@ -30,7 +30,7 @@ class Dealt:
     def __init__(self, share: Share, nodes: int, team: Team):
         self._share, self._volumes, points = share, share.mesh.volumes, share.mesh.nodes
         self.count = len(self._volumes)
-        ends = np.stack([-points.min(axis=0), points.max(axis=0)])
+        ends = np.stack([-points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
         low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
         self.extent = Extent(nodes, np.stack([-low, high]))
         self._sizes = self._measured(team)

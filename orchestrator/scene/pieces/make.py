@@ -53,6 +53,8 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
         return None
     nodes, pairs, common = source.sizes()
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
+    if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
+        return None
     source.deal(rank_of, team)
     mine, extent = np.flatnonzero(rank_of == team.rank), source.extent
     made = [agreed(lambda: source.piece(mine), team)]

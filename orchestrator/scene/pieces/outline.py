@@ -32,7 +32,8 @@ class Outline:
     """Of some subdomains and of the interfaces whose first side they are, in the order of the whole scene.
 
     number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
-    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none; order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, and its place among those of its pair
+    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
+    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone; and its place among those of its pair
     mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s,) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences

@@ -38,9 +38,10 @@ class Share:
         node, alike = _each_once(node)
         face = np.unique(face, axis=0).astype(int)
         number, cell_rows = node[:, 0].astype(int), cell.astype(int)
-        triangles = np.searchsorted(number, face[:, 1:])
+        ends = np.searchsorted(face[:, 0], np.arange(1, len(self.mesh.surfaces)))
+        triangles = np.split(np.searchsorted(number, face[:, 1:]), ends) if self.mesh.surfaces else []
         mesh = replace(self.mesh, nodes=np.ascontiguousarray(node[:, 1:]), cells=np.searchsorted(number, cell_rows[:, 2:]),
-                       volume=cell_rows[:, 1].copy(), surfaces={name: triangles[face[:, 0] == i] for i, name in enumerate(self.mesh.surfaces)})
+                       volume=cell_rows[:, 1].copy(), surfaces=dict(zip(self.mesh.surfaces, triangles)))
         return Share(mesh, number, cell_rows[:, 0].copy(), self.sound and same and alike)
 
     def _rows(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -48,14 +49,12 @@ class Share:
         with the surface that names them."""
         mesh, own = self.mesh, self.mesh.cells[cells]
         nodes = np.unique(own)
-        named = [np.empty((0, 4), dtype=int)]
-        if mesh.surfaces and len(cells):
-            keys = np.unique(np.concatenate([pack(own[:, face], len(mesh.nodes)) for face in LOCAL_FACES]))
-            for i, triangles in enumerate(mesh.surfaces.values()):
-                there = triangles[np.isin(pack(triangles, len(mesh.nodes)), keys)]
-                named.append(np.column_stack([np.full(len(there), i), self.number[there]]))
+        named = np.concatenate([np.empty((0, 3), dtype=int), *mesh.surfaces.values()])
+        surface = np.repeat(np.arange(len(mesh.surfaces)), [len(triangles) for triangles in mesh.surfaces.values()])
+        keys = np.concatenate([pack(own[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
+        there = np.isin(pack(named, len(mesh.nodes)), keys)
         return (np.column_stack([self.cell_number[cells], mesh.volume[cells], self.number[own]]),
-                np.column_stack([self.number[nodes], mesh.nodes[nodes]]), np.concatenate(named))
+                np.column_stack([self.number[nodes], mesh.nodes[nodes]]), np.column_stack([surface[there], self.number[named[there]]]))
 
 
 def _each_once(rows: np.ndarray) -> tuple[np.ndarray, bool]:

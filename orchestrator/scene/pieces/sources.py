@@ -1,4 +1,4 @@
-"""Meshes that ranks read or make in shares: files in partitions, some of them each; parts, some of them each."""
+"""Meshes that ranks read or make in shares: files in partitions and parts, some of them each; other files rank 0."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError, wrong
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
+from orchestrator.scene.mesh.faces import MAX_NODES
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.partitioned import check_whole, in_partitions
 from orchestrator.scene.mesh.sources import finished, joined, make_mesh, placed
@@ -38,11 +39,23 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return None
     if config.parts is not None:
         return _of_parts(config.parts, team)
-    file = config.mesh.file
-    return _of_file(config.mesh, team) if file and team.share(bool(in_partitions(Path(file)))) else None
+    if not config.mesh.file:
+        return None
+    return (_of_partitions if team.share(bool(in_partitions(Path(config.mesh.file)))) else _of_one)(config.mesh, team)
 
 
-def _of_file(mesh: Any, team: Team) -> Dealt | None:
+def _of_one(mesh: Any, team: Team) -> Dealt | None:
+    """A file that rank 0 reads, and nobody keeps; ``mesh`` of the configuration."""
+    read = agreed(lambda: False if team.rank else make_mesh(mesh)[0], team)
+    if read is None:
+        return None
+    known = team.share(None if team.rank else replace(read, nodes=read.nodes[:0], cells=read.cells[:0], volume=read.volume[:0],
+                                                      surfaces=_with_all({}, read.surfaces)))
+    nodes, share = team.share(0 if team.rank else len(read.nodes)), known if team.rank else read
+    return Dealt(Share(share, np.arange(len(share.nodes)), np.arange(len(share.cells))), nodes, team)
+
+
+def _of_partitions(mesh: Any, team: Team) -> Dealt | None:
     """A file in partitions; ``mesh`` of the configuration."""
     from orchestrator.scene.mesh.files import read_share  # with it comes meshio
 
@@ -69,7 +82,7 @@ def _of_parts(parts: list[OnePart], team: Team) -> Dealt | None:
     if len(parts) < team.size or not all(part.mesh is not None and told_by_configuration(part.mesh) for part in parts):
         return None
     own = parts[team.rank * len(parts) // team.size : (team.rank + 1) * len(parts) // team.size]
-    made = agreed(lambda: [_plain(placed(make_mesh(part.source)[0], part.name, part.move)) for part in own], team)
+    made = agreed(lambda: _plain([placed(make_mesh(part.source)[0], part.name, part.move) for part in own]), team)
     if made is None:
         return None
     told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks) for m in made])
@@ -88,10 +101,14 @@ def told_by_configuration(mesh: Any) -> bool:
     return any(getattr(mesh, key) is not None for key in ("box", "beam", "file"))
 
 
-def _plain(mesh: Mesh) -> Mesh:
-    if mesh.smooth or mesh.foreign:
-        raise wrong(("parts",), "surfaces of a CAD model", "meshes alone")
-    return mesh
+def _plain(made: list[Mesh]) -> list[Mesh]:
+    """The meshes of a rank's parts.
+
+    Raises InputError: they are more than numbers of nodes allow
+    """
+    if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
+        raise wrong(("parts",), f"{count} nodes of one rank's parts", f"at most {MAX_NODES} nodes", "use coarser meshes, or more ranks")
+    return made
 
 
 def _with_all(own: dict[str, np.ndarray], names: Any) -> dict[str, np.ndarray]:
