@@ -151,6 +151,23 @@ def test_moments_balance_where_meshes_are_shifted(gap, thick):
     assert np.abs(moments.sum(axis=0)).max() < 1e-7 * np.abs(moments).max()
 
 
+def test_probes_of_bodies_that_nothing_holds_are_told():
+    """Lifted off at the second load step: its displacement means nothing there, that of the other body does."""
+    block = {"size": [1, 1, 1], "cells": [1, 1, 1]}
+    found = solve(config_from({
+        "name": "lifted", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}], "histories": {"h": [-1, 1]},
+        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": block}, "move": {"translate": [0, 0, 1]}},
+                  {"name": "lid", "mesh": {"box": block}, "move": {"translate": [0, 0, 2]}}],
+        "interfaces": [{"law": "contact", "friction": 0.5}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "lid/zmax", "displacement": [0, 0, 0.01], "history": "h"}],
+        "output": {"probes": [{"name": "above", "at": [0.5, 0.5, 1.5]}, {"name": "low", "at": [0.5, 0.5, 0.5]},
+                              {"name": "seat", "on": "top/zmax", "quantity": "mean"}, {"on": "top/zmax", "quantity": "resultant"}]}})).summary
+    assert found["detached"] == [[], ["top"]]
+    told = [text for text in found["warnings"] if "mean nothing there" in text]
+    assert len(told) == 2 and all(f"'{name}' tells displacements of top, which nothing holds at load step 2" in text
+                                  for name, text in zip(("above", "seat"), told))
+
+
 def test_sections_carry_the_whole_wherever_they_go():
     """Half an element from a support, and from a joint of meshes that do not match; beside a foundation and a tool, of a part by name."""
     section = [{"section": {"plane": "z", "at": z}, "about": [0, 0, 0], **more} for z, more in (

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.model import Config
+from orchestrator.errors import some
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
@@ -19,6 +20,7 @@ from orchestrator.results.paths import read_paths, write_paths
 from orchestrator.results.probes import NAME as PROBES, read_probes
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import place_text
+from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.model import Scene
 
 INTERFACES = "interfaces.csv"
@@ -88,6 +90,24 @@ class Answers:
             folder.write_table(PROBES, [["load_step", *names], *rows])
         if self.paths:
             write_paths(folder, self.paths)
+
+
+def of_unheld(scene: Scene, detached: Sequence[list[str]]) -> list[str]:
+    """Sentences on probes of displacements of bodies that nothing holds at some load step: they may be anywhere.
+
+    detached : names of these bodies, per load step
+    """
+    told = []
+    for probe in scene.probes:
+        if isinstance(probe, Section) or "displacement" not in (probe.quantity, getattr(probe, "of", "")) or probe.quantity == "resultant":
+            continue
+        cells = np.atleast_1d(getattr(probe, "cells", getattr(probe, "cell", -1)))
+        bodies = {scene.subdomains[e].body for e in np.unique(scene.cell_subdomain[cells[cells >= 0]])}
+        steps = [step for step, names in enumerate(detached, 1) if bodies & set(names)]
+        if steps:
+            told.append(f"probe {probe.name!r} tells displacements of {some(sorted(bodies))}, which nothing holds at load step"
+                        f"{'s' * (len(steps) > 1)} {some([str(step) for step in steps])}: they mean nothing there")
+    return told
 
 
 def reaction_names(config: Config) -> list[str]:

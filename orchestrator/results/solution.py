@@ -17,7 +17,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.quantity import Quantity
-from orchestrator.results.answers import INTERFACES, Answers
+from orchestrator.results.answers import INTERFACES, Answers, of_unheld
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
@@ -95,6 +95,7 @@ class Solution:
         """
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece, lost)
         summary |= answers.summary(config, delivered)
+        summary["warnings"] = [*(summary.get("warnings") or ()), *of_unheld(scene, summary.get("detached") or ())]
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
                    delivered.parts, reference, answers, delivered.joints, piece, config, delivered.quantities)
 
