@@ -33,7 +33,7 @@ from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
-from orchestrator.method.stopping.softest import STEPS, BesideRigid, softest
+from orchestrator.method.stopping.softest import BesideRigid, softest
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Bound:
     energy : (T,) ‖u_D‖²_K
     repositioned : (T, modes) rigid motions c of the floating subdomains
     correction : (T, B) δ, what brings u + R c to u_D on the boundary dofs
-    sweeps : back-substitutions spent, per load step
+    sweeps : back-substitutions spent
     least : of a bound that is larger than what was asked about, and therefore not known (infinite), what it is at least
     """
 
@@ -54,7 +54,7 @@ class Bound:
     energy: np.ndarray
     repositioned: np.ndarray
     correction: np.ndarray
-    sweeps: float = 0
+    sweeps: int = 0
     least: float = 0.0
 
     @classmethod
@@ -131,7 +131,6 @@ class ErrorBound:
         dual = dual_energy(self.stage, h, rest, Enough(nothing), reached)
         sweeps, found = dual.sweeps, self._relative(rest + dual.energy, size)
         if reached.least <= useful and found <= asked:
-            sweeps += 0 if self.softness.cache_info().currsize else STEPS / len(h)
             dual = dual_energy(self.stage, h, rest, Enough(nothing), reached, self.softness(), dual)
             sweeps, found = sweeps + dual.sweeps, self._relative(rest + dual.energy, size)
         if reached.least > useful:
