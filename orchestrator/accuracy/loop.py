@@ -38,7 +38,6 @@ STALLED = 0.9  # two meshes, one after the other, that leave this much of the er
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
 BETWEEN = "the next mesh has not been made yet; --resume goes on"
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
-
 UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, of a probe's {TRUSTED**2:.0%}, since no energies measure what the "
               "estimate tells")
 
@@ -152,7 +151,7 @@ class _Refinement:
         bonded = all(i.law.perfect for i in solution.scene.interfaces)
         believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
-        measurable = now is not None and (now.potential is not None or self.mesher is None)  # what is halved contains what it was
+        measurable = now is not None and (now.potential is not None or self.mesher is None)  # halved tets are within those before
         energy, *quantities = criteria(solution, found, share, measurable, self.asked.error)
         every = [one for one in (energy, *quantities) if one.asked]
         bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
@@ -203,22 +202,23 @@ class _Refinement:
                             + (f", with elements no smaller than {least:g}" if least else ""))
             if self.why:
                 return
-        order = 2 if mesh.cells.shape[1] == 10 else 1
         enough = max(needed([p.elements for p in done], [p.estimated_of(one.name) ** (1 / one.power) for p in done],
-                            one.goal(self.follows) ** (1 / one.power), order) for one in every)
+                            one.goal(self.follows) ** (1 / one.power), 2 if mesh.cells.shape[1] == 10 else 1) for one in every)
         least_count = LEAST_GROWTH * len(mesh.cells)
         limit = tightest(asked, done, time.perf_counter() - self.begun, max(enough, least_count))
         count = min(max(enough, least_count), GROWTH * len(mesh.cells), limit.elements)
+        short = f"{limit.short} are too few: {limit.needed} are needed"
         if count < least_count:
-            self.why = f"{limit.short} are too few: {limit.needed} are needed"
+            self.why = short
             return
         followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
-        plan = wanted(self.config, mesh, together(every, self.follows), count / followed, self.passes.maps, least)
-        if not plan.refined:
-            self.why = f"no elements may be smaller: smallest: {least:g}"
-            return
-        self.plan = plan
-        self._tighten(every)
+        count = min(max(count / followed, least_count), limit.elements / followed)
+        plan = wanted(self.config, mesh, together(every, self.follows), count, self.passes.maps, least)
+        if plan.refined:
+            self.plan = plan
+            self._tighten(every)
+        else:
+            self.why = f"no elements may be smaller: smallest: {least:g}" if least else short
 
     def _tighten(self, every: Sequence[Criterion]) -> None:
         """Solve the next mesh so well that the iterations leave no more than their share of any quantity."""
