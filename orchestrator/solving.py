@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -139,9 +138,6 @@ def _solved(config: Config, given: list[Scene | None], subscribers: Sequence[Sub
         raise
 
 
-MANY = 10_000  # nodes, from which what a scene's making leaves behind is worth the tenth of a second in which Python looks for it
-
-
 def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Meshed | None = None) -> Scene | None:
     """The scene of a configuration: this rank's part, where all ranks can make theirs together, see ``pieces``; else the whole on rank
     0, which all other ranks get their parts of. All ranks ask together.
@@ -152,8 +148,6 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
     apart = ranks.team.share(meshed is None) and not reference
     part = make(config, ranks.team, ranks.speeds) if apart else None
     made = part if part is not None or ranks.team.rank else build_scene(config, run_programs=True, meshed=meshed)
-    if made is not None and len(made.mesh.nodes) >= MANY:
-        gc.collect()  # what has searched for interfaces refers to itself
     trim()
     return made
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -46,9 +46,11 @@ class Laws:
     """
 
     def __init__(self, entries: list[Any], names: Iterable[str], factors: Sequence[Sequence[float]] = ()):
-        self.entries, self.factors, self.names = list(entries), factors, list(dict.fromkeys(names))
+        names = list(dict.fromkeys(names))
+        self.entries, self.factors, self.names = list(entries), factors, names
         self.used = [False] * len(self.entries)
-        self.meant = lru_cache(maxsize=None)(lambda pattern: frozenset(matching(pattern, self.names)))
+        # with self in it, it would refer to itself, and go only when Python looks for such things
+        self.meant = cache(lambda pattern: frozenset(matching(pattern, names)))
 
     def between(self, first: Iterable[str], second: Iterable[str]) -> int:
         """Index of the governing entry, -1 for none.
@@ -159,9 +161,9 @@ class Search:
     slaves: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._solid = lru_cache(maxsize=None)(lambda v: Solid(
-            self.mesh.nodes, self.mesh.cells[self.mesh.volume == v],
-            self.faces.triangles[self.faces.outer[self.mesh.volume[self.faces.owner[self.faces.outer]] == v]]))
+        mesh, faces = self.mesh, self.faces  # without self, as above
+        self._solid = cache(lambda v: Solid(
+            mesh.nodes, mesh.cells[mesh.volume == v], faces.triangles[faces.outer[mesh.volume[faces.owner[faces.outer]] == v]]))
 
     @cached_property
     def bodies(self) -> list[Body]:
