@@ -41,6 +41,8 @@ def test_a_plane_that_is_pressed_is_a_face_that_is_prescribed():
                    "boundary": [HELD, {"on": "zmax", "displacement": [None, None, -0.01]}]})
     found = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}))
     assert found.reactions[1] == pytest.approx(told.reactions[1], abs=1e-4)
+    estimates = [one.summary["discretisation_error"] for one in (found, told)]
+    assert estimates[0] == pytest.approx(estimates[1], rel=1e-3)  # the layer that stands for the tool has no error
     count = int(found.scene.subdomains[0].nodes.max()) + 1
     assert np.abs(found.displacement[:, :count] - told.displacement).max() < 1e-6
     dragged = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}, friction=0.2))

@@ -47,11 +47,14 @@ class Estimator:
     meeting : labels of the nodes (n,), equal where perfect interfaces make nodes one, and where others have parts of the mesh
     lame : (m, 2), Lamé's λ and μ
     thermal : (T, m, 4) thermal strain at the corners; None where nothing is heated
-    body_force : (T, m, 3) force/volume, the mean of each cell; None where there is none
+    body_force : (T, m, 1 or 4, 3) force/volume of each cell, at its corners where it varies; None where there is none
     loads : per subdomain (T, n_E, 3) forces at the nodes, as displacements are given
     joined : (n,) int, the labels, numbered from zero
     gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
+    ours : (m,) bool, cells that have an error: not those that stand for tools, grounds, parts of other programs; True: all
     """
+
+    ours: np.ndarray | bool = True
 
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, meeting: Meeting, lame: np.ndarray, thermal: np.ndarray | None = None,
                  body_force: np.ndarray | None = None, loads: Sequence[np.ndarray] = ()):
@@ -69,7 +72,9 @@ class Estimator:
         copies = Copies.of(scene)
         meeting = Meeting(copies.label, np.zeros(len(copies.node), dtype=bool))
         loads = [s.loads for s in scene.subdomains]
-        return cls(scene.mesh.nodes[copies.node], copies.cells, meeting, scene.lame, scene.thermal, scene.body_force, loads)
+        made = cls(scene.mesh.nodes[copies.node], copies.cells, meeting, scene.lame, scene.thermal, scene.body_force, loads)
+        made.ours = ~scene.stand_ins[scene.cell_subdomain]
+        return made
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
         """Estimate the error of displacements.
@@ -83,7 +88,7 @@ class Estimator:
         alone = np.zeros(len(displacement))
         for some in (slice(a, a + BATCH) for a in range(0, len(displacement), BATCH)):
             stresses = [self.stress(u, number) for u, number in zip(displacement[some], numbers[some])]
-            squares[some], energies[some] = self._errors(stresses, numbers[some]), [self.energies_of(sigma) for sigma in stresses]
+            squares[some], energies[some] = self.ours * self._errors(stresses, numbers[some]), [self.energies_of(sigma) for sigma in stresses]
         for t, u in enumerate(displacement):
             alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others

@@ -11,6 +11,7 @@ import numpy as np
 from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.moved import Moved
+from orchestrator.results.summary.resolution import unresolved
 from orchestrator.results.summary.sliding import sliding
 from orchestrator.results.summary.tools import tool_cautions
 from orchestrator.scene.cautions import LOCKING, scene_cautions
@@ -72,6 +73,7 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
             said.setdefault(i.law.caution, []).append(i.name)
     result += [f"{some(names)} {caution}" for caution, names in said.items()]
     result += sliding(scene, interfaces)
+    result += unresolved(scene, interfaces)
     volume = scene.mesh.volume
     cut = [i for i in scene.interfaces if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
     if cut:

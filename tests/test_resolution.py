@@ -1,0 +1,31 @@
+"""Places of contact that elements are too large for are told of, and no others."""
+
+import numpy as np
+import pytest
+from test_tools import HELD, block, solved
+
+TOLD = "hardly wider than a face"
+
+
+def told(solution) -> bool:
+    return any(TOLD in text for text in solution.summary["warnings"])
+
+
+@pytest.mark.parametrize("element", ("P1", "P2"))
+@pytest.mark.parametrize("radius, force, few", [(2.0, 1.0, True), (40.0, 9.0, False)])
+def test_a_ball_on_a_coarse_block(element, radius, force, few):
+    """Of radius 2 it meets a place of a twentieth of the block's width, a fifth of a face; of 40 one as wide as two faces and a half."""
+    ball = {"sphere": {"centre": [0.5, 0.5, 0.5 + radius], "radius": radius}}
+    found = solved(block({**ball, "displacement": [0, 0, None], "force": [0, 0, -force]}, element))
+    assert told(found) == few
+
+
+def test_plane_sides_that_part():
+    """A plate whose ends are lifted off a block: a row of points is left closed, but not by shape."""
+    low, high = ({"box": {"size": [1, 0.25, height], "cells": [8, 2, 2]}} for height in (0.25, 0.1))
+    found = solved({**{key: value for key, value in block({}).items() if key != "mesh"}, "subdomains": "groups",
+                    "parts": [{"name": "low", "mesh": low}, {"name": "high", "mesh": high, "move": {"translate": [0, 0, 0.25]}}],
+                    "interfaces": [{"between": ["low", "high"], "law": "contact"}], "boundary": [
+                        {"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "traction": [0, 0, -1.0]},
+                        *({"on": f"high/{end}", "displacement": [0, 0, 0.01]} for end in ("xmin", "xmax"))]})
+    assert np.count_nonzero(found.interfaces.pressure[0] > 0) == 3 and not told(found)
