@@ -135,6 +135,7 @@ def test_asked_and_reached(whole):
     assert told >= abs(now - before) * last["error"] / (found["meshes"][-2]["error"] - last["error"]) * (1 - 1e-12) > 0
     assert "peak displacement ± " in dict(summary_rows(summary))["off by"]
     assert last["told"] is not None and "measured against the mesh before" in dict(summary_rows(summary))["accuracy"]
+    assert 0 < summary["timing"]["meshes_before"] < summary["timing"]["total"] - summary["timing"]["startup"]
     cells = read_npz(folder).discretisation_error
     assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
 

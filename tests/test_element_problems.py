@@ -28,6 +28,20 @@ def test_nothing_where_elements_hold_the_solution():
         assert ElementProblems.of(run.scene)(run.sides).relative < 1e-6
 
 
+def test_a_force_that_varies_within_tets():
+    """A block that spins and is not narrower for being longer: ‖u‖² = Σ ∫ (ρω²(L² − x²)/2)²/E over its lengths L."""
+    size, young = [4.0, 1.0, 1.0], 1000.0
+    held = [{"on": f"{axis}min", "displacement": [0 if k == i else None for k in range(3)]} for i, axis in enumerate("xyz")]
+    run = solved({"mesh": {"box": {"size": size, "cells": [6, 2, 2]}}, "subdomains": {"grid": [2, 1, 1]},
+                  "materials": [{"young": young, "poisson": 0.0, "density": 1.0}], "loads": [{"spin": {"axis": "z", "rate": 1.0}}],
+                  "boundary": held, "method": {"tolerance": {"error": 1e-8}}})
+    corners = run.scene.mesh.nodes[run.scene.mesh.cells[:, :4]]
+    assert run.scene.body_force[0] == pytest.approx(corners * [1, 1, 0], abs=1e-11)
+    exact = sum(length**5 * 2 / 15 / young * 4.0 / length for length in size[:2])
+    true = np.sqrt(1 - 2 * run.summary["energy"][0] / exact)
+    assert 0.7 < ElementProblems.of(run.scene)(run.sides).relative / true < 1.4
+
+
 @pytest.mark.long
 def test_near_the_truth():
     """Bending, and the edges of a clamped end, where stresses have no limit."""

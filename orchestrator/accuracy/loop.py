@@ -33,6 +33,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.scene.body import Meshed
+from orchestrator.timing import Stopwatch
 
 STALLED = 0.9  # two meshes, one after the other, that leave this much of the error or more: it does not fall
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
@@ -75,6 +76,7 @@ class _Refinement:
         self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
+        self.watch = means.watch or Stopwatch.since_launch()
         self.passes, self.plan, self.why, self.unsolved, self.mesher, self.known = Passes(), None, "", "", None, {}
 
     def run(self, resume: bool, **options: bool) -> int:
@@ -137,7 +139,8 @@ class _Refinement:
         for (part, name), one_map in self.passes.maps.items():
             sizes.setdefault(part, {})[name] = one_map
         meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
-        return replace(self.means, meshed=meshed, judge=self._judged, artist=None, watch=None)
+        return replace(self.means, meshed=meshed, judge=self._judged, artist=None,
+                       watch=self.watch.again() if self.passes.done else self.watch)
 
     def _judged(self, solution: Solution) -> Solution:
         """The solution with its estimate; what is to come of it is decided."""

@@ -29,7 +29,7 @@ class Piece:
     fields : of its cells, bodies with nodes of their own where interfaces open
     cells : (k,) int, their numbers in the whole
     team : the ranks
-    body_force : (T, k, 3) force/volume, the mean of each cell; None where there is none
+    body_force : (T, k, 1 or 4, 3) force/volume of each cell, as a scene's; None where there is none
     loads : (T, n, 3) forces at its nodes
     """
 

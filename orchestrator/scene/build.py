@@ -197,7 +197,7 @@ def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry
 def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
             problems: Problems) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
     """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated;
-    (steps, m, 3) the mean body force of every cell, None where there is none.
+    (steps, m, 1 or 4, 3) the body force of every cell, at its corners where it varies, None where there is none.
 
     plain : without grounds, on which nothing acts
     """
@@ -217,8 +217,10 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
             thermal[:, cells] += made.values
         elif made is not None:
             made.add_to(loads, cut.numbering.corners[cells])
-            body_force = np.zeros((count, len(body.mesh.cells), 3)) if body_force is None else body_force
-            body_force[:, cells] += made.per_element / where.volume[:, None]
+            density = made.densities(where.volume)
+            body_force = np.zeros((count, len(body.mesh.cells), 1, 3)) if body_force is None else body_force
+            body_force = np.repeat(body_force, max(density.shape[2] // body_force.shape[2], 1), axis=2)
+            body_force[:, cells] += density
     if thermal is not None:
         thermal_loads(body.mesh, thermal, body.materials, body.material, cut.numbering.corners, loads)
     return loads, thermal, body_force

@@ -315,7 +315,7 @@ class Scene:
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
     thermal : (steps, m, 4) α ΔT at the corners of every cell; None where nothing is heated
-    body_force : (steps, m, 3) force/volume, mean of every cell; None where there is none
+    body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies; None where there is none
     overview : of the whole scene, where this is a part of it
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
     """

@@ -73,10 +73,12 @@ class ElementProblems(Estimator):
         leap = tractions + tractions[self.mate]
         leap[self.outer] = self._borders(tractions[self.outer].T.copy()).T
         leap = np.where(self.lonely[:, :, None, None], 0.0, leap.reshape(-1, 4, 3, 3))
-        inside = np.einsum("maij,maj->mi", tensors, self.slopes)
+        inside = np.einsum("maij,maj->mi", tensors, self.slopes)[:, None]  # (m, 1, 3)
         if self.body_force is not None and number is not None:
-            inside += self.body_force[number]
-        load = np.einsum("q,mi->mqi", _BULK, self.volumes[:, None] * inside) - np.einsum("fqc,mfci->mqi", _FACE, leap) / 2
+            body = self.body_force[number]
+            inside = inside + (np.take_along_axis(body, self.turn[:, :, None], 1) if body.shape[1] == 4 else body)
+        bulk = _BULK if inside.shape[1] == 4 else _BULK.sum(axis=1, keepdims=True)
+        load = np.einsum("qc,mci->mqi", bulk, self.volumes[:, None, None] * inside) - np.einsum("fqc,mfci->mqi", _FACE, leap) / 2
         return load.reshape(-1, 30)
 
     def _answered(self, some: slice, loads: np.ndarray) -> np.ndarray:
@@ -120,7 +122,7 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
 
 
 _WEIGHTS, _POINTS = _rule()
-_BULK = _WEIGHTS @ _functions(_POINTS)[0]  # (10,) means of the functions over a tet
+_BULK = _functions(_POINTS)[0].T * _WEIGHTS @ _POINTS  # (10, 4) means over a tet, of functions times its linear ones
 _PRODUCTS = np.einsum("p,pqa,prb->abqr", _WEIGHTS, *2 * [_functions(_POINTS)[1]]).reshape(16, 100)  # means of products of derivatives
 _FACE = np.stack([np.einsum("p,pq,pc->qc", DEGREE_4[0], _functions(np.insert(DEGREE_4[1], f, 0.0, axis=1))[0], DEGREE_4[1])
                   for f in range(4)])  # (4, 10, 3) means over a face, of functions times its linear ones

@@ -106,7 +106,7 @@ def _loads(scene: Scene) -> np.ndarray:
         if entry.forces:
             entry.forces.add_to(loads, entry.triangles)
     if scene.body_force is not None:
-        whole = np.abs(tet_volumes(mesh.nodes, mesh.cells[:, :4]))[:, None] * scene.body_force
+        whole = np.abs(tet_volumes(mesh.nodes, mesh.cells[:, :4]))[:, None] * scene.body_force.mean(axis=2)
         for share, nodes in zip(_SHARES[mesh.cells.shape[1]], mesh.cells.T):
             np.add.at(loads, (slice(None), nodes), share * whole)
     if scene.thermal is not None:
@@ -146,7 +146,7 @@ class MeshBounds:
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
             sigma = self._turned(self._elastic(u, t, at) for at in np.eye(4))
-            body = None if scene.body_force is None else scene.body_force[t]
+            body = None if scene.body_force is None else scene.body_force[t].mean(axis=1)
             if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
                 return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
             found, gaps[t] = self._nearest(sigma, body, u, t)

@@ -26,7 +26,7 @@ KEYS = (
     "far_bodies warnings timing workload codes asking_seconds orchestrator_seconds versions memory_peak_mb rank_memory_peak_mb "
     "skipped config").split()
 # key in ``timing`` → what it is called; in the order of a run
-STAGES = {"startup": "starting Python", "mesh": "mesh", "parts": "numbering, parts of ranks", "soles": "soles",
+STAGES = {"startup": "starting Python", "meshes_before": "coarser meshes", "mesh": "mesh", "parts": "numbering, parts of ranks", "soles": "soles",
           "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
           "linear_stage": "linear stage", "coarse": "coarse contact problem", "local_stage": "local stage",

@@ -17,8 +17,10 @@ from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.quadratic import TET_MOMENTS
 
 ROUNDING = 1e-14  # of the largest value, what sines and cosines leave of zero
+UNIFORM = 1e-12  # of the largest force/volume, what rounding makes corners differ by
 NEAR = 1e-9  # distance from the axis, over the extent of the points, at which there is no radial direction
 
 
@@ -90,10 +92,12 @@ class Forces:
                             axis=1)
             loads += self.amounts[:, m, None] * sums
 
-    @property
-    def per_element(self) -> np.ndarray:
-        """(steps, k, 3) the force on each element."""
-        return np.einsum("tmc,mkc->tkc", self.amounts + np.zeros(3), self.shapes.sum(axis=2) + np.zeros(3))
+    def densities(self, volumes: np.ndarray) -> np.ndarray:
+        """(steps, k, 1 or 4, 3) force/volume that loads tets of some volumes (k,) so: at their corners, or the same all over each."""
+        at = np.einsum("cp,mkpx->mkcx", np.linalg.pinv(TET_MOMENTS[self.shapes.shape[2]]), self.shapes) / volumes[:, None, None]
+        if np.ptp(at, axis=2).max(initial=0.0) <= UNIFORM * np.abs(at).max(initial=0.0):
+            at = at.mean(axis=2, keepdims=True)
+        return np.einsum("tmx,mkcx->tkcx", self.amounts + np.zeros(3), at + np.zeros(3))
 
     def resultant(self, points: np.ndarray, about: np.ndarray) -> np.ndarray:
         """(steps, 6) the force, and its moment about a point (3,), from the places (k, p, 3) of the nodes."""
