@@ -76,6 +76,8 @@ _LISTED = {
                   "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "accuracy": ("studies.accuracy:run",
                  "accuracies that are asked for, beside true errors and uniform meshes: L, hole, slit, punch, ball, grains"),
+    "elements_by_part": ("studies.elements_by_part:run",
+                         "what four-node tets in some parts beside ten-node ones would save: a lap joint, an assembly"),
     "quantities": ("studies.quantities:run",
                    "accuracies of displacements and forces at probes, beside true errors and the whole field's seconds"),
     "mesh_bound": ("studies.mesh_bound:run",

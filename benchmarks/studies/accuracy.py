@@ -60,6 +60,7 @@ class Settings(Keys):
     most: dict[str, int] = {"P1": 60_000, "P2": 60_000}  # elements for one accuracy
     reference: dict[str, int] = {"l_shape": 40_000, "hole": 12_000, "slit": 35_000, "punch": 14_000,
                                  "hertz": 24_000, "grains": 15_000, "lap_joint": 12_000, "as1": 25_000}  # ten-node tets, about
+    split_above: int = 0  # unknowns from which bodies of ``PLANE`` are cut, but for uniform meshes; 0: none is
     limit: float = 20.0  # seconds: a uniform mesh is solved on where it is foreseen to take less
 
 
@@ -67,13 +68,13 @@ def run(study: Study, settings: Settings = Settings()) -> None:
     """All accuracies of a case beside one reference, and uniform meshes of either element."""
     study.columns = ("case", "element", "asked", "mesh", "elements", "estimated", "true_error", "effectivity", "seconds", "cpu_seconds")
     for name in settings.cases:
-        truth = _reference(study, name, settings.reference[name])
+        truth = _reference(study, name, settings)
         study.console.print(f"{name}: reference of {len(truth.solution.scene.mesh.cells):,} elements, its error about {truth.error:.2%}")
         for element in settings.elements:
             accuracies = (settings.of_assemblies if name in ASSEMBLIES else settings.asked)[element]
             uniform = _uniform(study, name, element, min(accuracies), truth, settings.limit) if name not in ALONE else []
             for asked in sorted(accuracies, reverse=True):
-                if not _asked(study, name, element, asked, truth, uniform, settings.most[element]):
+                if not _asked(study, name, element, asked, truth, uniform, settings):
                     break  # a smaller one would not be reached either
             _rate(study, name, element)
         study.target(f"{name}: reference", "told", f"{truth.error:.2%}", True)
@@ -103,8 +104,9 @@ def _energies(solution: Solution) -> Energies:
     return energies(solution, estimator, estimator(solution.sides))
 
 
-def problem(folder: Path, name: str, element: str, h: float = COARSEST) -> dict[str, Any]:
-    """One of ``MADE`` or ``ASSEMBLIES``, its model written to the folder; elements of size h where the first mesh has ``COARSEST``."""
+def problem(folder: Path, name: str, element: str, h: float = COARSEST, split_above: int = 0) -> dict[str, Any]:
+    """One of ``MADE`` or ``ASSEMBLIES``, its model written to the folder; elements of size h where the first mesh has ``COARSEST``; those of
+    ``PLANE`` are cut into subdomains of no more unknowns than ``split_above``."""
     code = {"name": f"{name}-{element}", "blackbox": {"code": "freefem", "element": element, "workers": 2}, "output": {"figures": False}}
     if name in ASSEMBLIES:
         made = ASSEMBLIES[name](folder, h / COARSEST)
@@ -119,7 +121,8 @@ def problem(folder: Path, name: str, element: str, h: float = COARSEST) -> dict[
             gmsh.write(str(path))
     grains = {"polycrystal": {"grains": 10, "size": 1, "h": h, "seed": 7}}
     mesh = {"step": str(path), "h": h, "conforming": draw != _ball} if draw else grains
-    return {**code, "mesh": mesh, "subdomains": "groups", "materials": [{"young": 1000.0, "poisson": 0.3}], "interfaces": [law],
+    cut = {"groups": True, "split_above": split_above} if split_above and name in PLANE else "groups"
+    return {**code, "mesh": mesh, "subdomains": cut, "materials": [{"young": 1000.0, "poisson": 0.3}], "interfaces": [law],
             "boundary": boundary}
 
 
@@ -173,12 +176,12 @@ def _pulled(axis: str, at: float, traction: list) -> dict[str, Any]:
     return {"on": {"plane": axis, "at": at}, "traction": traction}
 
 
-SMOOTH, ROUGH = ({"law": "contact", "friction": friction} for friction in (0.0, 0.3))
+BONDED, SMOOTH, ROUGH = {"law": "perfect"}, *({"law": "contact", "friction": friction} for friction in (0.0, 0.3))
 MADE: dict[str, tuple[Callable | None, list, dict]] = {  # what draws it, boundary, law of what is between bodies
-    "l_shape": (_l_shape, [_held("z", 0, [0, 0, 0]), _pulled("x", 1, [0, 0, 1])], SMOOTH),
+    "l_shape": (_l_shape, [_held("z", 0, [0, 0, 0]), _pulled("x", 1, [0, 0, 1])], BONDED),
     "hole": (_hole, [_held("x", 0, [0, None, None]), _held("y", 0, [None, 0, None]), _held("z", 0, [None, None, 0]),
-                     _pulled("x", 1, [1, 0, 0])], SMOOTH),
-    "slit": (_slit, [_held("z", 0, [0, 0, 0]), _pulled("z", 1, [0, 0, 1])], SMOOTH),
+                     _pulled("x", 1, [1, 0, 0])], BONDED),
+    "slit": (_slit, [_held("z", 0, [0, 0, 0]), _pulled("z", 1, [0, 0, 1])], BONDED),
     "punch": (_punch, [_held("z", 0, [0, 0, 0]), _held("z", 1.5, [0, 0, -0.01])], SMOOTH),
     "hertz": (_ball, [_held("x", 0, [0, None, None]), _held("y", 0, [None, 0, None]), _held("z", -1, [None, None, 0]),
                       _held("z", 0.7, [None, None, -0.03])], SMOOTH | {"between": "auto", "within": 0.1}),
@@ -188,7 +191,7 @@ ASSEMBLIES: dict[str, Callable[[Path, float], dict[str, Any]]] = {"lap_joint": _
 ALONE = ("grains",)  # no uniform meshes: half the first size gives other grains
 
 
-def _run(study: Study, made: Mapping[str, Any], method: Mapping[str, Any]) -> tuple[list[Solution], float]:
+def graded(study: Study, made: Mapping[str, Any], method: Mapping[str, Any]) -> tuple[list[Solution], float]:
     """The solutions on all meshes, and seconds of the processor, results written and all."""
     found: list[Solution] = []
 
@@ -202,9 +205,9 @@ def _run(study: Study, made: Mapping[str, Any], method: Mapping[str, Any]) -> tu
     return found, cpu_seconds() - begin
 
 
-def _reference(study: Study, name: str, elements: int) -> Truth:
-    made = problem(study.folder, name, "P2")
-    found, _ = _run(study, {**made, "name": f"{name}-reference"}, {"accuracy": {"error": 1e-3, "elements": elements}})
+def _reference(study: Study, name: str, settings: Settings) -> Truth:
+    made, elements = problem(study.folder, name, "P2", split_above=settings.split_above), settings.reference[name]
+    found, _ = graded(study, {**made, "name": f"{name}-reference"}, {"accuracy": {"error": 1e-3, "elements": elements}})
     error = found[-1].summary["accuracy"]["meshes"][-1]["mesh_error"]
     if name not in PLANE or len(found) < 2:
         return Truth(found[-1], error, None)
@@ -217,7 +220,7 @@ def _uniform(study: Study, name: str, element: str, asked: float, true: Truth, l
     done, h = [], COARSEST / 2
     while len(done) < 2 or done[-1][0] > asked and done[-1][1] ** 2 / done[-2][1] < limit:
         made = problem(study.folder, name, element, h)
-        (solution,), seconds = _run(study, {**made, "name": f"{name}-uniform"}, {"tolerance": {"error": asked / 10}})
+        (solution,), seconds = graded(study, {**made, "name": f"{name}-uniform"}, {"tolerance": {"error": asked / 10}})
         error = true(solution)
         told = estimator_of(solution.scene)(solution.sides).relative
         done.append((error, seconds))
@@ -228,9 +231,11 @@ def _uniform(study: Study, name: str, element: str, asked: float, true: Truth, l
     return done
 
 
-def _asked(study: Study, name: str, element: str, asked: float, true: Truth, uniform: list[tuple[float, float]], most: int) -> bool:
+def _asked(study: Study, name: str, element: str, asked: float, true: Truth, uniform: list[tuple[float, float]],
+           settings: Settings) -> bool:
     """One accuracy with at most so many elements, a row a mesh. Whether it was reached, by its own estimate."""
-    found, seconds = _run(study, problem(study.folder, name, element), {"accuracy": {"error": asked, "elements": most}})
+    made, most = problem(study.folder, name, element, split_above=settings.split_above), settings.most[element]
+    found, seconds = graded(study, made, {"accuracy": {"error": asked, "elements": most}})
     meshes = found[-1].summary["accuracy"]["meshes"]
     for number, (solution, done) in enumerate(zip(found, meshes), 1):
         error = true(solution)
