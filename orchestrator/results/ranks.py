@@ -15,11 +15,12 @@ from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.estimators import kind_of
+from orchestrator.method.stopping.leaps import leaping, leaps
 from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import Interface, Scene, Subdomain
 
 
 @dataclass
@@ -31,6 +32,7 @@ class Piece:
     team : the ranks
     body_force : (T, k, 1 or 4, 3) force/volume of each cell, as a scene's; None where there is none
     loads : (T, n, 3) forces at its nodes
+    leaps : some of its cells and their η² of leaps between bonded sides that do not match, see ``stopping.leaps``
     """
 
     fields: Fields
@@ -38,6 +40,7 @@ class Piece:
     team: Team
     body_force: np.ndarray | None
     loads: np.ndarray
+    leaps: list[tuple[np.ndarray, np.ndarray]]
 
     @classmethod
     def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
@@ -64,7 +67,8 @@ class Piece:
         fields = Fields(scene.mesh.nodes[nodes], cells, scene.cell_subdomain[chosen], shown_moduli(scene)[chosen], displacement,
                         part=scene.mesh.volume[chosen], parts=tuple(scene.mesh.volumes), joined=joined,
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
-        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads)
+        found = [(np.searchsorted(chosen, cells), squares) for cells, squares in _leaps(scene, own, continuous, meeting.team)]
+        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found)
 
     def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
@@ -79,8 +83,9 @@ class Piece:
         if not wanted:
             return None
         f = self.fields
-        found = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, f.lame, f.thermal, self.body_force,
-                                         [self.loads])([f.displacement])
+        estimator = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, f.lame, f.thermal, self.body_force, [self.loads])
+        estimator.leaps = lambda _: self.leaps
+        found = estimator([f.displacement])
         self._know(discretisation_error=found.cells)
         return self._whole(found)
 
@@ -125,6 +130,19 @@ class Piece:
     def _know(self, **more: np.ndarray) -> None:
         """Take in what is only known later; what was computed without it goes."""
         self.fields = replace(self.fields, **more)
+
+
+def _leaps(scene: Scene, own: Sequence[Subdomain], continuous: Parts, team: Team) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Leaps of the interfaces whose slaves are this rank's, which learns how their masters move that are others'."""
+    mine, there = {s.index for s in own}, leaping(scene)
+
+    def traces(i: Interface, side: int) -> np.ndarray:
+        e = i.subdomains[side]
+        return continuous[e][:, i.nodes[side]] if e in mine else known[i.index]
+
+    asked = [i for i in there if i.subdomains[1] in mine and i.subdomains[0] not in mine]
+    known = {index: moved for one in team.all_gather({i.index: traces(i, 1) for i in asked}) for index, moved in one.items()}
+    return [leaps(scene, i, traces) for i in there if i.subdomains[0] in mine]
 
 
 def _placed(numbers: Sequence[np.ndarray], values: Sequence[np.ndarray], axis: int = 0) -> np.ndarray:

@@ -10,12 +10,13 @@ of loads in the work, of ‖e‖². Beyond ‖e‖ = ‖u‖, where a mesh tells
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
+from orchestrator.method.stopping.leaps import leaping, leaps
 from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
@@ -33,11 +34,13 @@ class Estimate:
     relative : max_t η_t / max_t ‖u_t‖, in the energy norm
     cells : (T, m) share of each cell, among ranks of its own ones; the largest root of a step's sum of squares is ``relative``
     size : what both are relative to, the root of an energy
+    leaps : (T,) share of leaps between bonded sides in the sum of squares, among ranks of its own ones
     """
 
     relative: float
     cells: np.ndarray
     size: float = 1.0
+    leaps: np.ndarray | float = 0.0
 
 
 class Estimator:
@@ -52,9 +55,11 @@ class Estimator:
     joined : (n,) int, the labels, numbered from zero
     gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
     ours : (m,) bool, cells that have an error: not those that stand for tools, grounds, parts of other programs; True: all
+    leaps : displacements → (k,) cells and their (T, k) η² of leaps between sides that do not match, see ``leaps``; None: there are none
     """
 
     ours: np.ndarray | bool = True
+    leaps: Callable[[Sequence[np.ndarray]], list[tuple[np.ndarray, np.ndarray]]] | None = None
 
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, meeting: Meeting, lame: np.ndarray, thermal: np.ndarray | None = None,
                  body_force: np.ndarray | None = None, loads: Sequence[np.ndarray] = ()):
@@ -74,6 +79,8 @@ class Estimator:
         loads = [s.loads for s in scene.subdomains]
         made = cls(scene.mesh.nodes[copies.node], copies.cells, meeting, scene.lame, scene.thermal, scene.body_force, loads)
         made.ours = ~scene.stand_ins[scene.cell_subdomain]
+        if found := leaping(scene):
+            made.leaps = lambda sides: [leaps(scene, i, lambda i, side: sides[i.subdomains[side]][:, i.nodes[side]]) for i in found]
         return made
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
@@ -89,6 +96,10 @@ class Estimator:
         for some in (slice(a, a + BATCH) for a in range(0, len(displacement), BATCH)):
             stresses = [self.stress(u, number) for u, number in zip(displacement[some], numbers[some])]
             squares[some], energies[some] = self.ours * self._errors(stresses, numbers[some]), [self.energies_of(sigma) for sigma in stresses]
+        leapt = np.zeros(len(displacement))
+        for cells, more in self.leaps(sides) if self.leaps else ():
+            np.add.at(squares, (slice(None), cells), more)
+            leapt += more.sum(axis=1)
         for t, u in enumerate(displacement):
             alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
@@ -96,7 +107,7 @@ class Estimator:
         work = self.work(sides, numbers)
         errors, energy, alone, work = self.team.sum(squares.sum(axis=1), energies.sum(axis=1), alone, work)
         size = size_of(exact_energy(energy, errors, work), alone)
-        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size, size)
+        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size, size, leapt / size**2)
 
     def work(self, sides: Sequence[np.ndarray], numbers: Sequence[int]) -> np.ndarray:
         """(T,) f·u, of a rank's own loads, parameters as for the estimate."""

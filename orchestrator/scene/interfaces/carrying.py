@@ -14,6 +14,7 @@ the area (contact: 36 and 121); displacements that differ from those of bodies i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -75,6 +76,8 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.mortar = i.moving.first()
         else:
             i.mortar = make_mortar(i.surfaces, free, crossed, vectors[group[number]][nodes])
+            if i.law.perfect and i.triangles.shape[1] == 6:
+                i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True
     _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
     for i in waiting:

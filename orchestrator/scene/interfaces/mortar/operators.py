@@ -31,6 +31,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned, multipliers
+from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import local_size, rounding, skew
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
@@ -57,6 +58,7 @@ class Mortar:
     free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
     hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
         alone, or, on faces of six nodes, along its linear function, by half in the middle of edges
+    overlaps : of the facets of both sides, the slave's first, where bonded faces of six nodes leave leaps; else None
     """
 
     points: np.ndarray
@@ -69,6 +71,7 @@ class Mortar:
     cells: np.ndarray
     free: np.ndarray
     hats: sp.csr_array
+    overlaps: Segments | None = None
 
     def __len__(self) -> int:
         return len(self.points)
