@@ -127,11 +127,11 @@ class ErrorBound:
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
-        nothing = (ROUNDING * size) ** 2
-        dual = dual_energy(self.stage, h, rest, Enough(nothing), reached)
+        enough = Enough((ROUNDING * size) ** 2, met=self._met(asked, size) ** 2)
+        dual = dual_energy(self.stage, h, rest, enough, reached, self.softness)
         sweeps, found = dual.sweeps, self._relative(rest + dual.energy, size)
-        if reached.least <= useful and found <= asked:
-            dual = dual_energy(self.stage, h, rest, Enough(nothing), reached, self.softness(), dual)
+        if reached.least <= useful and found <= asked and not dual.above:
+            dual = dual_energy(self.stage, h, rest, enough, reached, self.softness(), dual)
             sweeps, found = sweeps + dual.sweeps, self._relative(rest + dual.energy, size)
         if reached.least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
@@ -139,6 +139,12 @@ class ErrorBound:
 
     def _relative(self, squares: np.ndarray, size: float) -> float:
         return relative(self._largest(squares), size) + self.floor
+
+    def _met(self, asked: float, size: float) -> float:
+        """The error of each load step with which a bound is ``asked`` at most."""
+        left = float(np.sqrt(max(asked - self.floor, 0.0) ** 2 - ROUNDING**2)) if asked - self.floor > ROUNDING else 0.0
+        most = 1.0 if self.weights is None else float(self.weights.sum(axis=0).max())
+        return size / (1 + 1 / left) / most if left and most else 0.0
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""

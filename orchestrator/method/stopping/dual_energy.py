@@ -49,6 +49,7 @@ class Dual(NamedTuple):
     x, left, of : (T, B) S⁺h, nearly, without rigid motions, h − S x, and h
     towards, meant, size : (T, B) the last direction p and (S + k) p, and (T, S) rᵀM⁻¹r before it, None at first: the next step goes on from
         them
+    above : whether the energy is known from above, with σ of the subdomains, or told by the steps' tail
     """
 
     energy: np.ndarray
@@ -59,43 +60,43 @@ class Dual(NamedTuple):
     towards: np.ndarray | None = None
     meant: np.ndarray | None = None
     size: np.ndarray | None = None
+    above: bool = False
 
     @classmethod
     def joined(cls, batches: Sequence[Dual]) -> Dual:
         """Of all load steps from batches of them, in order."""
         energy, x, left, of = (np.concatenate([getattr(b, name) for b in batches]) for name in ("energy", "x", "left", "of"))
         last = zip(*((b.towards, b.meant, b.size) for b in batches))
-        return cls(energy, sum(b.sweeps for b in batches), x, left, of,
-                   *(None if any(one is None for one in each) else np.concatenate(each) for each in last))
+        return cls(energy, sum(b.sweeps for b in batches), x, left, of, *(None if any(one is None for one in each) else np.concatenate(each)
+                   for each in last), above=all(b.above for b in batches))
 
 
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False,
-                softness: np.ndarray | None = None, begun: Dual | None = None) -> Dual:
+                softness: np.ndarray | Callable[[], np.ndarray] | None = None, begun: Dual | None = None) -> Dual:
     """hᵀS⁺h over all subdomains.
 
-    The iterates approach from below; the geometric tail of the steps is added, and for the tail's own error the accuracy that the steps
-    are stopped at. With stiff soles a² and b² are large and almost cancelled by the cross term: what counts is the accuracy of the sum.
-    Infinite if it is not reached.
+    The iterates approach from below; their geometric tail is added, and for its own error the accuracy that they are stopped at. With
+    stiff soles a² and b² are large and almost cancelled by the cross term: the accuracy of the sum counts. Infinite if it is not reached.
 
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     enough : when that sum is known well enough
     beyond : of the sums reached so far, (T,), whether they are more than can be of use: that is returned then, and the true one is larger
-    softness : (S,) σ of the own subdomains, see ``softest``: what is left then is known from above, and added, see ``_reach``. Of slender
-        bodies that takes long: after ``LONGER`` times as many steps the geometric tail has to do
+    softness : (S,) σ of the own subdomains, see ``softest``: what is left is known from above then, and added, see ``_reach``. Of slender
+        bodies that takes long: after ``LONGER`` times as many steps the tail has to do. A function is asked once steps end within ``met``
     begun : what an earlier call has found, from which it goes on if that was of the same h
     """
     space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
-        return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h)
+        return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h, above=True)
     if begun is None or space.team.max(not np.array_equal(begun.of, h))[0]:
         begun = Dual(np.zeros(len(h)), 0, np.zeros_like(h), h.copy(), h)
-    _, _, x, r, _, p, q, rz_old = begun
+    _, _, x, r, _, p, q, rz_old, _ = begun
     total, = space.team.sum(dots(x, h + r))
-    reach = alpha = None
     going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
-    steps, ready, closely = [], 0, min(RELATIVE_TAIL, enough.share)
+    steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(RELATIVE_TAIL, enough.share)
+    softness, ask = (None, softness) if callable(softness) else (softness, None)
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(np.where(of.spread(going), r, 0.0))
         rz = np.maximum(of.sums(r * z), 0.0)
@@ -106,12 +107,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             most = total + left
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
-                return Dual(most, sweeps, x, r, h, p, q, rz_old)
-        if p is None:
-            p, q = z, r.copy()
-        else:
-            beta = of.spread(_safe_ratio(rz, rz_old))
-            p, q = z + beta * p, r + beta * q
+                return Dual(most, sweeps, x, r, h, p, q, rz_old, True)
+        p, q = (z, r.copy()) if p is None else (new + of.spread(_safe_ratio(rz, rz_old)) * old for new, old in ((z, p), (r, q)))
         s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))
@@ -121,13 +118,18 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         if beyond(total + rest):
             return Dual(total, sweeps, x, r, h, p, q, rz_old)
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
+        taken.append((alpha, rz))
         kept = np.where(going, SLOW * alpha * rz if softness is None else kept - alpha * rz, kept)
         going &= kept > IDLE * closely * worth / (len(h) * space.link.subdomain_count)
+        if ask and softness is None and max(steps[-1], tail) <= LEFT * worth and (total + rest).max() + tail <= enough.met:
+            softness, going[:] = ask(), True
+            reach = _reach_of(softness, taken)
         ready = ready or (sweeps if max(steps[-1], tail) <= closely * worth else 0)
         if ready and (softness is None or sweeps >= LONGER * ready):
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
-            return Dual(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps, x, r, h, p, q, rz_old)
+            total = total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0)
+            return Dual(total, sweeps, x, r, h, p, q, rz_old, softness is not None)
     return Dual(np.full(len(h), np.inf), MAX_STEPS, x, r, h, p, q, rz_old)
 
 
@@ -144,6 +146,14 @@ def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, r
         return worst
     left, beta = before - alpha, _safe_ratio(rz, rz_old)
     return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
+
+
+def _reach_of(softness: np.ndarray, taken: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """(T, S) the same after steps of α and rᵀM⁻¹r (T, S) each: of what has not taken part in the last, all that it is at most."""
+    reach = _reach(softness, None, *taken[0], taken[0][1])
+    for (alpha, old), (_, new) in zip(taken, taken[1:]):
+        reach = _reach(softness, reach, alpha, new, old)
+    return reach
 
 
 def _tail(steps: list[float]) -> float:

@@ -9,7 +9,7 @@ Four kinds:
 - ``layer`` (the paper's): each side carries a layer along its own outward normal;
 - ``symmetric``: each side carries a layer along +n and one along −n, half the modulus each.
   Both sides then see the very same stiffness, which makes the two search directions conjugate;
-- ``overlap``: a copy of the first row of elements of both sides;
+- ``overlap``: a copy of the first row of elements of both sides, most of its modulus the neighbour's;
 - ``springs``: a layer so thin that the nodes hardly feel each other, as contact laws, which are
   pointwise, like it. Modulus and thickness shrink together: E/thickness is what counts.
 

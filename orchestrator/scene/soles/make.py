@@ -39,7 +39,7 @@ def make_soles(scene: Scene, settings, wanted: Sequence[bool] | None = None, sha
         paired = interface.paired
         together = paired and np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
-            soles[index] = (overlap(scene, interface, settings.modulus_ratio),) * 2
+            soles[index] = overlap(scene, interface, settings.modulus_ratio)
             continue
         kind = "symmetric" if kind == "overlap" else kind
         # of one side for both where they lie upon each other

@@ -1,11 +1,11 @@
 """Soles made of the neighbours' own elements, for matter or meshes that a layer of prisms imitates badly; where these are.
 
-The first row of elements of both sides is copied, half the modulus each, and clamped behind. What the
-sole feels at a node is then a share of what the elements there feel, whatever their matter, their
-shape and their order along the interface: with stiff and soft cells side by side (contrast 1:1000)
+The first row of elements of both sides is copied and clamped behind: most of the modulus is the other side's, which the sole stands
+for, ``OWN`` of it one's own. What the sole feels at a node is then a share of what the elements there feel, whatever their matter,
+their shape and their order along the interface: with stiff and soft cells side by side (contrast 1:1000)
 a sole that follows the facets alone misses the stiff cells that touch the interface by an edge.
 The Schur complement of a subdomain never exceeds its own first row clamped behind, so that with modulus
-ratio r and at most n interfaces meeting in an element S ≤ (2 n / r) k, whatever the contrast: there is
+ratio r and at most n interfaces meeting in an element S ≤ n / (OWN r) k, whatever the contrast: there is
 nothing that the sole is too soft for.
 
 With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
@@ -32,13 +32,16 @@ from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.model import Difficulty, Interface, Scene
 from orchestrator.scene.soles import Sole
 
+# Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000 brick by brick, 64 subdomains: 40, 32,
+# 33; 125 of them: 100, 81, 92; ν = .499, ten-node tets: 64, 64, 71; four-node tets, 8 cubes: 18, 19, 41.
+OWN = 0.2
 INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly incompressible
 
 
-def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
-    """The sole of both sides of an interface whose sides share their nodes.
+def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sole]:
+    """The soles of both sides of an interface whose sides share their nodes: they differ in their moduli alone.
 
-    ratio : ``method.sole.modulus_ratio``; each side's copy has half of it times its own modulus
+    ratio : ``method.sole.modulus_ratio``, dealt out to the copies of either side's elements
     """
     inner = scene.side_points(interface, 0)
     count = len(inner)
@@ -67,7 +70,8 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
         points, cells = _without_chords(inner, own, points, cells, np.concatenate(sides))
         points, cells = with_middles(inner, own, points, cells)
         poisson = np.where(poisson > INCOMPRESSIBLE, _between(poisson), poisson)
-    return Sole(points, cells, 0.5 * ratio * young, poisson)
+    own = np.repeat([0, 1], [len(row) for row in copied]) == np.array([[0], [1]])
+    return tuple(Sole(points, cells, ratio * np.where(mine, OWN, 1 - OWN) * young, poisson) for mine in own)
 
 
 def _between(poisson: np.ndarray) -> np.ndarray:
