@@ -43,7 +43,7 @@ from orchestrator.method.stopping.discretisation import Estimate, Estimator
 from orchestrator.results.solution import Solution
 
 CLEAR = 0.1  # of the energies' difference, what iterations and curved faces may have part in: 5 % of the measured share
-TRUSTED = 0.5  # of the true error, told by an estimate that is not measured: .69 is the least of ``study accuracy``, a ball's first mesh apart
+TRUSTED = 0.5  # of the true error, told by an estimate that is not measured: .70 is the least of ``study accuracy``, a ball's first mesh apart
 FORESEEN = 0.85  # where it can be measured once there is a second mesh: of L, hole, slit, punch .83 is the least, of grains .70
 
 
