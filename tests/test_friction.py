@@ -63,7 +63,7 @@ class Full:
         root = np.linalg.cholesky(self.S)
         self.of_slips = np.linalg.norm(np.linalg.solve(root, weighted.reshape(len(unit), -1)), 2) ** 2
         read = self.pressures * np.sqrt(self.rub / self.of.weight)[:, None]
-        self.of_pressures = np.linalg.eigvalsh(read @ d.certificate.stiffness @ read.T)[-1]
+        self.of_pressures = np.linalg.eigvalsh(read @ (d.certificate.stiffness @ read.T))[-1]
 
 
 @pytest.mark.parametrize("made", [pressed(0.1), late(pressed(0.1, 4)), apart(0.1), late(pressed(0.05, **SIX)),

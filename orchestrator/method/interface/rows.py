@@ -85,6 +85,38 @@ def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: in
     return narrow(sp.csr_array((np.concatenate([np.empty(0), *(block.data for block in blocks)]), (row, column)), shape=(size, size)))
 
 
+class Blocks:
+    """A symmetric matrix of blocks on dofs that lie together, those that are alike kept once; a product with columns, and a diagonal.
+
+    blocks : (t, t), the different ones
+    numbers, starts : which of them each is, and its first dof
+    size : dofs in all
+    """
+
+    def __init__(self, blocks: Sequence[sp.csr_array], numbers: Sequence[int], starts: Sequence[int], size: int):
+        numbers, starts, self.shape = np.array(numbers, dtype=int), np.array(starts, dtype=int), (size, size)
+        members = np.bincount(numbers, minlength=len(blocks))
+        spans = [np.arange(block.shape[0]) for block in blocks]
+        self._shared = [(blocks[k], (starts[numbers == k][:, None] + spans[k]).astype(np.int32)) for k in np.flatnonzero(members > 1)]
+        lone = np.flatnonzero(members[numbers] == 1).tolist()
+        self._alone = placed([blocks[numbers[i]] for i in lone], [starts[i] + spans[numbers[i]] for i in lone], size)
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        """Products with x (size,) or (size, T)."""
+        result = self._alone @ x
+        for block, at in self._shared:
+            columns = x[at].swapaxes(0, 1)
+            result[at] = (block @ columns.reshape(len(columns), -1)).reshape(columns.shape).swapaxes(0, 1)
+        return result
+
+    def diagonal(self) -> np.ndarray:
+        """(size,)"""
+        result = self._alone.diagonal()
+        for block, at in self._shared:
+            result[at] = block.diagonal()
+        return result
+
+
 class Segments:
     """Columns that belong to subdomains, one after the other.
 

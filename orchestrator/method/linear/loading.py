@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
-from orchestrator.method.interface.rows import dots, placed
+from orchestrator.method.interface.rows import Blocks, dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
@@ -55,18 +55,18 @@ def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
     return [RimStiffness(next(found) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes) for r in rims]
 
 
-def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
+def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> Blocks:
     """(B, B) the subdomains' stiffness on their boundary dofs: energy of fields that vanish inside."""
-    different, numbers, slots = {}, [], []
+    different, numbers, starts = {}, [], []
     for trace, rim, part in zip(traces, rims, space.boundary):
         if not len(trace):
             continue
         position = np.searchsorted(rim.dofs, trace)
         key = id(rim.stiffness), position.tobytes()  # congruent rims share their stiffness
         numbers.append(different.setdefault(key, (len(different), rim.stiffness, position))[0])
-        slots.append(np.arange(part.start, part.stop))
+        starts.append(part.start)
     blocks = [found[position][:, position] for _, found, position in different.values()]
-    return placed([blocks[number] for number in numbers], slots, len(space.global_dof))
+    return Blocks(blocks, numbers, starts, len(space.global_dof))
 
 
 @dataclass

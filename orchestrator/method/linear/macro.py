@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from hashlib import blake2b
 
 import numpy as np
@@ -164,13 +163,8 @@ class Macro:
         neighbours' values behind."""
         own, theirs = f[:, : self.space.size], f[:, self.space.size :]
         found = times(self.C.T, own) + times(self._beyond.T, theirs)
-        sizes = times(self._sizes[0].T, np.abs(own)) + times(self._sizes[1].T, np.abs(theirs))
+        sizes = times(_sizes(self.C).T, np.abs(own)) + times(_sizes(self._beyond).T, np.abs(theirs))
         return float(np.abs(found).max(initial=0.0)), float(sizes.max(initial=0.0))
-
-    @cached_property
-    def _sizes(self) -> list[sp.csr_array]:
-        """Magnitudes of the macro fields, of this rank's trace dofs and of the neighbours'."""
-        return [sp.csr_array((np.abs(C.data), C.indices, C.indptr), shape=C.shape) for C in (self.C, self._beyond)]
 
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
@@ -190,6 +184,11 @@ class Macro:
             result[:, block.columns] = seen @ block.answers[0] if len(block.answers) == 1 else (
                 seen.transpose(1, 0, 2) @ block.answers).transpose(1, 0, 2)
         return result
+
+
+def _sizes(fields: sp.csr_array) -> sp.csr_array:
+    """Their magnitudes: kept, they would take as much as the fields."""
+    return sp.csr_array((np.abs(fields.data), fields.indices, fields.indptr), shape=fields.shape)
 
 
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:

@@ -24,10 +24,9 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.config.method import ROUNDING
-from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.rows import Blocks, dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
@@ -75,7 +74,7 @@ class ErrorBound:
     floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
-    def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray):
+    def __init__(self, direction: SearchDirection, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray):
         self.space, self.stiffness, self.external, self.floor = direction.space, stiffness, external, 0.0
         self.continuity = Continuity(self.space, stiffness.diagonal())
         self.modes = RigidModes(self.space, modes)
@@ -152,7 +151,7 @@ class ErrorBound:
         return float((errors if self.weights is None else errors @ self.weights).max(initial=0.0))
 
 
-def moved_energy(stage: LinearStage, stiffness: sp.csr_array, external: np.ndarray, fields: Admissible,
+def moved_energy(stage: LinearStage, stiffness: Blocks, external: np.ndarray, fields: Admissible,
                  delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(T,) a² = δᵀK δ of boundary values δ (T, B), and ‖u₂ + δ‖²_K, u₂ the linear stage's fields; this rank's part of either.
 

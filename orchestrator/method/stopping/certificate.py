@@ -28,11 +28,10 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.rows import Blocks, dots
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -134,7 +133,7 @@ class Certificate:
     floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
-    def __init__(self, pairs: Pairs, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage):
+    def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage):
         self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
         self.space, self.before, self.reached, self.floor = stage.space, History.none(len(pairs)), 0.0, 0.0
         self.forces = AdmissibleForces(stage.direction, pairs, modes)

@@ -30,7 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.rows import Segments, times
+from orchestrator.method.interface.rows import Blocks, Segments, times
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 300  # of either eigenvalue's method at most
@@ -50,7 +50,7 @@ class Friction:
     read : (3P, D + G) rows that read the pairs' forces off those of the nodes; weight : (P,) D, infinite where they cannot
     """
 
-    def __init__(self, pairs: Pairs, stiffness: sp.csr_array, stage: LinearStage):
+    def __init__(self, pairs: Pairs, stiffness: Blocks, stage: LinearStage):
         self.pairs, self.stiffness, self.stage, self.space = pairs, stiffness, stage, stage.space
         self.coefficient = np.zeros(len(pairs))
         for run in pairs.runs:
@@ -178,7 +178,7 @@ def _largest(r: np.ndarray, product: Callable, answered: Callable, dot: Callable
     return value + left
 
 
-def guarantee(pairs: Pairs, stiffness: sp.csr_array, modes: list[np.ndarray], stage: LinearStage,
+def guarantee(pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], stage: LinearStage,
               softness: Callable[[], np.ndarray]) -> Callable[[], float]:
     """() → the factor with which E is a bound, found when first asked for; nan where it is an estimate.
 
