@@ -1,5 +1,7 @@
 """Scenes that ranks make together: to the bit the parts that are cut of the whole, which nobody has; or none, where one has to judge."""
 
+import threading
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 
 import gmsh
@@ -7,6 +9,7 @@ import meshio
 import numpy as np
 import pytest
 from meshes.bar import bar
+from quick import late
 from ranks_case import CASES
 from threads import among
 
@@ -14,6 +17,7 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.files import read
+from orchestrator.scene.mesh import solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.part import overview, part_of
@@ -205,6 +209,51 @@ def test_parts_that_one_has_to_judge_are_left_to_it(change):
     config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}], **change})
     assert among(3, lambda team: make(config, team)) == [None] * 3
+
+
+@pytest.fixture(scope="module")
+def solids(tmp_path_factory):
+    """Three boxes in a row and a cylinder on two of them, in a CAD model."""
+    path = tmp_path_factory.mktemp("cad") / "row.brep"
+    with session():
+        for k in range(3):
+            gmsh.model.occ.addBox(k, 0, 0, 1, 1, 1)
+        gmsh.model.occ.addCylinder(1, 0.5, 1, 0, 0, 1, 0.4)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    return {"step": str(path), "h": {"*": 0.5, "solid_2": 0.4}, "conforming": False}
+
+
+@pytest.fixture
+def one_gmsh(monkeypatch):
+    """Threads share gmsh, which real ranks have one each of."""
+    one = threading.Lock()
+
+    @contextmanager
+    def alone():
+        with one, session():
+            yield
+
+    monkeypatch.setattr(solid_meshes, "session", alone)
+
+
+@pytest.mark.parametrize("part", [False, True])
+@pytest.mark.parametrize("element", ["P1", late("P2")])
+def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, one_gmsh, element, part):
+    """Each its own, with the shapes of faces; as a CAD model, or as one of several parts."""
+    mesh = {"mesh": {**solids, "rename": {"solid_4": "post"}}} if not part else {
+        "parts": [_block("foot", [-1, 0, 0]), {"name": "row", "mesh": solids}, _block("end", [3, 0, 0])]}
+    config = config_from({"name": "solids", **mesh, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "interfaces": [{"law": "perfect"}], "blackbox": {"element": element},
+                          "boundary": [{"on": {"plane": "x", "at": -1.0 * part}, "displacement": [0, 0, 0]},
+                                       {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
+    same_as_one(config, 3)
+
+
+def test_fewer_solids_than_ranks_are_left_to_one(solids, one_gmsh):
+    config = config_from({"name": "solids", "mesh": solids, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "interfaces": [{"law": "perfect"}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]})
+    assert among(5, lambda team: make(config, team)) == [None] * 5
 
 
 def test_a_piece_is_little_more_than_its_share():

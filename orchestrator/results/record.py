@@ -27,9 +27,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
-from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.model import Scene
-from orchestrator.scene.pieces.sources import told_by_configuration
 from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
@@ -50,7 +48,7 @@ class Record(Subscriber):
 
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *,
                  resume: bool = False):
-        problem = problem_of(config.complete(), *(() if _generated(config, scene) else (scene.mesh.nodes, scene.mesh.cells)))
+        problem = problem_of(config.complete(), scene.prints)
         key = digest_of(problem)
         self.start = load_checkpoint(folder, key, problem) if resume else None
         if resume and self.start is None:
@@ -148,17 +146,6 @@ class Record(Subscriber):
             "timing": {"total": self.watch.total, **self.watch.seconds}, "versions": versions(), "config": self._config.complete()}
         with suppress(InputError):  # a full disk; the error itself is told
             write_summary(self._folder, content)
-
-
-def _generated(config: Config, scene: Scene) -> bool:
-    """Whether the configuration, or what is in its files, says all of the mesh, none of whose tets is halved: of what ranks have made
-    together nobody has the nodes."""
-    if config.parts is not None:
-        return all(part.mesh is not None and told_by_configuration(part.mesh) for part in config.parts) and not config.refines
-    if config.mesh.file is not None:
-        return not config.refines
-    box = config.mesh.box is not None or config.mesh.beam is not None
-    return box and 3 * int(np.prod(grid_of(config.mesh).counts + 1)) == problem_size(scene)["dofs"]
 
 
 def _first_line(error: BaseException) -> str:

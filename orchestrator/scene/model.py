@@ -5,6 +5,7 @@ Indices are zero-based. Lengths, forces and moduli are in the user's units.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -280,6 +281,7 @@ class Overview:
     used : (materials,) bool, which of them some cell has
     cautions : what a user should know before the scene is solved
     mesh_nodes : nodes of the mesh; box : (2, 3) around them
+    prints : (subdomains, 32) as of the ``Scene``
     rank_of : (subdomains,) int, the rank that has made each; None: one has made all
     """
 
@@ -293,6 +295,7 @@ class Overview:
     cautions: list[str]
     mesh_nodes: int
     box: np.ndarray
+    prints: np.ndarray
     rank_of: np.ndarray | None = None
 
 
@@ -382,6 +385,11 @@ class Scene:
             return self.overview.matched
         return np.array([i.mortar is None for i in self.interfaces], dtype=bool)
 
+    @property
+    def prints(self) -> np.ndarray:
+        """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has the same mesh, cut alike."""
+        return prints(self, self.subdomains) if self.overview is None else self.overview.prints
+
     @cached_property
     def stand_ins(self) -> np.ndarray:
         """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts of other programs."""
@@ -402,3 +410,10 @@ class Scene:
     def __repr__(self) -> str:
         return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "
                 f"{3 * len(self.mesh.nodes)} dofs, {self.steps} load steps)")
+
+
+def prints(scene: Scene, some: Iterable[Subdomain]) -> np.ndarray:
+    """As ``Scene.prints``, of some subdomains that are all there."""
+    made = [hashlib.sha256(np.ascontiguousarray(scene.mesh.nodes[s.nodes]).tobytes() + np.ascontiguousarray(s.connectivity).tobytes())
+            for s in some]
+    return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)

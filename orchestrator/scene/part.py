@@ -28,7 +28,7 @@ def overview(scene: Scene) -> Overview:
     nodes, met = np.array([len(s.nodes) for s in scene.subdomains]), np.array([len(i.global_nodes) for i in scene.interfaces], dtype=int)
     used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene), nodes,
-                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box)
+                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box, scene.prints)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -134,7 +134,7 @@ def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[in
 def _hollow(i: Interface) -> Interface:
     none = np.empty(0, int)
     return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0], cells=i.cells[:0], free=i.free[:0],
-                   normals=None, mortar=None, moving=None)
+                   normals=None, given=None, mortar=None, moving=None)
 
 
 def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:

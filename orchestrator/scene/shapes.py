@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,10 @@ class Shape:
     radius: float | None = None
     through: np.ndarray | None = None
     normals: np.ndarray | None = None
+
+    def of(self, triangles: slice) -> Shape:
+        """The shape with the normals of some of its triangles."""
+        return self if self.normals is None else replace(self, normals=self.normals[triangles])
 
     def placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Shape:
         """The shape moved by a similarity, points (n, 3) → (n, 3)."""

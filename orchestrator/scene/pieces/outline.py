@@ -34,7 +34,7 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
     order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone; and its place among those of its pair
-    mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s,) of subdomains, as in ``Overview`` and ``Difficulty``
+    mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
     acting : what acts on them
@@ -50,6 +50,7 @@ class Outline:
     soft: np.ndarray
     slenderness: np.ndarray
     nodes: np.ndarray
+    prints: np.ndarray
     sides: np.ndarray
     entry: np.ndarray
     order: np.ndarray
@@ -78,7 +79,7 @@ class Outline:
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
-                   *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes)),
+                   *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at], *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int),
                    np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
@@ -121,7 +122,7 @@ class Outline:
         """What every part has to know; ``part`` is any of them."""
         return Overview(self.sizes, self.loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
                         self.met, self.used, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
-                        extent.box, rank_of)
+                        extent.box, self.prints, rank_of)
 
     def around(self, part: Scene, present: np.ndarray, known: Overview) -> Scene:
         """A part of the scene of a piece as a part of the whole scene: with places for all other subdomains and interfaces.

@@ -33,28 +33,37 @@ class Share:
         """
         told = [self._rows(some) for some in cells]
         cell, node, face = (np.concatenate(team.deliver([rows[i] for rows in told])).reshape(-1, width)
-                            for i, width in enumerate((2 + self.mesh.cells.shape[1], 4, 4)))
+                            for i, width in enumerate((2 + self.mesh.cells.shape[1], 4, 4 + 9 * bool(self.mesh.smooth))))
         cell, same = _each_once(cell)
         node, alike = _each_once(node)
-        face = np.unique(face, axis=0).astype(int)
+        face, at = face[:, :4].astype(int), face[:, 4:]
+        face, which = np.unique(face, axis=0, return_index=True)
         number, cell_rows = node[:, 0].astype(int), cell.astype(int)
         ends = np.searchsorted(face[:, 0], np.arange(1, len(self.mesh.surfaces)))
         triangles = np.split(np.searchsorted(number, face[:, 1:]), ends) if self.mesh.surfaces else []
+        normals = dict(zip(self.mesh.surfaces, np.split(at[which].reshape(len(which), at.shape[1] // 3, 3), ends)))
         mesh = replace(self.mesh, nodes=np.ascontiguousarray(node[:, 1:]), cells=np.searchsorted(number, cell_rows[:, 2:]),
-                       volume=cell_rows[:, 1].copy(), surfaces=dict(zip(self.mesh.surfaces, triangles)))
+                       volume=cell_rows[:, 1].copy(), surfaces=dict(zip(self.mesh.surfaces, triangles)),
+                       smooth={name: shape if shape.normals is None else replace(shape, normals=normals[name])
+                               for name, shape in self.mesh.smooth.items()})
         return Share(mesh, number, cell_rows[:, 0].copy(), self.sound and same and alike)
 
     def _rows(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Numbers of some cells (k, 2 + corners) with their volumes and nodes, of nodes (n, 4) with their places, and of triangles (t, 4)
-        with the surface that names them."""
+        """Numbers of some cells (k, 2 + corners) with their volumes and nodes, of nodes (n, 4) with their places, and of triangles
+        (t, 4) with the surface that names them, (t, 13) with normals at their corners where a CAD model tells of shapes."""
         mesh, own = self.mesh, self.mesh.cells[cells]
         nodes = np.unique(own)
         named = np.concatenate([np.empty((0, 3), dtype=int), *mesh.surfaces.values()])
         surface = np.repeat(np.arange(len(mesh.surfaces)), [len(triangles) for triangles in mesh.surfaces.values()])
         keys = np.concatenate([pack(own[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
         there = np.isin(pack(named, len(mesh.nodes)), keys)
+        known = {name: shape.normals.reshape(-1, 9) for name, shape in mesh.smooth.items() if shape.normals is not None}
+        width = 9 * bool(mesh.smooth)
+        normals = np.concatenate([np.empty((0, width)), *(known.get(name, np.full((len(triangles), width), np.nan))
+                                                          for name, triangles in mesh.surfaces.items())])
         return (np.column_stack([self.cell_number[cells], mesh.volume[cells], self.number[own]]),
-                np.column_stack([self.number[nodes], mesh.nodes[nodes]]), np.column_stack([surface[there], self.number[named[there]]]))
+                np.column_stack([self.number[nodes], mesh.nodes[nodes]]),
+                np.column_stack([surface[there], self.number[named[there]], normals[there]]))
 
 
 def _each_once(rows: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -1,4 +1,4 @@
-"""Meshes that ranks read or make in shares: files in partitions and parts, some of them each; other files rank 0."""
+"""Meshes that ranks read or make in shares: files in partitions, parts and solids meshed apart, some of them each; other files rank 0."""
 
 from __future__ import annotations
 
@@ -39,6 +39,8 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return None
     if config.parts is not None:
         return _of_parts(config.parts, team)
+    if config.mesh.step and config.mesh.conforming is False:
+        return _of_made(lambda: [make_mesh(config.mesh, share=(team.rank, team.size))[0]], team)
     if not config.mesh.file:
         return None
     return (_of_partitions if team.share(bool(in_partitions(Path(config.mesh.file)))) else _of_one)(config.mesh, team)
@@ -79,30 +81,35 @@ def _of_partitions(mesh: Any, team: Team) -> Dealt | None:
 
 def _of_parts(parts: list[OnePart], team: Team) -> Dealt | None:
     """Parts, of which each rank makes some."""
-    if len(parts) < team.size or not all(part.mesh is not None and told_by_configuration(part.mesh) for part in parts):
+    if len(parts) < team.size or any(part.mesh is None for part in parts):
         return None
     own = parts[team.rank * len(parts) // team.size : (team.rank + 1) * len(parts) // team.size]
-    made = agreed(lambda: _plain([placed(make_mesh(part.source)[0], part.name, part.move) for part in own]), team)
+    return _of_made(lambda: [placed(make_mesh(part.source)[0], part.name, part.move) for part in own], team)
+
+
+def _of_made(make: Callable[[], list[Mesh]], team: Team) -> Dealt | None:
+    """Meshes that share no nodes, of which each rank makes some."""
+    made = agreed(lambda: _plain(make()), team)
     if made is None:
         return None
-    told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks) for m in made])
+    told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks,
+                             {name: shape.of(slice(0)) for name, shape in m.smooth.items()}) for m in made])
     every, first = [part for rank in told for part in rank], sum(len(rank) for rank in told[: team.rank])
     counts = np.array([[nodes, cells, len(volumes)] for nodes, cells, volumes, *_ in every])
     nodes, cells, volumes = counts[:first].sum(axis=0)
-    mesh = joined(made)
-    whole = replace(mesh, volume=mesh.volume + volumes, volumes=[name for part in every for name in part[2]],
+    mesh, names = joined(made), [name for part in every for name in part[2]]
+    if len(set(names)) < len(names):
+        return None
+    whole = replace(mesh, volume=mesh.volume + volumes, volumes=names,
                     surfaces=_with_all(mesh.surfaces, [name for part in every for name in part[3]]),
-                    source=" + ".join(part[4] for part in every), remarks=[text for part in every for text in part[5]])
+                    source=" + ".join(dict.fromkeys(part[4] for part in every)),
+                    remarks=list(dict.fromkeys(text for part in every for text in part[5])),
+                    smooth={name: mesh.smooth.get(name, shape) for part in every for name, shape in part[6].items()})
     return Dealt(Share(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells))), int(counts[:, 0].sum()), team)
 
 
-def told_by_configuration(mesh: Any) -> bool:
-    """Whether the configuration and the files that it names say all of a mesh, whatever makes it."""
-    return any(getattr(mesh, key) is not None for key in ("box", "beam", "file"))
-
-
 def _plain(made: list[Mesh]) -> list[Mesh]:
-    """The meshes of a rank's parts.
+    """The meshes that a rank has made.
 
     Raises InputError: they are more than numbers of nodes allow
     """
