@@ -43,12 +43,18 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
 
 
 def command(panel: str) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
-    """A command, listed under ``panel``, that ends with the exit code it returns, 0 for None, or as its error says."""
+    """A command, listed under ``panel``, that ends with the exit code it returns, 0 for None, or as its error says.
+
+    What solves nothing and is about files, the first of several ranks does alone.
+    """
     def entered(does: Callable[..., int | None]) -> Callable[..., int | None]:
         @app.command(rich_help_panel=panel)
         @wraps(does)
         def ended(**options: object) -> None:
-            guarded(lambda: does(**options) or CONVERGED)
+            from orchestrator.parallel.team import launched
+
+            if panel not in (BEGIN, RESULTS) or not launched()[0]:
+                guarded(lambda: does(**options) or CONVERGED)
 
         return does
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from processes import begin, gone
 from ranks_case import CASES, PLACED, found, refined
-from quick import quick
+from quick import late, quick
 
 from orchestrator import folders
 from orchestrator.config.load import load_config
@@ -130,6 +130,17 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         assert again.converged and "placed anew" in again.summary["warnings"][-1]
         assert again.iterations == expected["iterations"] == len(again.history["iteration"])
         assert np.abs(again.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
+
+
+@pytest.mark.parametrize("face, code", [("xmax", 0), late("wall", 2)])
+def test_one_of_several_ranks_checks(face, code, tmp_path):
+    """What all would say, once; what is wrong, too."""
+    settings = tmp_path / "endless.yaml"
+    settings.write_text(ENDLESS.replace("xmax", face))
+    check = start(3, "-m", "orchestrator", "check", str(settings))
+    said, complaint = check.communicate(timeout=SECONDS)
+    assert check.returncode == code, complaint
+    assert (said.count("OK: "), complaint.count("problem in the input")) == ((1, 0) if code == 0 else (0, 1))
 
 
 def same_meshes(name: str, folder: Path, ranks: int) -> None:
