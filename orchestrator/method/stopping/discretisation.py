@@ -55,11 +55,11 @@ class Estimator:
     joined : (n,) int, the labels, numbered from zero
     gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
     ours : (m,) bool, cells that have an error: not those that stand for tools, grounds, parts of other programs; True: all
-    leaps : displacements → (k,) cells and their (T, k) η² of leaps between sides that do not match, see ``leaps``; None: there are none
+    leaps : displacements (T, n, 3) → (k,) cells and their (T, k) η² of leaps between sides that do not match, see ``leaps``; None: there are none
     """
 
     ours: np.ndarray | bool = True
-    leaps: Callable[[Sequence[np.ndarray]], list[tuple[np.ndarray, np.ndarray]]] | None = None
+    leaps: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
 
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, meeting: Meeting, lame: np.ndarray, thermal: np.ndarray | None = None,
                  body_force: np.ndarray | None = None, loads: Sequence[np.ndarray] = ()):
@@ -80,7 +80,8 @@ class Estimator:
         made = cls(scene.mesh.nodes[copies.node], copies.cells, meeting, scene.lame, scene.thermal, scene.body_force, loads)
         made.ours = ~scene.stand_ins[scene.cell_subdomain]
         if found := leaping(scene):
-            made.leaps = lambda sides: [leaps(scene, i, lambda i, side: sides[i.subdomains[side]][:, i.nodes[side]]) for i in found]
+            starts = np.cumsum([0, *(len(s.nodes) for s in scene.subdomains)])
+            made.leaps = lambda u: [leaps(scene, i, lambda i, side: u[:, starts[i.subdomains[side]] + i.nodes[side]]) for i in found]
         return made
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
@@ -97,7 +98,7 @@ class Estimator:
             stresses = [self.stress(u, number) for u, number in zip(displacement[some], numbers[some])]
             squares[some], energies[some] = self.ours * self._errors(stresses, numbers[some]), [self.energies_of(sigma) for sigma in stresses]
         leapt = np.zeros(len(displacement))
-        for cells, more in self.leaps(sides) if self.leaps else ():
+        for cells, more in self.leaps(displacement) if self.leaps else ():
             np.add.at(squares, (slice(None), cells), more)
             leapt += more.sum(axis=1)
         for t, u in enumerate(displacement):

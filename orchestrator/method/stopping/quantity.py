@@ -3,7 +3,7 @@
     Q(u_exact) − Q(u_h) = a(u_exact − u_h, z_exact − z_h),      so that about      |Q(u_exact) − Q(u_h)| ≤ Σ_K |a_K(e, e')|
 
 with the errors e and e' in a tet whose energies η_K² ``discretisation`` or ``element_problems`` estimates. They are linear in stresses, so
-that 4 a_K(e, e') = η_K²(u_h + z_h) − η_K²(u_h − z_h). No tet's error is set off against another's. For a force χ·(K_C u) it is z − χ within
+that 4 a_K(e, e') = η_K²(u_h + z_h) − η_K²(u_h − z_h), leaps between sides that do not match as well. No tet's error is set off against another's. For a force χ·(K_C u) it is z − χ within
 the tets C that counts, see ``influence``: it jumps where they end, and is as smooth elsewhere as the solution. The iterations leave at
 most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
 
@@ -83,4 +83,7 @@ def errors(estimator: Estimator, solution: np.ndarray, duals: np.ndarray,
         scale = np.sqrt(one.sum() / other.sum()) if one.any() and other.any() else 1.0  # as much of either, lest digits be lost
         more, less = (estimator.squares(ours + sign * scale * theirs, t)[0] for sign in (1, -1))
         cells[t], norms[t] = np.abs(more - less) / (4 * scale), np.sqrt(energy.sum())
+        if estimator.leaps:
+            for (own, more), (_, less) in zip(*(estimator.leaps((u + sign * scale * z)[None]) for sign in (1, -1))):
+                np.add.at(cells[t], own, np.abs(more - less)[0] / (4 * scale))
     return cells, norms
