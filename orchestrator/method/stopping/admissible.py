@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import narrow, times
+from orchestrator.method.interface.rows import Segments, narrow, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
@@ -134,8 +134,9 @@ class Balancing:
         q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
         q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
         change = (transfer.opposed(q) - f)[:, : self.space.size]
-        resultant, scale = times(modes.T, self.space.loads(change)), times(np.abs(modes.T), self.space.loads(np.abs(change)))
-        pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale.max(initial=0.0))
+        resultant, sizes, of = times(modes.T, self.space.loads(change)), self.space.loads(np.abs(change)), Segments(self.space.boundary)
+        scale = max(of.sums(np.abs(one) * sizes).max(initial=0.0) for one in self.modes.dense)
+        pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale)
         if pushed <= UNBALANCED * max(size, TINY):
             return change, True
         spread, work, solve = self._fields = self._fields or self._prepare()

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -88,7 +88,7 @@ class ErrorBound:
         part = copy(self)
         part.stage, part.external = stage, self.external[steps]
         if self.softness is None:  # of the bodies alone, whatever their loads
-            part.softness = cache(partial(softest, stage, BesideRigid(stage, self.modes.dense)))
+            part.softness = cache(lambda: softest(stage, BesideRigid(stage, self.modes.dense)))
         return part
 
     def for_cases(self, weights: np.ndarray) -> ErrorBound:
