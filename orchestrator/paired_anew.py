@@ -37,7 +37,7 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
         return first
     many = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element"
     told, said = [], []
-    config_then, scene = _following(config, first.scene, slid, built, said)
+    config_then, scene = _following(config, first, slid, built, said)
     result = first
     if scene is not None:
         second = solve(config_then, scene, Start(iteration=first.iterations, sweeps=first.summary["sweeps"]["iterations"]))
@@ -59,18 +59,18 @@ def without_checkpoints(subscribers: Sequence[Subscriber]) -> list[Subscriber]:
 
 def _slid(config: Config, solution: Solution) -> dict[str, float]:
     """How far sides have slid that may follow, the farthest first."""
-    far = slides(solution.scene, solution.interfaces)
+    far = slides(solution.interfaces)
     auto = {i.name for i in solution.scene.interfaces if i.entry >= 0 and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
     return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto and far[name] > FIFTH}
 
 
-def _following(config: Config, scene: Scene, slid: Mapping[str, float], built: Callable[[Config], Scene],
+def _following(config: Config, first: Solution, slid: Mapping[str, float], built: Callable[[Config], Scene],
                said: list[str]) -> tuple[Config, Scene | None]:
     """The configuration under which those that can follow do so, and its scene; None where none can. ``said`` learns why."""
-    pairs, why = {}, _stays(config, scene)
+    scene, pairs, why = first.scene, {}, _stays(config, first.scene)
     for name in slid:
         pairs.setdefault(tuple(scene.subdomains[e].name for e in _named(scene, name).subdomains), name)
-    fixed = {pair: why or _cannot(scene, name) for pair, name in pairs.items()}
+    fixed = {pair: why or _cannot(first, name) for pair, name in pairs.items()}
     while left := [pair for pair, reason in fixed.items() if not reason]:
         then = config.model_copy(update={"interfaces": [*config.interfaces, *(_entry(config, _named(scene, pairs[p]), p) for p in left)]})
         try:
@@ -112,12 +112,12 @@ def _stays(config: Config, scene: Scene) -> str:
         (any(s.remembers for s in scene.subdomains), "matter is nonlinear")) if there), "")
 
 
-def _cannot(scene: Scene, name: str) -> str:
+def _cannot(first: Solution, name: str) -> str:
     """Why an interface cannot follow, as far as it shows before it is tried; empty: it may."""
-    i = _named(scene, name)
-    one, two = (scene.subdomains[e] for e in i.subdomains)
+    fields, one, two = first.interfaces, *(first.scene.subdomains[e] for e in _named(first.scene, name).subdomains)
+    own = slice(*fields.offsets[np.flatnonzero(fields.names == name)[0] + np.arange(2)])
     if one.body != one.name or two.body != two.name:
         return "bodies are cut further"
-    if i.paired and np.array_equal(one.nodes[i.nodes[0]], two.nodes[i.nodes[1]]):
+    if np.array_equal(fields.nodes[own], fields.others[own]):
         return "they share faces of one mesh"
     return ""

@@ -123,8 +123,6 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: 
 def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
     """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
     ranks, progress = replace(means.ranks, may_stop=None), told[-1]
-    if first.scene.overview is not None:  # ranks make the parts of one mesh alone, in which nothing can follow
-        return first
 
     def built(config: Config) -> Scene:
         progress.stage("pairing sides anew")

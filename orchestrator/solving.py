@@ -215,7 +215,7 @@ class _Solving:
         """Fields of the whole on rank 0, where they are asked for or it has the whole anyway; with its displacements on the mesh's nodes."""
         if self.apart:
             wanted = self.config.output.fields or self.config.output.figures
-            fields = piece.together(lost) if wanted else None
+            fields = piece.together(lost, delivered.interfaces) if wanted else None
             return replace(delivered, displacement=fields and fields.displacement), fields
         if self.ranks.team.rank:
             return delivered, None

@@ -168,6 +168,16 @@ CASES = {
                       "displacement": [[0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
         "method": {"tolerance": {"law": 1e-4}, "contact": {"stabilisation": 2.5e-5}},
     },
+    # made in pieces: gaps that are read, sides that touch and match, of which one is bonded, and supports on one of several bodies
+    "parts apart": {
+        "parts": [_box("base", [2, 1, 0.5], [4, 3, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [3, 3, 1], [0, 0, 0.501]),
+                  _box("right", [1, 1, 0.5], [2, 3, 1], [1, 0, 0.5]), _box("top", [2, 1, 0.5], [3, 2, 1], [0, 0, 1.002])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
+        "interfaces": [{"law": "contact", "friction": 0.3, "gap": "geometry"}, {"between": ["base", "right"], "law": "perfect"}],
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "left/xmin", "displacement": [0, None, None]},
+                     {"on": "top/zmax", "displacement": [[0, 0, -0.006], [0.004, 0, -0.006]]}],
+        "method": {"tolerance": {"error": 1e-4}}, "output": {"certified": CERTIFIED["certified"]},
+    },
 }
 
 
@@ -196,7 +206,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         ends += [np.transpose(one[end]) for key in CERTIFIED["certified"] for one in known[key] for end in ("low", "high")]
         result["intervals"] = np.nan_to_num(np.vstack(ends), posinf=0.0, neginf=0.0)
     if solved.interfaces is not None:
-        result |= {"status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
+        result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
                    "resultant": solved.interfaces.resultant}
         if solved.interfaces.shift_normal is not None:
             result |= {"shifts": np.stack([solved.interfaces.shift_normal, solved.interfaces.shift_tangential]),

@@ -12,6 +12,7 @@ import numpy as np
 
 from orchestrator.method.checkpoint import Numbers
 from orchestrator.method.delivery.recovery import Parts, at_nodes
+from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.estimators import kind_of
@@ -20,6 +21,7 @@ from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
+from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.model import Interface, Scene, Subdomain
 
 
@@ -32,6 +34,7 @@ class Piece:
     team : the ranks
     body_force : (T, k, 1 or 4, 3) force/volume of each cell, as a scene's; None where there is none
     loads : (T, n, 3) forces at its nodes
+    number : (n,) int, its nodes' numbers in the whole mesh
     leaps : some of its cells and their η² of leaps between bonded sides that do not match, see ``stopping.leaps``
     """
 
@@ -41,6 +44,7 @@ class Piece:
     body_force: np.ndarray | None
     loads: np.ndarray
     leaps: list[tuple[np.ndarray, np.ndarray]]
+    number: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
@@ -68,7 +72,8 @@ class Piece:
                         part=scene.mesh.volume[chosen], parts=tuple(scene.mesh.volumes), joined=joined,
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
         found = [(np.searchsorted(chosen, cells), squares) for cells, squares in _leaps(scene, own, continuous, meeting.team)]
-        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found)
+        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found,
+                   scene.number[nodes])
 
     def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
@@ -98,9 +103,9 @@ class Piece:
             cells[:, chosen] = own
         return Estimate(found.relative, cells)
 
-    def together(self, unsound: Sequence[int] = ()) -> Fields | None:
-        """Fields of the whole, on rank 0, which knows whose stresses are not to be believed; where all interfaces are perfect."""
-        f, number = self.fields, self.fields.meeting.label
+    def together(self, unsound: Sequence[int] = (), interfaces: InterfaceFields | None = None) -> Fields | None:
+        """Fields of the whole, on rank 0, which knows whose stresses are not to be believed, and the fields of interfaces."""
+        f, number = self.fields, self.number
         numbers, cells = self.team.gather(number), self.team.gather(self.cells)
 
         def placed(at: Sequence[np.ndarray] | None, own: np.ndarray, axis: int = 0) -> np.ndarray | None:
@@ -108,12 +113,26 @@ class Piece:
             everyones = self.team.gather(own)
             return None if everyones is None else _placed(at, everyones, axis)
 
-        fields = [placed(numbers, f.nodes), placed(cells, number[f.cells]), placed(cells, f.subdomain), placed(cells, f.lame),
-                  placed(numbers, f.displacement, 1)]
-        part = placed(cells, f.part)
+        fields = [placed(numbers, f.nodes), placed(cells, number[f.cells]), placed(cells, f.subdomain), placed(cells, f.lame)]
+        part, sides, joined = placed(cells, f.part), None, None
+        if f.joined is None:
+            displacement = placed(numbers, f.displacement, 1)
+        else:
+            owner = np.empty(len(number), dtype=int)
+            owner[f.cells] = f.subdomain[:, None]
+            owners = self.team.gather(owner)
+            split = None if owners is None else split_numbering(fields[1], fields[2], len(fields[0]))
+            at = None if owners is None else [split.find(own, numbers[rank]) for rank, own in enumerate(owners)]
+            label, displacement = placed(at, f.meeting.label), placed(at, f.displacement, 1)
+            if owners is not None:
+                joined = np.unique(label, return_inverse=True)[1].ravel()
+                sides = np.split(displacement, split.offsets[1:-1], axis=1)
+                total, copies = at_nodes(np.split(split.nodes, split.offsets[1:-1]), sides, len(fields[0]))
+                displacement = total / np.maximum(copies, 1)[:, None]
         if numbers is None:
             return None
-        return Fields(*fields, part=part, parts=f.parts, believed=~np.isin(fields[2], unsound) if len(unsound) else None)
+        return Fields(*fields, displacement, sides, interfaces, part=part, parts=f.parts, joined=joined,
+                      believed=~np.isin(fields[2], unsound) if len(unsound) else None)
 
     def extremes(self, unsound: Sequence[int] = (), lost: np.ndarray | None = None) -> Extremes | None:
         """Those of the whole, on rank 0, which knows the parameters.

@@ -279,6 +279,7 @@ class Overview:
     matched : (interfaces,) bool, as of the ``Scene``
     met : (interfaces,) int, nodes on side 1
     used : (materials,) bool, which of them some cell has
+    supports : what holds the subdomains as rigid bodies, see ``conditions.supports``
     cautions : what a user should know before the scene is solved
     mesh_nodes : nodes of the mesh; box : (2, 3) around them
     prints : (subdomains, 32) as of the ``Scene``
@@ -292,6 +293,7 @@ class Overview:
     matched: np.ndarray
     met: np.ndarray
     used: np.ndarray
+    supports: object
     cautions: list[str]
     mesh_nodes: int
     box: np.ndarray

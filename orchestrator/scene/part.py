@@ -17,6 +17,7 @@ from orchestrator.parallel.classes import classes
 from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import supports_of
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -28,7 +29,7 @@ def overview(scene: Scene) -> Overview:
     nodes, met = np.array([len(s.nodes) for s in scene.subdomains]), np.array([len(i.global_nodes) for i in scene.interfaces], dtype=int)
     used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene), nodes,
-                    scene.matched, met, used, scene_cautions(scene), len(mesh.nodes), mesh.box, scene.prints)
+                    scene.matched, met, used, supports_of(scene), scene_cautions(scene), len(mesh.nodes), mesh.box, scene.prints)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -56,7 +57,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                 scene.mesh.volumes, {}, scene.mesh.source)
     subdomains = [_subdomain(s, rows[s.index], nodes, cells, None if own[s.index] else kept.get(s.index, np.empty(0, int)))
                   for s in scene.subdomains]
-    interfaces = [_interface(i, nodes, cells, kept) if here else _hollow(i)
+    interfaces = [_interface(i, nodes, cells, kept) if here else without_nodes(i)
                   for i, here in zip(scene.interfaces, touched)]
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
@@ -131,7 +132,8 @@ def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[in
                    mortar=mortar)
 
 
-def _hollow(i: Interface) -> Interface:
+def without_nodes(i: Interface) -> Interface:
+    """Its place in the list alone."""
     none = np.empty(0, int)
     return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0], cells=i.cells[:0], free=i.free[:0],
                    normals=None, given=None, mortar=None, moving=None)

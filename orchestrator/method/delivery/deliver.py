@@ -11,12 +11,13 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, at_rim, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
-from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields
+from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary, on_mesh,
                                                        reactions, recover, repositioned)
+from orchestrator.method.delivery.slid import with_slides
 from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
@@ -85,6 +86,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         lawful = Lawful.of(d, iterated, parts, bool(wanted) or wanted.balanced)
         backward = _backward(d, iterated, parts, lawful)
     interfaces = interface_fields(d, iterated, lawful and lawful.judged, backward and backward.shift)
+    interfaces = interfaces and with_slides(d.scene, interfaces, own_interfaces(d))
     inside = interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)

@@ -27,6 +27,7 @@ from orchestrator.scene.model import Interface, Scene, ends_of
 
 
 SHIFTS = ("shift_normal", "shift_tangential")
+UNWRITTEN = ("points", "within", "slid", "amiss")
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,11 @@ class InterfaceFields(Surfaces):
     # (T, N) lengths, how far the sides would have to be moved apart, and across the normal, for the result to be exact; None: not known
     shift_normal: np.ndarray | None = None
     shift_tangential: np.ndarray | None = None
+    # of a run that has just been solved, in no file
+    points: np.ndarray | None = None  # (2, N, 3) where ``nodes`` and ``others`` are
+    within: np.ndarray | None = None  # (I,) int, the volume that has cells on both sides; −1: none has
+    slid: np.ndarray | None = None  # (I,) how far sides have slid, in elements, nan where pairs follow; amiss: (I,) see ``slid``
+    amiss: np.ndarray | None = None
 
     @classmethod
     def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
@@ -85,15 +91,14 @@ class InterfaceFields(Surfaces):
         place[node] = np.arange(len(node))
         starts = np.cumsum([0] + [len(p.nodes) for p in parts])
         triangles = np.concatenate([p.triangles + a for p, a in zip(parts, starts)])
-        along = dict.fromkeys(("names", "laws", "subdomains"), (order, 0)) | {"resultant": (order, 1)} | dict.fromkeys(
+        along = dict.fromkeys(("names", "laws", "subdomains", "within", "slid", "amiss"), (order, 0)) | {"resultant": (order, 1)} | dict.fromkeys(
             ("nodes", "others", "normal", "area", "initial_gap"), (node, 0)) | dict.fromkeys(
-            ("gap", "slip", "pressure", "friction_traction", "status", "areas", *(
-                SHIFTS if parts[0].shift_normal is not None else ())), (node, 1))
+            ("points", "gap", "slip", "pressure", "friction_traction", "status", "areas", *SHIFTS), (node, 1))
         return replace(parts[0], offsets=np.concatenate([[0], np.cumsum(counts[order])]), triangles=place[triangles[face]],
                        owner=np.repeat(np.arange(len(order)), faces[order]),
                        own={name: np.concatenate([p.own[name] for p in parts], axis=1).take(node, axis=1) for name in parts[0].own},
                        **{name: np.concatenate([getattr(p, name) for p in parts], axis=axis).take(which, axis=axis)
-                          for name, (which, axis) in along.items()})
+                          for name, (which, axis) in along.items() if getattr(parts[0], name) is not None})
 
     @property
     def steps(self) -> int:
@@ -164,15 +169,22 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
             if i.mortar is not None:
                 spread = status, gap, slip, pressure, traction, *own.values(), *(() if shifts is None else shifts)
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
-    nodes, others = ([x[k] for x in (_nodes(scene, i) for i in chosen)] for k in (0, 1))
+    nodes, others = (at_shown([x[k] for x in (_nodes(scene, i) for i in chosen)]) for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
-        ends_of(chosen), offsets, at_shown(nodes), at_shown(others),
+        ends_of(chosen), offsets, nodes, others,
         joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]), normal, area,
         at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
-        *(() if shifts is None else shifts))
+        *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
+        np.array([_within(scene.mesh.volume[i.cells]) for i in chosen], dtype=int))
+
+
+def _within(sides: np.ndarray) -> int:
+    """The volume that is on both of the sides (k, 2) int of a face; −1: none is."""
+    same = sides[sides[:, 0] == sides[:, 1], 0]
+    return int(same[0]) if len(same) else -1
 
 
 def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

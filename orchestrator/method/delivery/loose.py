@@ -24,7 +24,8 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.scene.conditions.loose import loose_bodies
-from orchestrator.scene.conditions.rigid import motions_about, size_of
+from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.conditions.supports import supports_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, ends_of
 
@@ -40,7 +41,7 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
     joined = ends_of(i for i in scene.interfaces if i.law.joins)
     bodies, body = components(*joined.T, len(scene.subdomains))
     fixed = np.zeros(bodies, bool)
-    fixed[body[[s.fixed.any() for s in scene.subdomains]]] = True
+    fixed[body[supports_of(scene).count > 0]] = True
     ends = body[interfaces.subdomains]
     motion = _Motions(scene, interfaces, body) if bodies <= MOST_BODIES else None
     detached, weak = [], []
@@ -72,16 +73,13 @@ class _Motions:
         self.columns = np.zeros((2, len(interfaces.nodes), 3, 6))
         self.support = np.zeros((self.bodies, 6, 6))
         of_node = self.sides[interfaces.interface_of_node]
+        supports = supports_of(scene)
         for b in range(self.bodies):
-            mine = [s for s, owner in zip(scene.subdomains, body) if owner == b]
-            nodes = np.unique(np.concatenate([s.nodes for s in mine]))
-            about = scene.mesh.nodes[nodes].mean(axis=0), size_of(scene.mesh.nodes[nodes])
-            for side, own in enumerate((interfaces.nodes, interfaces.others)):
+            about, rows = supports.of_body(np.flatnonzero(body == b))
+            self.support[b] = rows.T @ rows
+            for side, points in enumerate(interfaces.points):
                 here = of_node[:, side] == b
-                self.columns[side, here] = motions_about(scene.mesh.nodes[own[here]], *about)
-            for s in mine:
-                rows = motions_about(scene.mesh.nodes[s.nodes], *about)[s.fixed]
-                self.support[b] += rows.T @ rows
+                self.columns[side, here] = motions_about(points[here], *about)
 
     def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
         """(bodies,) bool, whether each can move rigidly where pairs hold along and across the normal, (N,) bool each."""

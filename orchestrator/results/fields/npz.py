@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import wrong
-from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
+from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS, UNWRITTEN
 from orchestrator.packed import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
@@ -36,7 +36,7 @@ _IF_THERE = ("discretisation_error", "part", "joined", "believed", "thermal")
 _SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
 _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)
-              if f.name not in ("own", *SHIFTS)}
+              if f.name not in ("own", *SHIFTS, *UNWRITTEN)}
 _OWN = "own_"
 
 

@@ -72,13 +72,13 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
     result += [f"{some(names)} {caution}" for caution, names in said.items()]
-    result += sliding(scene, interfaces)
+    result += sliding(interfaces)
     result += unresolved(scene, interfaces)
-    volume = scene.mesh.volume
-    cut = [i for i in scene.interfaces if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
+    opening = [i.law.joins for i in scene.interfaces if not i.law.perfect]
+    cut = [k for k, (part, joins) in enumerate(zip(interfaces.within, opening)) if part >= 0 and not joins]
     if cut:
-        parts = sorted({scene.mesh.volumes[v] for i in cut for v in volume[i.cells[:, 0]]})
-        laws = " and ".join(sorted({i.law.name for i in cut}))
+        parts = sorted({scene.mesh.volumes[v] for v in interfaces.within[cut]})
+        laws = " and ".join(sorted(set(interfaces.laws[cut].tolist())))
         result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result

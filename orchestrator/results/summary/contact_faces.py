@@ -79,13 +79,13 @@ def contact_faces(scene: Scene, fields: InterfaceFields, names: Sequence[str], r
 def _faces(scene: Scene, fields: InterfaceFields) -> list[Face]:
     """Faces of the interfaces whose law slips for a price, pieces put together."""
     found: list[Face] = []
-    apart = APART * scene.mesh.diagonal
+    apart = APART * 2 * scene.length
     opening, bolts = [i for i in scene.interfaces if not i.law.perfect], {bolt.name: bolt.axis for bolt in scene.bolts}
     for interface, (_, own) in zip(opening, fields.each()):
-        if not interface.law.slips or not len(interface.triangles):
+        if not interface.law.slips or own.start == own.stop:
             continue
         bodies = tuple(sorted(scene.subdomains[e].body for e in interface.subdomains))
-        points, normal = scene.mesh.nodes[fields.nodes[own]], fields.normal[own]
+        points, normal = fields.points[0, own], fields.normal[own]
         room = bool((fields.initial_gap[own] > 0).any())
         kind, axis, through = shape(points, normal, room, [bolts[body] for body in bodies if body in bolts])
         face = Face(bodies, kind, axis, through, float(interface.law.friction), np.arange(own.start, own.stop), [interface.name])
@@ -118,7 +118,7 @@ def shape(points: np.ndarray, normal: np.ndarray, room: bool, bolts: Sequence[np
 
 def _told(scene: Scene, fields: InterfaceFields, face: Face, slips: Sequence[int], names: Sequence[str],
           reactions: np.ndarray) -> dict[str, Any]:
-    own, points = face.points, scene.mesh.nodes[fields.nodes[face.points]]
+    own, points = face.points, fields.points[0, face.points]
     push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
     drag, could = fields.friction_traction[:, own] * fields.areas[:, own, None], face.friction * push
     normal, capacity = push.sum(axis=1), could.sum(axis=1)

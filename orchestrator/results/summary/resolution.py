@@ -27,7 +27,7 @@ ALIKE = 1e-9  # of the distance of two points, what rounding makes their first g
 
 def unresolved(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
     """A sentence for pairs of bodies whose place of contact is not resolved at some load step."""
-    ends, shape = _beside(scene, fields)
+    ends, shape = _beside(fields)
     bodies = [" | ".join(sorted(scene.subdomains[e].body for e in pair)) for pair in fields.subdomains]
     names, number = np.unique(bodies, return_inverse=True)
     pair, found = number[fields.interface_of_node], {}
@@ -45,9 +45,9 @@ def unresolved(scene: Scene, fields: InterfaceFields) -> Iterator[str]:
                "error of the mesh are to be believed there: make elements smaller")
 
 
-def _beside(scene: Scene, fields: InterfaceFields) -> tuple[np.ndarray, np.ndarray]:
+def _beside(fields: InterfaceFields) -> tuple[np.ndarray, np.ndarray]:
     """(2, e) int, points beside each other, either way; (e,) by how much more the second's sides are apart by shape, −1 for no more."""
     edges = np.unique(np.sort(fields.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     ends = np.concatenate([edges, edges[:, ::-1]]).T
-    (one, two), points = fields.initial_gap[ends], scene.mesh.nodes[fields.nodes[ends]]
+    (one, two), points = fields.initial_gap[ends], fields.points[0, ends]
     return ends, np.where(two - one > ALIKE * np.linalg.norm(points[1] - points[0], axis=1), two - one, -1.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about
-from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.conditions.supports import ORIGIN, Supports
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface, Scene, ends_of
@@ -25,18 +25,8 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     kept: dict[int, list[np.ndarray]] = {}
     for i in scene.interfaces:
         if i.law.on_ground:
-            kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], np.zeros(3), 1.0)))
-    joined = ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground)
-    count, body = components(*joined.T, len(scene.subdomains))
-    loose = np.zeros(count, dtype=bool)
-    for b in range(count):
-        pieces = [scene.subdomains[e] for e in np.flatnonzero(body == b)]
-        nodes, place = np.unique(np.concatenate([s.nodes for s in pieces]), return_inverse=True)
-        fixed = np.zeros((len(nodes), 3), dtype=bool)
-        np.logical_or.at(fixed, place, np.concatenate([s.fixed for s in pieces]))
-        rows = [row for s in pieces for row in kept.get(s.index, ())]
-        loose[b] = left_over(scene.mesh.nodes[nodes], fixed, np.concatenate(rows) if rows else None).shape[1] > 0
-    return loose[body]
+            kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], *ORIGIN)))
+    return Supports.of(scene, scene.subdomains, kept).loose(ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground))
 
 
 SHARED = "an edge that bodies share is a hinge, and a corner less"

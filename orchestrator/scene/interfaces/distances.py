@@ -38,22 +38,22 @@ def paired_gap(search: Search, interface: Interface, key: tuple[int, str], fille
     middle, gap = (one + two) / 2, paired_distance(one, two, interface.triangles)
     h = local_size(middle, interface.triangles)
     if (gap < -COINCIDE * h).any():
-        _refuse(search, interface.name, key, middle, np.where(gap < -COINCIDE * h, -gap, 0.0))
+        _refuse(search, interface, key, middle, np.where(gap < -COINCIDE * h, -gap, 0.0))
     if interface.triangles.shape[1] == 6:
         edges = interface.triangles[:, 3:].ravel()
         gap = gap - np.bincount(edges, filled.ravel(), len(gap)) / np.maximum(np.bincount(edges, minlength=len(gap)), 1)
     return np.where(np.abs(gap) <= rounding(middle, ROUNDING * h), 0.0, gap)
 
 
-def _refuse(search: Search, name: str, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
+def _refuse(search: Search, interface: Interface, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
     """Adds the problem of sides that are in each other at points (n, 3) by depths (n,), 0 where they are not."""
     worst = int(depth.argmax())
-    search.problems.add(("interfaces", *key), f"{name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
+    search.problems_of(interface.subdomains).add(("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
                         f"by up to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
                         "move the parts, or ask for a press fit by a number: gap: -0.01")
 
 
-def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, str]) -> np.ndarray:
+def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
     """(n₁,) distance of sides whose nodes do not match, at the slave's, as its multipliers see it; negative inside each other.
 
     From surface to surface, not from facet to facet: chords of different polygons about the same circle are in each other here
@@ -62,21 +62,21 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, key: tuple[int, s
     Sides that facets leave open or overlap by less than what is known of the surfaces (``Surface.unsure``) touch, and
     where facets are in each other by less than their sagitta this counts as touching too; both are told.
 
-    name : of the interface
     key : the entry of the YAML and what in it asks for the distance
     """
+    surfaces = interface.surfaces
     x1, one = surfaces.points[0], surfaces.triangles[0][:, :3]
     h, inside = local_size(x1, one), -_mean_distance(surfaces)
     around, unsure = (_around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
     deep = inside > around + COINCIDE * h
     if deep.any():
         off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
-        _refuse(search, name, key, x1, np.where(deep, inside, 0.0), off)
+        _refuse(search, interface, key, x1, np.where(deep, inside, 0.0), off)
     gap = node_gaps(surfaces, weights_of(surfaces), unit(surfaces.vectors)) - surfaces.filled
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
-        search.problems.warnings.append(f"{name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
+        search.problems_of(interface.subdomains).warnings.append(f"{interface.name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
             f"clearance below {unsure.max():.2g} and an overlap below {around.max():.2g} may be the mesh's alone: such sides count as "
             "touching. Where it matters, give the clearance or the press fit as a number, gap: 0.01, or mesh finer")
     return np.where(touching, 0.0, gap)
@@ -103,7 +103,7 @@ def _mean_distance(surfaces: Surfaces) -> np.ndarray:
 def tell_distances(search: Search, found: Sequence[Interface]) -> None:
     """Warns, once per pair of bodies, where the geometry presses sides together, and where it has sides apart, or in each other,
     that count as touching because nothing is said of their gap."""
-    worst: dict[tuple[bool, tuple[str, ...]], tuple[float, np.ndarray]] = {}
+    worst: dict[tuple[bool, tuple[str, ...]], tuple[float, np.ndarray, tuple[int, int]]] = {}
     for interface in found:
         read = bool(search.laws[interface.entry].apart)
         if not read and getattr(search.laws[interface.entry], "gap", 0.0) is not None:
@@ -114,10 +114,10 @@ def tell_distances(search: Search, found: Sequence[Interface]) -> None:
         size = np.where(np.abs(gap) > np.maximum(TOLD * h, rounding(points, ROUNDING * h)), np.abs(gap), 0.0)
         at, key = int(size.argmax()), (read, tuple(sorted(search.partition.body(e) for e in interface.subdomains)))
         if size[at] > abs(worst[key][0] if key in worst else 0.0):
-            worst[key] = float(gap[at]), points[at]
-    for (read, names), (gap, point) in worst.items():
+            worst[key] = float(gap[at]), points[at], interface.subdomains
+    for (read, names), (gap, point, sides) in worst.items():
         where = f"{abs(gap):.2g} {'apart' if gap > 0 else 'inside each other'} in the initial geometry, at {format_point(point)}, and "
-        search.problems.warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
+        search.problems_of(sides).warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
             "are pressed together by as much; gap: 0 takes them as touching" if read else
             "count as touching; gap: geometry reads the distance, gap: 0 says that they touch"))
 

@@ -200,6 +200,6 @@ def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: lis
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
                                  surfaces=surfaces)
     apart = search.laws[index].apart
-    distance = surface_gap(search, interface.name, surfaces, (index, apart)) if apart else None
+    distance = surface_gap(search, interface, (index, apart)) if apart else None
     search.laws.apply(index, interface, names[0], distance)
     return interface

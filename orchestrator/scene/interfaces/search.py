@@ -192,6 +192,11 @@ class Search:
         """Names of two subdomains."""
         return self.partition.names[sides[0]], self.partition.names[sides[1]]
 
+    def problems_of(self, sides: Sequence[int]) -> Problems:
+        """Where problems of two subdomains are told; where neither is all there nobody reads them: others see more."""
+        here = self.partition.here
+        return self.problems if here is None or here[list(sides)].any() else Problems()
+
     def known(self, body: Body) -> tuple[str, str]:
         """Names by which an entry may call a body: its subdomain's name, and its volume's."""
         return self.partition.names[body.subdomain], self.mesh.volumes[body.volume]

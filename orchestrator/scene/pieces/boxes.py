@@ -12,8 +12,7 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.mesh.mesh import checked
 from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.partition import AXES, block_name, layers, slice_name
-from orchestrator.scene.pieces.outline import Extent
-from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.pieces.piece import Extent, Piece
 
 ROUNDING = 1e-6  # of a brick, what its tets' centroids may be off; bricks more than are needed do no harm
 

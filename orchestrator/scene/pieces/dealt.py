@@ -13,8 +13,7 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.mesh import Mesh, checked
-from orchestrator.scene.pieces.outline import Extent
-from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.pieces.piece import Extent, Piece
 from orchestrator.scene.pieces.share import Share
 
 PLACES = 2**17  # along an axis: three of them are a number that messages can hold

@@ -6,6 +6,7 @@ What is wrong is told by one process that makes the whole: where anything is, or
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.conditions.rigid import motions_about, null_space
 from orchestrator.scene.conditions.selection import assign_materials
+from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import part_of
@@ -35,10 +36,10 @@ Source = Boxes | Dealt
 def source_of(config: Config, team: Team = ALONE) -> Source | None:
     """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
     plain = not (config.bolts or config.tools or config.output.probes or config.refines or config.output.mesh_bound)
-    bonded = all(LAWS[e.law].perfect and e.tool is None and e.pair == ("*", "*") and not (e.exclude or e.found) for e in config.interfaces)
+    told = all(e.tool is None and not (e.found or e.follows or LAWS[e.law].axial) for e in config.interfaces)
     codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
     local = all(entry.kind.local for entry in (*config.boundary, *config.loads))
-    if not (plain and bonded and codes and local) or config.method.tolerance.error == "auto":
+    if not (plain and told and codes and local) or config.method.tolerance.error == "auto":
         return None
     return Boxes.of(config.mesh, config.subdomains) or dealt(config, team)
 
@@ -67,9 +68,10 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
         return None
     whole = Outline.joined(team.all_gather(local.outline))
     apart = components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[0] > 1
-    if (whole.faces == 0).any() or apart or not _held(local, extent.box, team):
+    laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
+    if (whole.faces == 0).any() or apart or whole.supports.free(np.zeros(len(whole.number), dtype=int)).any() or not _of_use(laws, whole):
         return None
-    return whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of))
+    return whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
 
 
 @dataclass
@@ -108,11 +110,9 @@ class Local:
         return cls(part, present, Outline.of(scene, part, present, own))
 
 
-def _held(local: Local, box: np.ndarray, team: Team) -> bool:
-    """Whether boundary conditions hold the body, of which all ranks have pieces."""
-    part, centre, size = local.part, box.mean(axis=0), 0.5 * float(np.linalg.norm(np.ptp(box, axis=0)))
-    at = np.flatnonzero(part.fixed.any(axis=1))
-    rows = motions_about(part.mesh.nodes[at], centre, size)[part.fixed[at]].reshape(-1, 6)
-    count, = team.sum(len(rows))
-    rows = np.concatenate(team.all_gather(np.linalg.qr(rows, mode="r")))
-    return len(rows) >= 6 and not null_space(np.sqrt(len(rows) / count) * rows).shape[1]
+def _of_use(laws: Laws, whole: Outline) -> bool:
+    """Whether every entry governs, or would but for a later one, some interface, and every name that it leaves out or chooses is known."""
+    for one, two in whole.sides.tolist():
+        laws.between((whole.names[one],), (whole.names[two],))
+    named = [name for entry in laws.entries for name in (*chain.from_iterable(entry.exclude or ()), *([entry.slave] if entry.slave else ()))]
+    return all(laws.used) and all(laws.meant(name) for name in named)

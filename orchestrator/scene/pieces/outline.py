@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.cautions import Acting, locking, noted, ratios
+from orchestrator.scene.conditions.supports import Supports
+from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain, ends_of
-from orchestrator.scene.part import overview
+from orchestrator.scene.part import overview, without_nodes
+from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
-
-
-@dataclass(frozen=True)
-class Extent:
-    """Of a whole mesh.
-
-    nodes : how many; box : (2, 3) around them
-    """
-
-    nodes: int
-    box: np.ndarray
+OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "mixed", "matched", "met")
 
 
 @dataclass
@@ -34,9 +26,10 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
     order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone; and its place among those of its pair
-    mixed, matched, met : (k,) of interfaces, and sizes, loose, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
+    joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
+    mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
-    used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
+    supports : theirs; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
     acting : what acts on them
     """
 
@@ -45,7 +38,6 @@ class Outline:
     bodies: list[str]
     code: np.ndarray
     sizes: np.ndarray
-    loose: np.ndarray
     hard: np.ndarray
     soft: np.ndarray
     slenderness: np.ndarray
@@ -54,10 +46,13 @@ class Outline:
     sides: np.ndarray
     entry: np.ndarray
     order: np.ndarray
+    joins: np.ndarray
+    apart: np.ndarray
     mixed: np.ndarray
     matched: np.ndarray
     met: np.ndarray
     faces: np.ndarray
+    supports: Supports
     used: np.ndarray
     ratio: np.ndarray
     told: list[str]
@@ -79,9 +74,11 @@ class Outline:
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
-                   *(x[own] for x in (known.sizes, known.loose, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
-                   present[sides], np.array([i.entry for i in first], dtype=int), order[at], *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
-                   np.array([len(entry.triangles) for entry in part.boundary], dtype=int),
+                   *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
+                   present[sides], np.array([i.entry for i in first], dtype=int), order[at],
+                   np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
+                   *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
+                   np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.of(scene, subdomains),
                    np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
 
     @classmethod
@@ -95,6 +92,8 @@ class Outline:
             values = [getattr(x, name) for x in several]
             if name == "acting":
                 return Acting.joined(values)
+            if name == "supports":
+                return Supports.joined(values, own)
             if name == "told":
                 return list(dict.fromkeys(sentence for told in values for sentence in told))
             if name == "ratio":
@@ -104,7 +103,7 @@ class Outline:
             if name in ("names", "bodies"):
                 every = [word for words in values for word in words]
                 return [every[i] for i in own]
-            return np.concatenate(values)[pairs if name in ("sides", "entry", "order", "mixed", "matched", "met") else own]
+            return np.concatenate(values)[pairs if name in OF_INTERFACES else own]
 
         return cls(**{f.name: sorted_(f.name) for f in fields(cls)})
 
@@ -120,25 +119,31 @@ class Outline:
 
     def overview(self, part: Scene, extent: Extent, rank_of: np.ndarray) -> Overview:
         """What every part has to know; ``part`` is any of them."""
-        return Overview(self.sizes, self.loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
-                        self.met, self.used, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
+        loose = np.zeros(len(self.number), dtype=bool) if self.joins.all() else self.supports.loose(self.sides[self.joins])
+        return Overview(self.sizes, loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
+                        self.met, self.used, self.supports, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
                         extent.box, self.prints, rank_of)
 
-    def around(self, part: Scene, present: np.ndarray, known: Overview) -> Scene:
+    def around(self, part: Scene, present: np.ndarray, known: Overview, laws: Laws) -> Scene:
         """A part of the scene of a piece as a part of the whole scene: with places for all other subdomains and interfaces.
 
-        present : as for ``of``
+        present : as for ``of``; laws : of the whole, which interfaces elsewhere get
         """
         local = {e: s for e, s in zip(present.tolist(), part.subdomains)}
         subdomains = [replace(local[e], index=e) if e in local else self._hollow(e, part) for e in range(len(self.number))]
         there: dict[tuple[int, int], list[Interface]] = {}
         for i in part.interfaces:
             there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
-        interfaces = []
+        interfaces, none = [], np.empty((0, 3 if part.mesh.cells.shape[1] == 4 else 6), dtype=int)
         for k, (pair, title, entry) in enumerate(zip(map(tuple, self.sides.tolist()), self.titles, self.entry.tolist())):
             own = there[pair].pop(0) if there.get(pair) else None
-            interfaces.append(_hollow(k, title, pair, entry, part.mesh) if own is None or not len(own.nodes[0]) else
-                              replace(own, index=k, subdomains=pair, name=title))
+            if own is not None and len(own.nodes[0]):
+                interfaces.append(replace(own, index=k, subdomains=pair, name=title))
+                continue
+            at = np.arange(2)  # of all nodes those that the sides are least and farthest apart at
+            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool))
+            laws.apply(entry, own, (self.names[pair[0]],), self.apart[k])
+            interfaces.append(without_nodes(own))
         return replace(part, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
 
     def _hollow(self, e: int, part: Scene) -> Subdomain:
@@ -157,10 +162,10 @@ def _order(scene: Scene) -> np.ndarray:
     return np.column_stack([kind, np.arange(len(made)) - np.repeat(begins, np.diff(np.append(begins, len(made))))])
 
 
-def _hollow(index: int, title: str, pair: tuple[int, int], entry: int, mesh: Mesh) -> Interface:
-    corners = 3 if mesh.cells.shape[1] == 4 else 6
-    return Interface(index, title, pair, _NONE, (_NONE, _NONE), np.empty((0, corners), int), np.empty((0, 2), int), np.empty((0, 3), bool),
-                     Perfect(), entry=entry)
+def _ends(i: Interface) -> tuple[float, float]:
+    """The least and the largest distance of its sides before they move."""
+    distance = np.atleast_1d(i.law.distance)
+    return (distance.min(), distance.max()) if len(distance) else (0.0, 0.0)
 
 
 def hollow(scene: Scene) -> Scene:
@@ -170,5 +175,5 @@ def hollow(scene: Scene) -> Scene:
     return replace(scene, mesh=mesh, subdomains=[replace(s, cells=_NONE, nodes=_NONE, connectivity=s.connectivity[:0], material=_NONE,
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
                                                          held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
-                   interfaces=[_hollow(i.index, i.name, i.subdomains, i.entry, mesh) for i in scene.interfaces],
+                   interfaces=[without_nodes(i) for i in scene.interfaces],
                    boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], **none)

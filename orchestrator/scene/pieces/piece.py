@@ -17,11 +17,22 @@ from orchestrator.scene.partition import PATH, Partition
 
 
 @dataclass(frozen=True)
+class Extent:
+    """Of a whole mesh.
+
+    nodes : how many; box : (2, 3) around them
+    """
+
+    nodes: int
+    box: np.ndarray
+
+
+@dataclass(frozen=True)
 class Piece:
     """Some subdomains of a mesh, and of others the cells that touch these, be it in a single node.
 
     mesh, faces : of these cells; of its outer faces those alone that are the whole mesh's, too
-    partition : its subdomains, also those of which it has a few cells
+    partition : its subdomains, also those of which it has a few cells, see ``here``
     present : (subdomains,) int, ascending, which of the whole scene's these are
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
     """
@@ -50,7 +61,7 @@ class Piece:
         owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
         if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present]), present, *numbers)
+        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present], here=np.isin(present, mine)), present, *numbers)
 
     def of_ten_nodes(self, nodes: int, team: Team) -> tuple[Piece, int]:
         """The same with a node in the middle of every edge, of a mesh of so many corners; and how many nodes it has then. All ranks ask

@@ -1,0 +1,84 @@
+"""What supports keep subdomains from as rigid bodies: six numbers' worth each, from whichever rank has its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
+from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.model import Scene, Subdomain
+
+ORIGIN = np.zeros(3), 1.0
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Of some subdomains.
+
+    centre, size : (s, 3) and (s,) that motions are about, as of ``motions_about``; all nodes are within
+    rows : (s, 6, 6) triangular factors of the motions of what is held; count : (s,) int, how much that is
+    """
+
+    centre: np.ndarray
+    size: np.ndarray
+    rows: np.ndarray
+    count: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, own: Sequence[Subdomain], kept: Mapping[int, Sequence[np.ndarray]] = {}) -> Supports:
+        """Of subdomains whose nodes are all there.
+
+        kept : number of a subdomain → (q, 6) each, what else must rest, of a translation of the origin and a rotation about it
+        """
+        result = cls(np.zeros((len(own), 3)), np.ones(len(own)), np.zeros((len(own), 6, 6)), np.zeros(len(own), dtype=int))
+        for k, s in enumerate(own):
+            points, at = scene.mesh.nodes[s.nodes], np.flatnonzero(s.fixed.any(axis=1))
+            result.centre[k], result.size[k] = about = points.mean(axis=0), size_of(points)
+            more = [rows @ _turned(ORIGIN, about) for rows in kept.get(s.index, ())]
+            rows = np.concatenate([motions_about(points[at], *about)[s.fixed[at]], *(
+                r / np.maximum(np.linalg.norm(r, axis=1, keepdims=True), 1e-300) for r in more)])
+            factor = np.linalg.qr(rows, mode="r")
+            result.rows[k, : len(factor)], result.count[k] = factor, len(rows)
+        return result
+
+    @classmethod
+    def joined(cls, several: Sequence[Supports], order: np.ndarray) -> Supports:
+        """Of all of several, in an order (s,) int."""
+        return cls(*(np.concatenate([getattr(x, name) for x in several])[order] for name in ("centre", "size", "rows", "count")))
+
+    def of_body(self, pieces: np.ndarray) -> tuple[tuple[np.ndarray, float], np.ndarray]:
+        """Centre (3,) and size of some subdomains (k,) int that move as one; (6 k, 6) what holds them, of motions about these."""
+        centre = self.centre[pieces].mean(axis=0)
+        about = centre, float((np.linalg.norm(self.centre[pieces] - centre, axis=1) + self.size[pieces]).max())
+        return about, np.concatenate([self.rows[e] @ _turned((self.centre[e], self.size[e]), about) for e in pieces])
+
+    def free(self, body: np.ndarray) -> np.ndarray:
+        """(bodies,) bool, which can move as rigid ones; ``body`` (s,) int that each subdomain is of."""
+        result = np.ones(int(body.max()) + 1, dtype=bool)
+        for b, pieces in enumerate(np.split(np.argsort(body, kind="stable"), np.cumsum(np.bincount(body))[:-1])):
+            count = self.count[pieces].sum()
+            if count >= 6:
+                rows = self.of_body(pieces)[1]
+                result[b] = null_space(np.sqrt(len(rows) / count) * rows).shape[1] > 0
+        return result
+
+    def loose(self, joined: np.ndarray) -> np.ndarray:
+        """(s,) bool, those that can move together with what pairs (k, 2) of them join."""
+        body = components(*joined.T, len(self.count))[1]
+        return self.free(body)[body]
+
+
+def supports_of(scene: Scene) -> Supports:
+    """Of all subdomains of a scene, or of the one that it is a part of."""
+    return Supports.of(scene, scene.subdomains) if scene.overview is None else scene.overview.supports
+
+
+def _turned(one: tuple[np.ndarray, float], two: tuple[np.ndarray, float]) -> np.ndarray:
+    """(6, 6) coefficients of a motion about a centre (3,) and a size, from those about another."""
+    matrix = np.zeros((6, 6))
+    matrix[:3] = motions_about(one[0][None], *two)[0]
+    matrix[3:, 3:] = one[1] / two[1] * np.eye(3)
+    return matrix
