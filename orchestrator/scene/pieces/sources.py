@@ -41,13 +41,14 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return _of_parts(config.parts, team)
     if config.mesh.step and config.mesh.conforming is False:
         return _of_made(lambda: [make_mesh(config.mesh, share=(team.rank, team.size))[0]], team)
-    if not config.mesh.file:
+    if not (config.mesh.file or config.mesh.polycrystal):
         return None
-    return (_of_partitions if team.share(bool(in_partitions(Path(config.mesh.file)))) else _of_one)(config.mesh, team)
+    divided = config.mesh.file and team.share(bool(in_partitions(Path(config.mesh.file))))
+    return (_of_partitions if divided else _of_one)(config.mesh, team)
 
 
 def _of_one(mesh: Any, team: Team) -> Dealt | None:
-    """A file that rank 0 reads, and nobody keeps; ``mesh`` of the configuration."""
+    """A file that rank 0 reads, or grains that it meshes, and nobody keeps; ``mesh`` of the configuration."""
     read = agreed(lambda: False if team.rank else make_mesh(mesh)[0], team)
     if read is None:
         return None
