@@ -13,7 +13,7 @@ from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.coarse import ordering, subtrees
 from orchestrator.method.coarse.assembly import Assembly
-from orchestrator.method.coarse.elimination import BlockPattern
+from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import ALONE, Team, join
 from orchestrator.run import Means, follow, run
@@ -268,6 +268,12 @@ def eliminate(team: Team) -> None:
     assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
     assert all(len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size))
     assert len(set(team.all_gather(found.tobytes()))) == 1
+    with patch("orchestrator.method.coarse.pattern.WORTH", 0.0):  # rigid motions alone
+        made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)), rigid=1)
+        found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
+        whole = BlockPattern(ends, bodies, SIZE, rigid=1)
+        assert whole.first == 1 and len(set(team.all_gather(found.tobytes()))) == 1
+        assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from test_scene_pairing import MEASURED, made, two_parts
 from orchestrator.config.model import Config
 from orchestrator.method.events import Subscriber
 from orchestrator.method.interface.pairs import History
+from orchestrator.method.interface.rows import times
 from orchestrator.run import solve
 
 
@@ -75,6 +76,22 @@ def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
         assert np.abs(((u[:, 1:] - u[:, :1]) * way).sum(axis=2)).max() < 1e-10 * np.abs(u).max()
     one, two = converged(config), converged(rigidly(config))
     assert two.displacement == pytest.approx(one.displacement, abs=1e-7 * np.abs(one.displacement).max())
+
+
+def test_the_first_half_of_affine_fields_is_rigid_and_may_be_eliminated_alone(monkeypatch):
+    """The same end as with all fields in the fronts, in a coarse problem whose stretches follow by GMRES."""
+    config = contact(0.3, error=1e-8)
+    d, rigid = decomposed(config), decomposed(rigidly(config))
+    k = d.coarse.stage.direction.k
+    one = times(k, d.coarse.response.U)
+    for part in d.coarse.parts:  # every rigid motion is one of the first six fields', U k Uᵀ = 1
+        shares = one[:6, part] @ rigid.coarse.response.U[:, part].T
+        assert shares @ shares.T == pytest.approx(np.eye(6), abs=1e-9)
+    assert d.coarse.problem.bodies.pattern.first == 12
+    expected = converged(config).displacement
+    monkeypatch.setattr("orchestrator.method.coarse.pattern.WORTH", 0.0)
+    assert decomposed(config).coarse.problem.bodies.pattern.first == 6
+    assert converged(config).displacement == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 
 
 class Cycles(Subscriber):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from orchestrator.method.coarse import elimination, layout, ordering, subtrees
-from orchestrator.method.coarse.elimination import BlockPattern, Elimination
+from orchestrator.method.coarse.elimination import Elimination
+from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.compiled import compiled
 
 SIZE = 3
@@ -82,6 +83,30 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
     run = np.searchsorted(bounds, place, side="right")
     assert ((run == run[above]) | (run[above] == len(bounds) - 1))[above >= 0].all(), "subtrees share nothing"
     assert np.array_equal(other.factors(values, 20.0).solve(right), alone)
+
+
+def stretched(rng, pattern):
+    """Values in whose last two rows bodies resist ten times as much, and a body, the last, that a millionth holds in the first."""
+    values = rng.normal(scale=0.5, size=(len(pattern.indices), SIZE, SIZE))
+    values[pattern.diagonal] += np.diag([8.0, 40.0, 40.0])
+    values[pattern.diagonal[-1]] = np.diag([1e-6, 40.0, 40.0])
+    return values
+
+
+def test_rigid_motions_are_eliminated_and_stretches_follow(monkeypatch):
+    """Nothing is left in rigid motions, a loose body's included, and a thousandth elsewhere."""
+    ends, bodies = lattice(6)
+    monkeypatch.setattr("orchestrator.method.coarse.pattern.WORTH", 0.0)
+    pattern, rng = BlockPattern(ends, bodies, SIZE, rigid=1), np.random.default_rng(6)
+    values, right = stretched(rng, pattern), rng.normal(size=(bodies, SIZE))
+    right[-1] = 1e-6
+    found = pattern.factors(values, 0.0).solve(right)
+    matrix = pattern.matrix(values, 0.0)
+    left = (right.ravel() - matrix @ found.ravel()).reshape(right.shape)
+    assert pattern.first == 1 and 1e-9 < np.linalg.norm(left) / np.linalg.norm(right) <= 1e-3
+    assert np.abs(left[:, 0]).max() < 1e-12 and found[-1, 0] == pytest.approx(1.0, rel=1e-9)
+    exact = np.linalg.solve(matrix.toarray(), right.ravel()).reshape(right.shape)
+    assert np.linalg.norm(found - exact) < 1e-2 * np.linalg.norm(exact)
 
 
 def test_few_operations_beside_a_dense_matrix():

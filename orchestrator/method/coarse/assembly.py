@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.coarse.elimination import BlockPattern
+from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.parallel.team import Team
 
 
@@ -18,12 +18,12 @@ class Assembly:
     """Sums of all ranks' slopes.
 
     ends : (I, 2) int, the two bodies of each interface, one rank's after the other's, each as many as ``counts`` says
-    order : (I,) int, in which they are added up
+    order : (I,) int, in which they are added up; rigid : as for the pattern
     pattern : of the matrices, on all ranks
     """
 
-    def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray):
-        self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team)
+    def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
+        self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums
         if team.size == 1:
             return

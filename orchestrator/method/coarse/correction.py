@@ -36,11 +36,15 @@ from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
 AFFINE = 12  # fields of a body: 1, x, y and z in each component
-# combinations (12, n) of the affine fields, which are monomials outside and components inside, that a body may move in
-_TURNS = np.zeros((AFFINE, 3))
+# combinations (12, n) of the affine fields, which are monomials outside and components inside, that a body may move in: six rigid motions,
+# then six strains
+_TURNS, _STRAINS = np.zeros((AFFINE, 3)), np.zeros((AFFINE, 6))
 for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _TURNS[3 * (1 + _i) + _j, _turn], _TURNS[3 * (1 + _j) + _i, _turn] = 1.0, -1.0
-FIELDS = {"auto": np.eye(AFFINE), "affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURNS])}
+    _STRAINS[[3 * (1 + _i) + _j, 3 * (1 + _j) + _i], 3 + _turn] = 1.0
+    _STRAINS[3 * (1 + _turn) + _turn, _turn] = 1.0
+_RIGID = np.hstack([np.eye(AFFINE, 3), _TURNS])
+FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID, _STRAINS]))}
 # Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
 REACH = 0.3
 # Fields of a body, and unknowns of all, up to which points have fields of their own. An iteration of 27 grains then takes two to six times
@@ -68,8 +72,9 @@ class CoarseCorrection:
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
-        self._respond(Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {})))
-        self.usual = self.response  # as at set-up
+        self.usual = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))  # as at set-up
+        self.half = len(self.usual.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0  # the first: rigid motions, or softest modes
+        self._respond(self.usual)
         self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose = loose_bodies(scene)
@@ -126,7 +131,8 @@ class CoarseCorrection:
         L = pairs.masked(np.concatenate(pairs.responses(*self.everywhere)))
         fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
-                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts], self.anew)
+                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts], self.anew,
+                             self.half if self.response is self.usual else 0)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""

@@ -1,10 +1,5 @@
 """Sparse matrices of dense blocks, of bodies and the interfaces between them, eliminated front after front (multifrontal method).
 
-    pattern = BlockPattern(ends, bodies, size)
-    pattern.factors(pattern.values(pairs, own), shift).solve(right)
-
-Places and the order of elimination are found once; what remains of an assembly are sums of blocks.
-
 Bodies are ordered by nested dissection (Karypis & Kumar, SIAM J. Sci. Comput. 20, 1998). Bodies that are eliminated
 one after the other and see much the same bodies make a *front*, one dense matrix of the bodies that it eliminates and
 of those that these see among the ones to come (Duff & Reid, ACM Trans. Math. Softw. 9, 1983):
@@ -19,7 +14,6 @@ dense products. SuperLU takes four to six times as long, in this order as well: 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,71 +26,13 @@ from orchestrator.method.interface.factor import dissection
 from orchestrator.parallel.team import ALONE, Team
 
 
-class BlockPattern:
-    """Where the blocks of bodies and of pairs of bodies go.
-
-    ends : (I, 2) int, the two bodies of every interface
-    bodies : number of bodies
-    size : rows of a body's block
-    order : (I,) int, the interfaces in the order in which they are added up; default: as they are
-    team : the ranks that eliminate together; all make the same
-    """
-
-    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None, team: Team = ALONE):
-        self.bodies, self.size, self.team, self._factors = bodies, size, team, None
-        rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
-        own = np.arange(bodies)
-        places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
-        where = where[:len(rows)]
-        rows, columns = np.divmod(places, bodies)  # block row after block row
-        self.diagonal = np.flatnonzero(columns == rows)
-        self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
-        turn = np.arange(len(ends)) if order is None else np.argsort(order)
-        sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
-        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
-        self.sums = sp.csr_array((np.ones(len(sequence)), sequence, starts), shape=(len(places), len(where)))
-
-    def summed(self, pairs: np.ndarray) -> np.ndarray:
-        """(n, size, size) sums of blocks of the interfaces, block row after block row.
-
-        pairs : (I, 2, 2, size, size), first body first
-        """
-        return (self.sums @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
-
-    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """The same with the bodies' own blocks (bodies, size, size)."""
-        result = self.summed(pairs)
-        result[self.diagonal] += own
-        return result
-
-    def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
-        """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        n = self.size * self.bodies
-        return sp.bsr_array((self.shifted(values, shift), self.indices, self.indptr), shape=(n, n))
-
-    def factors(self, values: np.ndarray | None, shift: float) -> Factors:
-        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
-        self._factors = self.elimination.factors(None if values is None else self.shifted(values, shift), self._factors)
-        return self._factors
-
-    def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
-        """Its blocks with a shift of its diagonal."""
-        result = values.copy()
-        result[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
-        return result
-
-    @cached_property
-    def elimination(self) -> Elimination:
-        """Order and fronts."""
-        return Elimination(self.indptr, self.indices, self.size, self.team)
-
-
 class Elimination:
     """Order and fronts for one pattern.
 
     indptr, indices : the pattern, block row after block row, symmetric, with the diagonal
     size : rows of a block
     order : (bodies,) int, in which they are eliminated
+    operations : of a factorisation
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
     shared : which are whose
@@ -116,6 +52,7 @@ class Elimination:
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
         each, parent = np.array([operations(*front, size) for front in self.fronts]), self.layout.parent
+        self.operations = float(each.sum())
         self.shared = side_by_side(parent, each, team.size * hands, team.size)
         rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
         tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))
@@ -123,6 +60,13 @@ class Elimination:
         self.owner = np.empty(count, dtype=int)
         self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
         self._work: np.ndarray | None = None
+
+    def entered(self, rank: int) -> np.ndarray:
+        """(n,) bool, the blocks that enter a rank's fronts; each enters one."""
+        enter, enters = self.layout.enter[:, 0], self.layout.enters
+        result = np.zeros(len(enter), dtype=bool)
+        result[enter] = np.repeat(self.shared.rank == rank, np.diff(enters))
+        return result
 
     def _left(self, front: int) -> slice:
         """Where what a front leaves is in what is worked on."""

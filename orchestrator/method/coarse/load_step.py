@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.dealing import dealt
-from orchestrator.method.coarse.elimination import BlockPattern
+from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
@@ -66,8 +66,9 @@ class Bodies:
         return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
 
     @classmethod
-    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
-        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank."""
+    def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, rigid: int = 0) -> Bodies:
+        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank. ``rigid`` : as
+        for ``BlockPattern``."""
         chosen = dealt(team, own, fields)
         counted, theirs = np.flatnonzero(chosen), np.repeat(chosen, np.diff(fields.pairs.bounds))
         mine = [fields.pairs.interfaces[i] for i in counted]
@@ -75,7 +76,7 @@ class Bodies:
         everyones = sum(each, [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order)
+        assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order, rigid)
         return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:

@@ -46,6 +46,7 @@ class CoarseProblem:
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     W : per own body (t, n), displacement of its traces in the fields
+    rigid : how many fields, the first, a body moves in far more easily than in the others; none where that is not known
     stiffer : ``bodies`` with springs that are as much stiffer as ``STIFFER`` says, where springs begin anew
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
     newton_steps : Newton steps taken so far
@@ -54,9 +55,10 @@ class CoarseProblem:
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
-    def __init__(self, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray], anew: bool = False):
+    def __init__(self, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray], anew: bool = False,
+                 rigid: int = 0):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
-        self.bodies = Bodies.of(team, self.own, fields, K0)
+        self.bodies = Bodies.of(team, self.own, fields, K0, rigid)
         self.stiffer = self._with_stiffer(fields.pairs) if anew else []
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
         self.newton_steps, self.reduction, self.goal = 0, REDUCTION, 0.0

@@ -41,11 +41,11 @@ class Responses:
     def of(cls, stage: LinearStage, fields: np.ndarray, allowed: np.ndarray) -> Responses:
         """To combinations (own bodies, m, n) of fields (m, D), made orthonormal: U k Uᵀ = 1; what depends on others becomes zero.
 
-        On a body that has a single plane interface, the gradients along its normal do.
+        On a body that has a single plane interface, the gradients along its normal do. What the first half moves stays with the first half.
         """
         k, space = stage.direction.k, stage.space
         grams = per_body(space, fields, times(k, fields))
-        R = np.array([may @ orthonormal(may.T @ gram @ may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
+        R = np.array([_nested(gram, may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
         return cls.answered(stage, combined(fields, R, space.parts))
 
     @classmethod
@@ -63,6 +63,16 @@ class Responses:
         R = np.array([orthonormal(gram) for gram in per_body(self.space, U, V)]).reshape(-1, len(U), len(U))
         W, F, u = (np.vstack(each) for each in ((self.W, other.W), (self.F, other.F), (self.u, other.u)))
         return Responses(self.space, *(combined(x, R, self.space.parts) for x in (U, V, W, F)), combined(u, R, self.space.boundary))
+
+
+def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:
+    """(m, n) combinations of what a body may move in (m, n), orthonormal: the first half of them, then what these leave of the others."""
+    half = may.shape[1] // 2
+    first, others = may[:, :half], may[:, half:]
+    first = first @ orthonormal(first.T @ gram @ first)
+    largest = float(np.einsum("ij,ik,kj->j", others, gram, others).max(initial=0.0))
+    others = others - first @ (first.T @ gram @ others)
+    return np.hstack([first, others @ orthonormal(others.T @ gram @ others, largest)])
 
 
 def combined(fields: np.ndarray, R: np.ndarray, parts: list[slice]) -> np.ndarray:

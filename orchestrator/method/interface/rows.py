@@ -38,11 +38,11 @@ def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.nda
     return np.concatenate(parts) if parts else np.empty(empty, int)
 
 
-def orthonormal(gram: np.ndarray) -> np.ndarray:
+def orthonormal(gram: np.ndarray, beside: float = 0.0) -> np.ndarray:
     """(n, n) R with which fields of this Gram matrix (n, n) become orthonormal, Rᵀ gram R = 1; its columns are zero where fields depend
-    on others."""
+    on others, or are nothing ``beside`` the square of a field that has been taken out of them."""
     size, vectors = np.linalg.eigh(gram)
-    there = size > DEPENDENT * size.max(initial=0.0)
+    there = size > DEPENDENT * size.max(initial=beside)
     return np.where(there, vectors / np.sqrt(np.where(there, size, 1.0)), 0.0)
 
 

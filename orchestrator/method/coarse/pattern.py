@@ -1,0 +1,101 @@
+"""Newton's matrices of the coarse contact problem: where their blocks go, and what solves with them.
+
+    pattern = BlockPattern(ends, bodies, size)
+    pattern.factors(pattern.values(pairs, own), shift).solve(right)
+
+Places and the order of elimination are found once; what remains of an assembly are sums of blocks.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.coarse.elimination import Elimination, Factors
+from orchestrator.method.coarse.rigid_first import RigidFirst
+from orchestrator.parallel.team import ALONE, Team
+
+WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
+
+
+class BlockPattern:
+    """Where the blocks of bodies and of pairs of bodies go.
+
+    ends : (I, 2) int, the two bodies of every interface
+    bodies : number of bodies
+    size : rows of a body's block
+    order : (I,) int, the interfaces in the order in which they are added up; default: as they are
+    team : the ranks that eliminate together; all make the same
+    rigid : how many rows of a block, the first, may be eliminated alone (``rigid_first``), where that saves much; default: none
+    first : how many are
+    """
+
+    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None, team: Team = ALONE, rigid: int = 0):
+        self.bodies, self.size, self.team, self._factors, self._rigid = bodies, size, team, None, rigid
+        rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
+        own = np.arange(bodies)
+        places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
+        where = where[:len(rows)]
+        rows, columns = np.divmod(places, bodies)  # block row after block row
+        self.diagonal = np.flatnonzero(columns == rows)
+        self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
+        turn = np.arange(len(ends)) if order is None else np.argsort(order)
+        sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
+        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
+        self.sums = sp.csr_array((np.ones(len(sequence)), sequence, starts), shape=(len(places), len(where)))
+
+    def summed(self, pairs: np.ndarray) -> np.ndarray:
+        """(n, size, size) sums of blocks of the interfaces, block row after block row.
+
+        pairs : (I, 2, 2, size, size), first body first
+        """
+        return (self.sums @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
+
+    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """The same with the bodies' own blocks (bodies, size, size)."""
+        result = self.summed(pairs)
+        result[self.diagonal] += own
+        return result
+
+    def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
+        """The matrix that ``values`` belong to, with a shift of its diagonal."""
+        return self._matrix(self.shifted(values, shift))
+
+    def _matrix(self, blocks: np.ndarray) -> sp.bsr_array:
+        return sp.bsr_array((blocks, self.indices, self.indptr), shape=2 * (self.size * self.bodies,))
+
+    def factors(self, values: np.ndarray | None, shift: float) -> Factors | RigidFirst:
+        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
+        blocks, first = None if values is None else self.shifted(values, shift), self.first
+        eliminated = blocks if blocks is None or first == self.size else np.ascontiguousarray(blocks[:, :first, :first])
+        self._factors = self.elimination.factors(eliminated, self._factors)
+        if first == self.size:
+            return self._factors
+        own = np.zeros((len(self.indices), self.size, self.size)) if blocks is None else blocks * self.entered[:, None, None]
+        return RigidFirst(self._factors, self._matrix(own), own[self.diagonal, first:, first:], self.team)
+
+    def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
+        """Its blocks with a shift of its diagonal."""
+        result = values.copy()
+        result[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
+        return result
+
+    @cached_property
+    def elimination(self) -> Elimination:
+        """Order and fronts."""
+        whole = Elimination(self.indptr, self.indices, self.size, self.team)
+        if not self._rigid or whole.operations < WORTH:
+            return whole
+        return Elimination(self.indptr, self.indices, self._rigid, self.team)
+
+    @cached_property
+    def entered(self) -> np.ndarray:
+        """(n,) bool, the blocks that enter this rank's fronts; each enters those of one."""
+        return self.elimination.entered(self.team.rank)
+
+    @property
+    def first(self) -> int:
+        """Rows of a block that are eliminated."""
+        return self.elimination.size
