@@ -268,7 +268,7 @@ def eliminate(team: Team) -> None:
     assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
     assert all(len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size))
     assert len(set(team.all_gather(found.tobytes()))) == 1
-    with patch("orchestrator.method.coarse.pattern.WORTH", 0.0):  # rigid motions alone
+    with patch("orchestrator.method.coarse.elimination.WORTH", 0.0):  # rigid motions alone
         made = Assembly(team, ends, counts, bodies, SIZE, rng.permutation(len(ends)), rigid=1)
         found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
         whole = BlockPattern(ends, bodies, SIZE, rigid=1)

@@ -89,7 +89,7 @@ def test_the_first_half_of_affine_fields_is_rigid_and_may_be_eliminated_alone(mo
         assert shares @ shares.T == pytest.approx(np.eye(6), abs=1e-9)
     assert d.coarse.problem.bodies.pattern.first == 12
     expected = converged(config).displacement
-    monkeypatch.setattr("orchestrator.method.coarse.pattern.WORTH", 0.0)
+    monkeypatch.setattr("orchestrator.method.coarse.elimination.WORTH", 0.0)
     assert decomposed(config).coarse.problem.bodies.pattern.first == 6
     assert converged(config).displacement == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
 

@@ -96,7 +96,7 @@ def stretched(rng, pattern):
 def test_rigid_motions_are_eliminated_and_stretches_follow(monkeypatch):
     """Nothing is left in rigid motions, a loose body's included, and a thousandth elsewhere."""
     ends, bodies = lattice(6)
-    monkeypatch.setattr("orchestrator.method.coarse.pattern.WORTH", 0.0)
+    monkeypatch.setattr("orchestrator.method.coarse.elimination.WORTH", 0.0)
     pattern, rng = BlockPattern(ends, bodies, SIZE, rigid=1), np.random.default_rng(6)
     values, right = stretched(rng, pattern), rng.normal(size=(bodies, SIZE))
     right[-1] = 1e-6

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import Delaunay
 
-from orchestrator.method.coarse import pattern
+from orchestrator.method.coarse import elimination
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.parallel.petsc import library
 from orchestrator.parallel.team import Team, join
@@ -51,7 +51,7 @@ def main(bodies: int, mumps: bool, affine: bool) -> None:
     own, right = np.repeat(20 * np.eye(size)[None], bodies, axis=0), rng.normal(size=(bodies, size))
     counts = np.bincount(np.arange(len(ends)) % team.size, minlength=team.size)
     mine, told = slice(counts[: team.rank].sum(), counts[: team.rank + 1].sum()), {}
-    pattern.WORTH = 0.0
+    elimination.WORTH = 0.0
     for name, rigid in {"fronts": 0, **({"rigid motions alone": RIGID} if affine else {})}.items():
         made = Assembly(team, ends, counts, bodies, size, np.arange(len(ends)), rigid)
         values = made.values(slopes[mine], own)

@@ -25,25 +25,29 @@ from orchestrator.method.coarse.subtrees import side_by_side
 from orchestrator.method.interface.factor import dissection
 from orchestrator.parallel.team import ALONE, Team
 
+WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
+
 
 class Elimination:
     """Order and fronts for one pattern.
 
     indptr, indices : the pattern, block row after block row, symmetric, with the diagonal
-    size : rows of a block
+    size : rows of a block; those that are eliminated, which are the first ``rigid`` alone where that saves much
     order : (bodies,) int, in which they are eliminated
-    operations : of a factorisation
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
     shared : which are whose
     """
 
-    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int, team: Team = ALONE):
-        count, self.size, self.team = len(indptr) - 1, size, team
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int, team: Team = ALONE, rigid: int = 0):
+        count, self.team = len(indptr) - 1, team
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
         sees = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(zip(indptr[:-1], indptr[1:]))]
         order, hands = team.share(None if team.rank else (dissection(pattern), cores()))
         groups = grouped(sees, order, size)
+        if rigid and sum(operations(len(columns), len(rest), size) for columns, rest, _ in groups) >= WORTH:
+            groups, size = grouped(sees, order, rigid), rigid
+        self.size = size
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         self.fronts = np.array([(len(columns), len(rest)) for columns, rest, _ in groups], dtype=int).reshape(-1, 2)
         place = np.empty(count, dtype=int)
@@ -52,7 +56,6 @@ class Elimination:
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
         each, parent = np.array([operations(*front, size) for front in self.fronts]), self.layout.parent
-        self.operations = float(each.sum())
         self.shared = side_by_side(parent, each, team.size * hands, team.size)
         rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
         tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))

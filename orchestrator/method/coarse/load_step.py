@@ -19,8 +19,8 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.dealing import dealt
-from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
 

@@ -17,8 +17,6 @@ from orchestrator.method.coarse.elimination import Elimination, Factors
 from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.parallel.team import ALONE, Team
 
-WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
-
 
 class BlockPattern:
     """Where the blocks of bodies and of pairs of bodies go.
@@ -69,12 +67,15 @@ class BlockPattern:
     def factors(self, values: np.ndarray | None, shift: float) -> Factors | RigidFirst:
         """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
         blocks, first = None if values is None else self.shifted(values, shift), self.first
-        eliminated = blocks if blocks is None or first == self.size else np.ascontiguousarray(blocks[:, :first, :first])
+        eliminated = None if blocks is None else np.ascontiguousarray(blocks[:, :first, :first])  # the same array where that is all
         self._factors = self.elimination.factors(eliminated, self._factors)
         if first == self.size:
             return self._factors
-        own = np.zeros((len(self.indices), self.size, self.size)) if blocks is None else blocks * self.entered[:, None, None]
-        return RigidFirst(self._factors, self._matrix(own), own[self.diagonal, first:, first:], self.team)
+        if blocks is None:
+            blocks = np.zeros((len(self.indices), self.size, self.size))
+        elif self.team.size > 1:  # of others' fronts a rank has parts
+            blocks *= self.entered[:, None, None]
+        return RigidFirst(self._factors, self._matrix(blocks), blocks[self.diagonal, first:, first:], self.team)
 
     def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
         """Its blocks with a shift of its diagonal."""
@@ -85,10 +86,7 @@ class BlockPattern:
     @cached_property
     def elimination(self) -> Elimination:
         """Order and fronts."""
-        whole = Elimination(self.indptr, self.indices, self.size, self.team)
-        if not self._rigid or whole.operations < WORTH:
-            return whole
-        return Elimination(self.indptr, self.indices, self._rigid, self.team)
+        return Elimination(self.indptr, self.indices, self.size, self.team, self._rigid)
 
     @cached_property
     def entered(self) -> np.ndarray:

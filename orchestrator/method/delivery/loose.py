@@ -25,7 +25,7 @@ from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.conditions.supports import supports_of
+from orchestrator.scene.conditions.supports import Supports, supports_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, ends_of
 
@@ -40,10 +40,10 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
     joined = ends_of(i for i in scene.interfaces if i.law.joins)
     bodies, body = components(*joined.T, len(scene.subdomains))
-    fixed = np.zeros(bodies, bool)
-    fixed[body[supports_of(scene).count > 0]] = True
+    fixed, supports = np.zeros(bodies, bool), supports_of(scene)
+    fixed[body[supports.count > 0]] = True
     ends = body[interfaces.subdomains]
-    motion = _Motions(scene, interfaces, body) if bodies <= MOST_BODIES else None
+    motion = _Motions(supports, interfaces, body) if bodies <= MOST_BODIES else None
     detached, weak = [], []
     for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces))):
         touching = ends[np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])]
@@ -67,13 +67,12 @@ def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.nd
 class _Motions:
     """Rigid motions of all bodies, six each, and what supports and closed pairs make of them; body (subdomains,) int of each."""
 
-    def __init__(self, scene: Scene, interfaces: InterfaceFields, body: np.ndarray):
+    def __init__(self, supports: Supports, interfaces: InterfaceFields, body: np.ndarray):
         self.interfaces, self.bodies = interfaces, int(body.max()) + 1
         self.sides = body[interfaces.subdomains]  # (I, 2)
         self.columns = np.zeros((2, len(interfaces.nodes), 3, 6))
         self.support = np.zeros((self.bodies, 6, 6))
         of_node = self.sides[interfaces.interface_of_node]
-        supports = supports_of(scene)
         for b in range(self.bodies):
             about, rows = supports.of_body(np.flatnonzero(body == b))
             self.support[b] = rows.T @ rows

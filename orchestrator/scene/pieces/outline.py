@@ -78,7 +78,7 @@ class Outline:
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
-                   np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.of(scene, subdomains),
+                   np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
                    np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
 
     @classmethod
