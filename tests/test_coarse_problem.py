@@ -4,11 +4,13 @@ import gc
 
 import numpy as np
 import pytest
-from contact_case import contact, converged
+from contact_case import CASES, contact, converged
 from method_case import decomposed
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config.model import Config
+from orchestrator.laws.points import Answer
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.events import Subscriber
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.rows import times
@@ -57,6 +59,29 @@ def test_sums_over_points_do_the_work_of_the_fields(coarse, steps):
     assert at.carried(answer.force, weight).ravel() == pytest.approx(carried, abs=1e-12 * np.abs(carried).max())
     slopes = np.einsum("pif,ijp,pjg->fg", T[answer.active], answer.derivative, at.L[answer.active])
     assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(slopes.shape) - slopes).max() < 1e-5 * np.abs(slopes).max()
+
+
+def test_each_interface_has_as_many_shapes_as_its_own_fields_need():
+    """One body moves in fields of its own, at random; its neighbours' sums over points do not take longer for it."""
+    pairs, random = decomposed(contact(0.3, **CASES["eight cubes"])).coarse.pairs, np.random.default_rng(1)
+    own = np.repeat([0 in i.subdomains for i in pairs.interfaces], np.diff(pairs.bounds))
+    x = np.column_stack([np.ones(len(pairs)), random.normal(size=(len(pairs), 3))])
+    T = np.einsum("pm,mif->pif", x, random.normal(size=(4, 3, 24)))
+    T[own], L = random.normal(size=(own.sum(), 3, 24)), random.normal(size=T.shape)
+    at = PairFields.of(pairs, T, L, 8)
+    assert np.diff(at.rows).tolist() == [3 * (b - a if own[a] else 4) for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:])]
+    some = np.flatnonzero(random.random(len(pairs)) < 0.7)
+    part, T, L = at.some(some), T[some], L[some]
+    assert np.abs(part.T - T).max() < 1e-12 * np.abs(T).max()
+    weight, force, y = random.random(len(pairs)), random.normal(size=(3, len(some))), random.normal(size=(8, 12))
+    both = at.both(y)[np.repeat(np.arange(len(at.ends)), np.diff(part.pairs.bounds))]
+    for found, expected in zip(part.swept(y, weight), (L, weight[some, None, None] * T)):
+        assert found == pytest.approx(np.einsum("pif,pf->ip", expected, both), abs=1e-5 * np.abs(found).max())
+    assert np.vdot(part.carried(force, weight), y) == pytest.approx(np.einsum("p,pif,ip,pf->", weight[some], T, force, both))
+    answer = Answer(force, None, np.arange(len(some)), random.normal(size=(3, 3, len(some))))
+    slopes = np.einsum("p,pif,ijp,pjg->pfg", weight[some], T, answer.derivative, L)
+    for found, a, b in zip(part.slopes(answer, weight), part.pairs.bounds[:-1], part.pairs.bounds[1:]):
+        assert found.swapaxes(1, 2).reshape(24, 24) == pytest.approx(slopes[a:b].sum(axis=0), abs=1e-5 * np.abs(slopes).max())
 
 
 def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():

@@ -34,22 +34,24 @@ def swept(start, stop, of, ends, fields, weight, results):
 
     ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
     """
-    (L, phi, A, chosen, bounds), (dF, against) = of, results
-    m, half = phi.shape[1], fields.shape[1]
-    y, combined = np.empty(2 * half), np.empty(3 * m)
+    (L, phi, places, A, rows, chosen, bounds), (dF, against) = of, results
+    half = fields.shape[1]
+    y = np.empty(2 * half)
     for i in range(start, stop):
         if bounds[i] == bounds[i + 1]:
             continue
         for f in range(half):
             y[f], y[half + f] = fields[ends[i, 0], f], fields[ends[i, 1], f]
+        m = (rows[i + 1] - rows[i]) // 3
+        combined = np.empty(3 * m)
         for a in range(3 * m):
-            total, of = 0.0, A[i, a]
+            total, along = 0.0, A[rows[i] + a]
             for f in range(len(y)):
-                total += of[f] * y[f]
+                total += along[f] * y[f]
             combined[a] = total
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
-            row, monomials, share = L[p], phi[p], weight[p]
+            row, share, first = L[p], weight[p], places[i] + m * p
             for d in range(3):
                 total = 0.0
                 for f in range(len(y)):
@@ -57,7 +59,7 @@ def swept(start, stop, of, ends, fields, weight, results):
                 dF[d, q] = total
                 total = 0.0
                 for j in range(m):
-                    total += combined[d * m + j] * monomials[j]
+                    total += combined[d * m + j] * phi[first + j]
                 against[d, q] = share * total
 
 
@@ -65,50 +67,51 @@ def swept(start, stop, of, ends, fields, weight, results):
 def carried(start, stop, of, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
-    of : L, φ (P, m), A (I, 3m, 2n), chosen and bounds, as for ``spread``; weight : (P,) ω
+    of : L, φ, ``places``, A and ``rows`` as ``PairFields`` has them, chosen and bounds as for ``spread``; weight : (P,) ω
     """
-    _, phi, A, chosen, bounds = of
-    m, half = phi.shape[1], A.shape[2] // 2
-    moments = np.empty(3 * m)
+    _, phi, places, A, rows, chosen, bounds = of
+    half = A.shape[1] // 2
     for i in range(start, stop):
         result[i] = 0.0
         if bounds[i] == bounds[i + 1]:
             continue
-        moments[:] = 0.0
+        m = (rows[i + 1] - rows[i]) // 3
+        moments = np.zeros(3 * m)
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
+            first = places[i] + m * p
             for c in range(3):
                 if force[c, q] != 0.0:
                     share = weight[p] * force[c, q]
                     for j in range(m):
-                        moments[c * m + j] += share * phi[p, j]
+                        moments[c * m + j] += share * phi[first + j]
         for a in range(3 * m):
+            along = A[rows[i] + a]
             for side in range(2):
                 for f in range(half):
-                    result[i, side, f] += A[i, a, half * side + f] * moments[a]
+                    result[i, side, f] += along[half * side + f] * moments[a]
 
 
 @compiled
 def slopes(start, stop, of, A, given, weight, result):
     """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of the interfaces from start to stop, blocks of the two bodies.
 
-    of : as for ``carried``; A : (I, 2n, 3m), transposed, in L's precision, that of all sums
+    of : as for ``carried``; A : the same in L's precision, that of all sums
     given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each interface start; ∂f̂/∂F (3, 3, R)
     weight : (P,) ω
     """
-    (L, phi, _, chosen, _), (active, first, derivative) = of, given
-    m, size = phi.shape[1], L.shape[2]
-    half, rows = size // 2, 3 * m
-    beside, fields, share = np.empty(rows * 3 * TOGETHER, L.dtype), np.empty((3 * TOGETHER, size), L.dtype), np.empty(TOGETHER)
-    sums, some, whole = np.empty((rows, size), L.dtype), np.empty((rows, size), L.dtype), np.empty((size, size), L.dtype)
+    (L, phi, places, _, rows, chosen, _), (active, first, derivative) = of, given
+    size, half = L.shape[2], L.shape[2] // 2
+    fields, share, whole = np.empty((3 * TOGETHER, size), L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
     for i in range(start, stop):
         if first[i] == first[i + 1]:
             result[i] = 0.0
             continue
-        sums[:] = 0.0
+        m = (rows[i + 1] - rows[i]) // 3
+        sums, some = np.zeros((3 * m, size), L.dtype), np.empty((3 * m, size), L.dtype)
         for r in range(first[i], first[i + 1], TOGETHER):
             count = min(TOGETHER, first[i + 1] - r)
-            turned = beside[: rows * 3 * count].reshape(rows, 3 * count)
+            turned = np.empty((3 * m, 3 * count), L.dtype)
             for q in range(count):
                 p = chosen[active[r + q]]
                 for d in range(3):
@@ -117,7 +120,7 @@ def slopes(start, stop, of, A, given, weight, result):
             for j in range(m):
                 for q in range(count):
                     p = chosen[active[r + q]]
-                    share[q] = weight[p] * phi[p, j]
+                    share[q] = weight[p] * phi[places[i] + m * p + j]
                 for c in range(3):
                     for d in range(3):
                         row, slope = turned[c * m + j, count * d : count * d + count], derivative[c, d, r : r + count]
@@ -125,7 +128,7 @@ def slopes(start, stop, of, A, given, weight, result):
                             row[q] = share[q] * slope[q]
             np.dot(turned, fields[: 3 * count], some)
             sums += some
-        np.dot(A[i], sums, whole)
+        np.dot(A[rows[i] : rows[i + 1]].T, sums, whole)
         for row in range(2):
             for column in range(2):
                 for f in range(half):

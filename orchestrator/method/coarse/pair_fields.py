@@ -6,7 +6,7 @@ T = [G₁U₁, −G₂U₂], has therefore few shapes φ, and forces do work in 
     T = (1₃ ⊗ φ) A,     Tᵀf̂ = Aᵀ Σ f̂ ⊗ φ,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (∂f̂/∂F ⊗ φ) L
 
 φ are singular vectors of T: four where nodes match, some more where sides are apart, components are prescribed or a link takes
-the turn of facets along.
+the turn of facets along, as many as there are points where a body moves in modes of its own.
 """
 
 from __future__ import annotations
@@ -34,45 +34,46 @@ class PairFields:
     """Fields at all or some of the node pairs of a set of interfaces.
 
     pairs : Q of the points, of I interfaces
-    phi : (P, m) shapes φ at all P points
-    A : (I, 3m, 2n), components outside, from the fields of the first body, then of the second, to the shapes of T
+    phi : shapes φ at all P points, as many numbers of each as its interface has shapes, m: those of p begin at ``places`` (I,) + m p
+    A : (R, 2n), for each interface 3m rows, components outside, from ``rows`` (I + 1,) on: from the fields of the first body, then of the
+        second, to the shapes of T
     all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all points. In single precision: reading it
         is what a sum over points costs, and a correction whose forces are off by a ten-millionth corrects as well
     ends : (I, 2) int, the two bodies of each interface, of ``count`` of all ranks
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
-    turned : (I, 2n, 3m) A transposed, in the precision of ``all_L``
+    single : A in the precision of ``all_L``
     """
 
     pairs: Pairs
     phi: np.ndarray
+    places: np.ndarray
     A: np.ndarray
+    rows: np.ndarray
     all_L: np.ndarray
     ends: np.ndarray
     count: int
     chosen: np.ndarray | None = None
-    turned: np.ndarray | None = None
+    single: np.ndarray | None = None
 
     @classmethod
     def of(cls, pairs: Pairs, T: np.ndarray, L: np.ndarray, count: int) -> PairFields:
         """From T and L (P, 3, 2n)."""
-        width, found = T.shape[2], []
-        for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:]):
+        width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]
+        for a, b in zip(bounds[:-1], bounds[1:]):
             shapes, size, mixed = np.linalg.svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
             kept = int((size > EXACT * size.max(initial=0.0)).sum())
-            found.append((shapes[:, :kept], size[:kept, None] * mixed[:kept]))
-        m = max((phi.shape[1] for phi, _ in found), default=0)
-        phi, A = np.zeros((len(T), m)), np.zeros((len(found), 3, m, width))
-        for i, (shapes, mixed) in enumerate(found):
-            phi[pairs.bounds[i]: pairs.bounds[i + 1], : len(mixed)] = shapes
-            A[i, :, : len(mixed)] = mixed.reshape(-1, 3, width).swapaxes(0, 1)
-        ends = ends_of(pairs.interfaces)
-        return cls(pairs, phi, A.reshape(len(found), 3 * m, width), np.ascontiguousarray(L, dtype=np.float32), ends, count)
+            phi.append(shapes[:, :kept].ravel())
+            A.append((size[:kept, None] * mixed[:kept]).reshape(-1, 3, width).swapaxes(0, 1).reshape(-1, width))
+        rows = np.cumsum([len(each) for each in A])
+        places = np.cumsum([len(each) for each in phi])[:-1] - np.diff(rows) // 3 * bounds[:-1]
+        return cls(pairs, np.concatenate(phi), places, np.concatenate(A), rows, np.ascontiguousarray(L, dtype=np.float32),
+                   ends_of(pairs.interfaces), count)
 
     def __post_init__(self) -> None:
         if self.chosen is None:
-            self.chosen = np.arange(len(self.phi))
-        if self.turned is None:
-            self.turned = np.ascontiguousarray(self.A.swapaxes(1, 2), self.all_L.dtype)
+            self.chosen = np.arange(len(self.all_L))
+        if self.single is None:
+            self.single = self.A.astype(self.all_L.dtype)
 
     def some(self, chosen: np.ndarray) -> PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
@@ -101,7 +102,7 @@ class PairFields:
     @property
     def _of(self) -> tuple[np.ndarray, ...]:
         """Fields and pairs as loops take them."""
-        return self.all_L, self.phi, self.A, self.chosen, self.pairs.bounds
+        return self.all_L, self.phi, self.places, self.A, self.rows, self.chosen, self.pairs.bounds
 
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
@@ -125,7 +126,7 @@ class PairFields:
 
         weight : (P,) ω of all points
         """
-        each = np.empty((len(self.A), 2, self.size))
+        each = np.empty((len(self.ends), 2, self.size))
         in_parts(carried, len(each), self._of, np.ascontiguousarray(force), weight, each, part=self.part(len(self.chosen)))
         return self._sums @ each.reshape(-1, self.size)
 
@@ -137,10 +138,10 @@ class PairFields:
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
         """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
-        result = np.empty((len(self.A), 2, 2, self.size, self.size), self.all_L.dtype)
+        result = np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
         given = answer.active, first, np.ascontiguousarray(answer.derivative)
-        in_parts(slopes, len(result), self._of, self.turned, given, weight, result, part=self.part(SLOPES * len(answer.active)))
+        in_parts(slopes, len(result), self._of, self.single, given, weight, result, part=self.part(SLOPES * len(answer.active)))
         self._collective(answer, weight, result)
         return result
 
@@ -157,5 +158,8 @@ class PairFields:
     @property
     def T(self) -> np.ndarray:
         """(Q, 3, 2n), zero in components that are prescribed."""
-        A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * self.size), np.diff(self.pairs.bounds), axis=0)
-        return np.einsum("pm,pimf->pif", self.phi[self.chosen], A)
+        result, bounds, counts = np.empty((len(self.chosen), 3, 2 * self.size)), self.pairs.bounds, np.diff(self.rows) // 3
+        for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, counts, self.places):
+            phi = self.phi[place + m * self.chosen[a:b, None] + np.arange(m)]
+            result[a:b] = np.einsum("pm,imf->pif", phi, self.A[row : row + 3 * m].reshape(3, m, -1))
+        return result
