@@ -14,6 +14,7 @@ from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Maps
+from orchestrator.errors import some
 from orchestrator.packed import read_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
@@ -66,8 +67,8 @@ class Pass:
         """For the screen."""
         beside = "iterations' unknown" if self.iterations_error is None else f"iterations' {self.iterations_error:.1e}"
         how = "estimated" if self.told is None else "measured against the mesh before"
-        kept = f", kept: {_some(self.kept)}" if self.kept else ""
-        finer = f"; finer: {_some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
+        kept = f", kept: {some(self.kept)}" if self.kept else ""
+        finer = f"; finer: {some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
         quantities = "".join(f"; {quantity_text(name, told)}" for name, told in self.quantities.items())
         return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
                 f"{quantities}, {self.seconds:.1f} s{finer}")
@@ -161,7 +162,3 @@ def drop(folder: ResultsFolder) -> None:
     """What was set aside goes."""
     for name in (GOOD, UNFINISHED_GOOD):
         shutil.rmtree(folder / name, ignore_errors=True)
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

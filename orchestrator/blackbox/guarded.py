@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
+from orchestrator.scene.mesh.geometry import format_point
 
 # Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
 # and by hand, below 1e-13 through CalculiX, whose decks have 14 digits. Answers of six digits stay below 1e-5; what
@@ -60,7 +61,7 @@ class GuardedCode(BlackBox):
         for i, (left, node) in zip(asked, _at_once(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
             model = self._models[i]
             if not left <= BALANCED:
-                raise BlackBoxError(f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "
+                raise BlackBoxError(f"guard: displacements that do not balance the forces: near {format_point(model.nodes[node])} a share of "
                     f"{left:.1e} is left over, {BALANCED:.0e} allowed (its materials, units or models are mixed up, or "
                     f"its answers have few digits; {OWN})", model.name)
         return answers
@@ -103,17 +104,17 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
     if diagonal.min(initial=0.0) < -PATCH * np.abs(diagonal).max(initial=0.0):
         worst = int(np.argmin(diagonal))
         why = "is its modulus below zero somewhere?" if own_matter else f"a wrong sign; {OWN}"
-        return (f"a stiffness that is not positive: to move a node near {_place(model, worst // 3)} by itself gives energy away, "
+        return (f"a stiffness that is not positive: to move a node near {format_point(model.nodes[worst // 3])} by itself gives energy away, "
                 f"{diagonal[worst]:.3g} beside {diagonal.max():.3g} at others ({why})")
     symmetry, rigid, strain, node, allowed = patch_errors(model, matrix, own_matter)
     if not symmetry <= PATCH:
         return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"
     if not rigid <= allowed:
         why = " (supports inside it; or a form that is not symmetric in u and v, of which one triangle is taken)" if own_matter else ""
-        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {_place(model, node)}{why}"
+        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {format_point(model.nodes[node])}{why}"
     if not strain <= allowed:
         return (f"a stiffness that is not that of the model's mesh and materials: uniform strains need other forces, by "
-                f"{strain:.1e} of |K| near {_place(model, node)} (other moduli or units, a plane state, an element that "
+                f"{strain:.1e} of |K| near {format_point(model.nodes[node])} (other moduli or units, a plane state, an element that "
                 f"fails the patch test; {OWN})")
     return ""
 
@@ -171,7 +172,3 @@ def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, i
     left = np.abs(matter.forces(weight @ u) - weight @ forces)[0]
     left = np.where(free, left, 0.0) / np.where(root > 0, root, 1.0)
     return float(left.max(initial=0.0)), int(np.argmax(left)) // 3 if len(left) else 0
-
-
-def _place(model: Model, node: int) -> str:
-    return f"({', '.join(f'{x:.4g}' for x in model.nodes[node])})"

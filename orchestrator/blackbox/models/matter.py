@@ -14,11 +14,8 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
-from orchestrator.scene.mesh.quadratic import quadratic_slopes
-
-# barycentric coordinates of the integration points, by the number of nodes
-_INNER = (5 - np.sqrt(5)) / 20
-POINTS = {4: np.full((1, 4), 0.25), 10: np.full((4, 4), _INNER) + (1 - 4 * _INNER) * np.eye(4)}
+from orchestrator.scene.mesh.geometry import shape_gradients
+from orchestrator.scene.mesh.quadratic import TET_POINTS, quadratic_slopes
 
 
 class Matter:
@@ -33,18 +30,9 @@ class Matter:
     """
 
     def __init__(self, nodes: np.ndarray, cells: np.ndarray, young: np.ndarray, poisson: np.ndarray):
-        corners = nodes.T.take(cells[:, :4].T, axis=1)  # (3, 4, m)
-        a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-        slopes = np.empty((3, 4, len(cells)))  # of the barycentric coordinates
-        for i, (p, q) in enumerate(((b, c), (c, a), (a, b)), 1):
-            for x in range(3):
-                y, z = (x + 1) % 3, (x + 2) % 3
-                slopes[x, i] = p[y] * q[z] - p[z] * q[y]
-        six_volumes = (a * slopes[:, 1]).sum(axis=0)
-        slopes[:, 1:] /= six_volumes
-        slopes[:, 0] = -slopes[:, 1:].sum(axis=1)
-        points = POINTS[cells.shape[1]]
-        self.weight = np.tile(six_volumes / (6 * len(points)), len(points))
+        gradients, volumes = shape_gradients(nodes, cells)
+        slopes, points = gradients.transpose(2, 1, 0), TET_POINTS[cells.shape[1]]
+        self.weight = np.tile(volumes / len(points), len(points))
         self.lam, self.mu = (np.tile(values, len(points)) for values in lame(young, poisson))
         if cells.shape[1] == 10:
             slopes = np.concatenate([np.einsum("xim,ai->xam", slopes, quadratic_slopes(p)) for p in points], axis=2)

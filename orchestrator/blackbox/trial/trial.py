@@ -24,6 +24,7 @@ from orchestrator.registry import CODES
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program import JOINT, ProgramRuns
 from orchestrator.scene.foreign.tables import checked_nodes
+from orchestrator.scene.mesh.geometry import format_point
 
 Checks = Iterable[tuple[str, str, str]]  # check, figure, what is wrong: empty when it passed
 
@@ -75,7 +76,7 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
         names = list(dict.fromkeys(words[4] for words in rows if len(words) == 5))
         joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names, np.zeros((len(ids), 3), bool), np.eye(6))
         yield "a call without joint nodes", f"{len(ids)} nodes" + (f" of {', '.join(names)}" if names else "") + \
-            f", between {_place(points.min(axis=0))} and {_place(points.max(axis=0))}", ""
+            f", between {format_point(points.min(axis=0))} and {format_point(points.max(axis=0))}", ""
         answers = Answers.of(runs, joints, joints.size)
         n = len(answers.springs)
         yield f"{n + 3:,} cases in one call", f"springs of {answers.springs[0]:.3g} suit it", ""
@@ -96,7 +97,3 @@ def _held(joints: Joints, answers: Answers) -> str:
         judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)
         return "cost force: supports inside hold it, write held: true in its entry"
     return "cost nothing: it is not held inside"
-
-
-def _place(x: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in x) + ")"

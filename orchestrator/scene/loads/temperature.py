@@ -24,16 +24,13 @@ from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import InVolumes, Kind, Strain
 from orchestrator.scene.mesh.geometry import format_point, shape_gradients, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quadratic import TET_EDGES, quadratic_slopes
+from orchestrator.scene.mesh.quadratic import TET_EDGES, TET_POINTS, quadratic_slopes
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.
 SAME_PLACE, OF_EDGE = 1e-5, 0.1
 ROUNDING = 1e-9  # over the same, what may lie between two rows that are written at one place
 SAME_WARMTH = 1e-6  # over the largest, what may lie between the temperatures of such rows
-_INNER = (5 - np.sqrt(5)) / 20
-# Points, in barycentric coordinates, of the rule that is exact for quadratics.
-FOUR = np.full((4, 4), _INNER) + (1 - 4 * _INNER) * np.eye(4)
 
 
 class TemperatureField(Part):
@@ -162,7 +159,7 @@ def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any], cell
         if mesh.cells.shape[1] == 4:
             forces = (stiff * own.mean(axis=1))[:, None, None] * gradients
         else:
-            forces = sum(np.einsum("k,ab,kbx->kax", stiff / 4 * (own @ p), quadratic_slopes(p), gradients) for p in FOUR)
+            forces = sum(np.einsum("k,ab,kbx->kax", stiff / 4 * (own @ p), quadratic_slopes(p), gradients) for p in TET_POINTS[10])
         for c in range(3):
             loads[step, :, c] += np.bincount(at.ravel(), weights=forces[:, :, c].ravel(), minlength=loads.shape[1])
 

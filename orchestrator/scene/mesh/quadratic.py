@@ -35,6 +35,9 @@ TRIANGLE_MOMENTS = {3: (1 + np.eye(3)) / 12, 6: np.vstack([(3 * np.eye(3) - 1) /
 _A, _B = 0.445948490915965, 0.091576213509771
 DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
             np.concatenate([np.full((3, 3), x) + (1 - 3 * x) * np.eye(3) for x in (_A, _B)]))
+# Points, in barycentric coordinates, of rules of equal weights over a tet: exact for linear functions, and for quadratic ones.
+_A = (5 - np.sqrt(5)) / 20
+TET_POINTS = {4: np.full((1, 4), 0.25), 10: np.full((4, 4), _A) + (1 - 4 * _A) * np.eye(4)}
 TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
 
 
