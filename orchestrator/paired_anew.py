@@ -109,7 +109,7 @@ def _stays(config: Config, scene: Scene) -> str:
         (method.tolerance.error == "auto", "the tolerance follows the mesh's error"),
         (method.macro.on == "all", "the macro problem is on all interfaces"),
         (method.increment not in ("auto", 1), "several load steps are solved together"),
-        (any(s.remembers for s in scene.subdomains), "matter is nonlinear")) if there), "")
+        (scene.remembers, "matter is nonlinear")) if there), "")
 
 
 def _cannot(first: Solution, name: str) -> str:

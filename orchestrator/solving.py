@@ -171,8 +171,9 @@ class _Solving:
         self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
         self.bounds = MeshBounds(self.whole) if config.output.mesh_bound else None
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
+        certified = [name for name, probe in config.output.named_probes.items() if probe.certified]
         self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
-            self.whole, *_certified(config), config.output.moments_about), balanced=bool(config.accuracies)))
+            self.whole, certified, config.output.certified, config.output.moments_about), balanced=bool(config.accuracies)))
         if config.accuracies and not team.rank:
             check_sections(self.whole, config.accuracies)
         self.asked: Wanted = team.share(None if team.rank else Wanted.of(self.whole, list(config.accuracies), (), np.zeros(3)))
@@ -249,8 +250,8 @@ class _Solving:
         with watch("soles"):
             soles = make_soles(part.scene, method.sole, placement.touched, method.skip.congruent)
         self.told.stage("assembling and factorising")
-        check_iterations(len(self.cases.chosen), all(i.law.perfect for i in part.scene.interfaces), method,
-                         any(s.remembers for s in part.scene.subdomains) or any(i.law.follows for i in part.scene.interfaces))
+        check_iterations(len(self.cases.chosen), part.scene.bonded, method,
+                         part.scene.remembers or any(i.law.follows for i in part.scene.interfaces))
         with watch("start"):
             blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
         with blackbox:
@@ -308,9 +309,3 @@ class _Solving:
         if team.size > 1 and (found := piece.estimate(wanted, delivered.discretisation)):
             delivered = replace(delivered, discretisation=found)
         return delivered
-
-
-def _certified(config: Config) -> tuple[list[str], list[str]]:
-    """Names of the probes that are to be certified, and the kinds of forces."""
-    named = [(probe, probe.name or f"probe_{i + 1}") for i, probe in enumerate(config.output.probes)]
-    return [name for probe, name in named if probe.certified], config.output.certified

@@ -84,8 +84,7 @@ def criteria(solution: Solution, found: Estimate, share: float | None, measurabl
     found : the estimate in the energy norm; share : that it tells, see ``measured.told``; measurable : whether the next mesh's will be
     """
     foreseen = share or (FORESEEN if measurable else TRUSTED)
-    bonded = all(i.law.perfect for i in solution.scene.interfaces)
-    return [Criterion("", 0.0, asked, found.relative, share, foreseen, solution.error_bound, bonded, 1, found.cells), *(
+    return [Criterion("", 0.0, asked, found.relative, share, foreseen, solution.error_bound, solution.scene.bonded, 1, found.cells), *(
         Criterion(q.name, q.size, q.asked, q.mesh, share, foreseen, q.left, False, 2, np.sqrt(q.cells / q.size) if q.size else q.cells)
         for q in solution.quantities)]
 

@@ -151,8 +151,7 @@ class _Refinement:
         found = estimator(solution.sides)
         now = energies(solution, estimator, found) if solution.converged else None
         share = told(self.passes.before, now, estimator)
-        bonded = all(i.law.perfect for i in solution.scene.interfaces)
-        believed = bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
+        believed = solution.scene.bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
         measurable = now is not None and (now.potential is not None or self.mesher is None)  # halved tets are within those before
         energy, *quantities = criteria(solution, found, share, measurable, self.asked.error)

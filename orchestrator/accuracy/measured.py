@@ -76,7 +76,7 @@ class Energies:
 def energies(solution: Solution, estimator: Estimator, found: Estimate) -> Energies | None:
     """What the next solution's estimate can be measured by; None where matter is nonlinear, or the iterations' error not known."""
     scene, bound = solution.scene, solution.error_bound
-    if not math.isfinite(bound) or any(s.remembers for s in scene.subdomains):
+    if not math.isfinite(bound) or scene.remembers:
         return None
     least = all(i.mortar is None and not i.tool and (i.law.perfect or isinstance(i.law, Contact) and not i.law.friction)
                 for i in scene.interfaces)

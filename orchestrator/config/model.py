@@ -83,6 +83,11 @@ class Output(Part):
         "reactions' moments are about this point; the origin by default, which no one has to look up"))
     units: Units | None = Field(None, description="names of the units of length and force, shown beside numbers; none: no units")
 
+    @property
+    def named_probes(self) -> dict[str, Probe]:
+        """Name → probe, in the order of the YAML; one without a name is called by its place."""
+        return {probe.name or f"probe_{i + 1}": probe for i, probe in enumerate(self.probes)}
+
 
 class Config(Part):
     """One problem and how to solve it: ``config.mesh.beam.size``, ``config.method.tolerance.error`` …
@@ -137,7 +142,7 @@ class Config(Part):
     @property
     def accuracies(self) -> dict[str, float]:
         """Name of a probe → what is asked of it."""
-        return {probe.name or f"probe_{i + 1}": probe.accuracy for i, probe in enumerate(self.output.probes) if probe.accuracy}
+        return {name: probe.accuracy for name, probe in self.output.named_probes.items() if probe.accuracy}
 
     @property
     def refines(self) -> bool:

@@ -172,8 +172,8 @@ def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None, team:
     skip : ``method.skip`` of the configuration
     own : this rank's subdomains of its part of the scene; None: all
     """
-    remembers = team.max(float(any(s.remembers for s in scene.subdomains)))[0]
-    if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not remembers:
+    remembers = team.max(float(scene.remembers))[0]
+    if skip.superposition and scene.steps > 1 and scene.bonded and not remembers:
         return _independent(_load_vectors(scene.steps, scene.subdomains if own is None else own, team))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 

@@ -233,7 +233,7 @@ class _SetUp:
 
 def _own_copy(scene: Scene) -> Scene:
     """The scene, with what set-up or iterations change copied: it is its owner's."""
-    remembers = any(s.remembers for s in scene.subdomains)
+    remembers = scene.remembers
     if remembers and any(i.law.follows for i in scene.interfaces):
         raise Refusal("sliding beside nonlinear matter")
     if any(i.moving is not None for i in scene.interfaces):

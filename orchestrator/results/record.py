@@ -58,7 +58,7 @@ class Record(Subscriber):
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
-        self._opens = not all(i.law.perfect for i in scene.interfaces)  # asked for when the scene has been set aside
+        self._opens = not scene.bonded  # asked for when the scene has been set aside
         self._last: Iteration | None = None
         self._artist, self._begun = artist, False
         self._checkpoint = CheckpointWriter(folder, key, self.start)

@@ -266,7 +266,7 @@ def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Pr
         return []
     subdomain = cut.partition.subdomain[: len(plain.mesh.cells)]  # tools and grounds come after
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
-    return Finder(plain.mesh, plain.faces, subdomain, bodies, joints.interfaces, problems).find(config.output.probes)
+    return Finder(plain.mesh, plain.faces, subdomain, bodies, joints.interfaces, problems).find(config.output.named_probes)
 
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:

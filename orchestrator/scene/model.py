@@ -392,6 +392,16 @@ class Scene:
         """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has the same mesh, cut alike."""
         return prints(self, self.subdomains) if self.overview is None else self.overview.prints
 
+    @property
+    def bonded(self) -> bool:
+        """Whether all interfaces are perfect."""
+        return all(i.law.perfect for i in self.interfaces)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the matter of some subdomain is nonlinear and remembers load steps."""
+        return any(s.remembers for s in self.subdomains)
+
     @cached_property
     def stand_ins(self) -> np.ndarray:
         """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts of other programs."""

@@ -73,7 +73,7 @@ def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:
     """
     mine = rank_of == team.rank
     own = [s for s in scene.subdomains if mine[s.index]]
-    if all(i.law.perfect for i in scene.interfaces):
+    if scene.bonded:
         theirs = np.zeros(len(scene.mesh.nodes), dtype=bool)
         for s in scene.subdomains:
             theirs[s.nodes] |= not mine[s.index]

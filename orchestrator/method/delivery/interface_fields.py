@@ -126,7 +126,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     judged : the admissible fields, if an energy error is known
     shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces last; None: not known
     """
-    if all(i.law.perfect for i in d.scene.interfaces):
+    if d.scene.bonded:
         return None
     pairs, steps, scene, chosen = d.local.pairs, d.scene.steps, d.scene, own_interfaces(d)
     shown = [i.shown for i in chosen]

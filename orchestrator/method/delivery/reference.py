@@ -59,7 +59,7 @@ class Reference:
 
 def check_reference(scene: Scene) -> None:
     """Raises ``Refusal`` where the undecomposed solution is that of another problem."""
-    if not all(i.law.perfect for i in scene.interfaces):
+    if not scene.bonded:
         raise Refusal("no undecomposed solution")
 
 

@@ -68,7 +68,7 @@ def check_bounded(scene: Scene) -> None:
 
 def _unknown(scene: Scene):
     """What stands in the way."""
-    if scene.stand_ins.any() or any(s.remembers for s in scene.subdomains):
+    if scene.stand_ins.any() or scene.remembers:
         yield "a bound of the mesh's error beside grounds, rigid tools, nonlinear matter, or parts of other programs"
     for i in scene.interfaces:
         if not i.law.perfect and scene.mesh.cells.shape[1] != 4:

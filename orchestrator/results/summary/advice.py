@@ -44,13 +44,9 @@ class Stopped:
     stabilised: Stabilised | None = None
 
     @property
-    def bonded(self) -> bool:
-        return all(i.law.perfect for i in self.scene.interfaces)
-
-    @property
     def pace(self) -> float:
         """Factor per iteration, of late, of what the tolerance is compared with; bonded, of the forces' imbalance."""
-        name = "force_imbalance" if self.bonded else "law_residual"
+        name = "force_imbalance" if self.scene.bonded else "law_residual"
         values = [getattr(event, name) for event in self.iterated.history[-PACE - 1:]]
         if len(values) < 3 or not all(math.isfinite(v) and v > 0 for v in values):
             return math.nan
@@ -63,7 +59,7 @@ def how_far(run: Stopped) -> Iterator[str]:
     if not pace < MOVING:
         yield "it hardly gets any better: more iterations will not do"
         return
-    measure = last.law_residual if last.target[0] == "law_residual" else math.nan if run.bonded else run.iterated.bound.relative
+    measure = last.law_residual if last.target[0] == "law_residual" else math.nan if run.scene.bonded else run.iterated.bound.relative
     more, left = "", measure / last.tolerance
     if math.isfinite(left) and left > 1:
         more = f", about {math.ceil(math.log(left) / -math.log(pace))} more iterations at this pace"
@@ -140,7 +136,7 @@ def shape(run: Stopped) -> Iterator[str]:
 
 def contact(run: Stopped) -> Iterator[str]:
     """Friction and bodies that come loose."""
-    if run.bonded:
+    if run.scene.bonded:
         return
     cautions = sorted({i.law.caution for i in run.scene.interfaces if i.law.caution})
     yield from (f"interfaces {caution}: lower it" for caution in cautions)

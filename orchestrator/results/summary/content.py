@@ -63,8 +63,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     nonlinear = _nonlinear_parts(scene, iterated.iterations)
     summary = {"name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes], met and met.stabilised)),
-        "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration,
-                                  all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
+        "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration, scene.bonded and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
@@ -97,7 +96,7 @@ def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequen
 
     names : of the entries of ``boundary``
     """
-    probes = {(probe.name or f"probe_{i + 1}"): probe for i, probe in enumerate(config.output.probes) if probe.certified}
+    probes = {name: probe for name, probe in config.output.named_probes.items() if probe.certified}
     if not (probes or config.output.certified):
         return None
     if (found := delivered.intervals) is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,11 +104,11 @@ class Finder:
     interfaces: Sequence[Interface]
     problems: Problems
 
-    def find(self, asked: Sequence[Any]) -> list[Point | Line | Section | Surface]:
-        """The probes that ``output.probes`` asks for."""
+    def find(self, asked: Mapping[str, Any]) -> list[Point | Line | Section | Surface]:
+        """The probes that ``output.probes`` asks for, by their names."""
         found = []
-        for i, one in enumerate(asked):
-            path, name = ("output", "probes", i), one.name or f"probe_{i + 1}"
+        for i, (name, one) in enumerate(asked.items()):
+            path = ("output", "probes", i)
             cells = self._cells_of(one.part, (*path, "part"))
             if cells is None:
                 continue
