@@ -253,10 +253,19 @@ def refined(name: str, folder: Path, team: Team = ALONE) -> None:
     team.share(None)
 
 
+SIZE = 3  # of the blocks in elimination
+
+
+def lattice(n: int) -> tuple[np.ndarray, int]:
+    """(I, 2) neighbours in a cube of n³ bodies, and two chains beside it that touch nothing."""
+    number = np.arange(n**3).reshape(n, n, n)
+    ends = [np.column_stack([number.take(range(n - 1), axis).ravel(), number.take(range(1, n), axis).ravel()])
+            for axis in range(3)]
+    return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
+
+
 def eliminate(team: Team) -> None:
     """Interfaces of a lattice are dealt to ranks: all have some of the fronts, and the same bits of one process's solution."""
-    from test_elimination import SIZE, lattice  # with pytest, which is not everywhere where cases are run
-
     ends, bodies = lattice(6)
     rng = np.random.default_rng(8)
     slopes, own = rng.normal(size=(len(ends), 2, 2, SIZE, SIZE)), 20 * np.eye(SIZE) + rng.normal(size=(bodies, SIZE, SIZE))

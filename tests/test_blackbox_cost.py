@@ -46,7 +46,7 @@ def test_no_compliance_without_room_for_it(code, monkeypatch):
         plain.load([model])
         expected = plain.traces({0: forces})[0]
     for room, formed in ((0.0, False), (math.inf, True)):
-        monkeypatch.setattr(runs, "room", lambda: room)
+        monkeypatch.setattr(runs, "memory_left", lambda: room / runs.MEMORY)
         with make_blackbox(settings(**code)) as blackbox:
             blackbox.load([model])
             answers = [blackbox.traces({0: forces})[0] for _ in range(2)]

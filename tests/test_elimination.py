@@ -6,22 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from ranks_case import SIZE, lattice
 
 from orchestrator.method.coarse import elimination, layout, ordering, subtrees
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.compiled import compiled
-
-SIZE = 3
-
-
-def lattice(n):
-    """(I, 2) neighbours in a cube of n³ bodies, and two chains beside it that touch nothing."""
-    number = np.arange(n**3).reshape(n, n, n)
-    ends = [np.column_stack([number.take(range(n - 1), axis).ravel(), number.take(range(1, n), axis).ravel()])
-            for axis in range(3)]
-    return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
-
 
 @pytest.mark.parametrize("calls", [0.0, ordering.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):

@@ -70,6 +70,20 @@ def is_vectors(value: Any) -> bool:
     return is_per_step(value) and all(isinstance(row, list) and all(map(is_number, row)) for row in value)
 
 
+def rows_of(value: Any) -> list[list[Any]]:
+    """The vectors of a raw value, one or one per load step; none where it has another shape, which is complained of elsewhere."""
+    rows = value if is_per_step(value) else [value]
+    return rows if all(isinstance(row, list) and len(row) == 3 for row in rows) else []
+
+
+def free_at_times(path: KeyPath, rows: list[list[Any]]) -> Iterator[Problem]:
+    """Components that are null at some load steps and not at others."""
+    for name, values in zip("xyz", zip(*rows)):
+        if None in values and any(x is not None for x in values):
+            yield Problem(path, f"component {name} free at some steps only", "free at all load steps or at none",
+                          "give a number, or null, at every step")
+
+
 def law_of(entry: Any) -> Any:
     """The class of the law that a raw entry of ``interfaces`` names; of none, or of an unknown one, the default."""
     name = entry.get("law") if isinstance(entry, dict) else None

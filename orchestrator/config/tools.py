@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field
 
 from orchestrator.config.base import Axis, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
-from orchestrator.config.paths import accuracies, find, is_per_step
+from orchestrator.config.paths import accuracies, find, free_at_times, rows_of
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, TOOL_LAW
 
@@ -130,20 +130,9 @@ def tools_fit(data: Any) -> Iterator[Problem]:
 def _driven(path: KeyPath, tool: dict[str, Any]) -> Iterator[Problem]:
     """Require that what is prescribed is not loaded, and a component is free at all load steps or at none."""
     for move, load in zip(MOVES, LOADS):
-        moves, loads = (_rows(tool.get(key)) for key in (move, load))
-        if not moves:
-            continue
-        for c in range(3):
-            free = [row[c] is None for row in moves]
-            if any(free) and not all(free):
-                yield Problem((*path, move), f"component {AXES[c]} free at some steps only", "free at all load steps or at none",
-                              "give a number, or null, at every step")
-            if not any(free) and any(row[c] for row in loads):
+        moves, loads = (rows_of(tool.get(key)) for key in (move, load))
+        yield from free_at_times((*path, move), moves)
+        for c in range(3) if moves else ():
+            if all(row[c] is not None for row in moves) and any(row[c] for row in loads):
                 yield Problem((*path, load), f"component {AXES[c]} of {load}, in which {move} holds the tool",
                               "one of the two: what is prescribed is not loaded", f"write null for it in {move}, or 0 in {load}")
-
-
-def _rows(value: Any) -> list[list[Any]]:
-    """The vectors of a raw value; none where it has another shape, which is complained of elsewhere."""
-    rows = value if is_per_step(value) else [value]
-    return rows if all(isinstance(row, list) and len(row) == 3 for row in rows) else []

@@ -7,7 +7,6 @@ have cost as much as it will. Whoever goes on until that balances pays at most a
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +14,9 @@ import numpy as np
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.transport.worker import Worker
+from orchestrator.scene.mesh.checks import memory_left
 
 MEMORY = 0.25  # of what is free: the share that compliances may take
-
-
-def room() -> float:
-    """Bytes that compliances may take now."""
-    return MEMORY * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class Tally:
 
     def due(self, cases: int) -> bool:
         """Whether to ask for the compliance instead of making one more run, for so many load cases."""
-        if 8 * self.trace_dofs**2 > room():
+        if 8 * self.trace_dofs**2 > MEMORY * memory_left():
             return False
         if self.request is None or self.unit_loads is None:
             return cases >= self.trace_dofs

@@ -180,12 +180,9 @@ class OnFaces:
     def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Rows of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
         several = vector if isinstance(vector[0], list) else [vector]
-        given = np.array([[x is not None for x in row] for row in several])
-        if (given != given[0]).any():
-            self.problems.add(self.path, "components that are free at some load steps only",
-                              "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
         values = np.array([[0.0 if x is None else x for x in row] for row in several])
-        return given.all(axis=0), values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
+        fixed = np.array([x is not None for x in several[0]])  # as at all steps: the configuration's rules see to that
+        return fixed, values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
 
     def check_frame(self, values: np.ndarray) -> None:
         """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""

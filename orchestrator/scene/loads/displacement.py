@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.base import PartlyFree, one_or_per_step
-from orchestrator.config.paths import dotted, shown
+from orchestrator.config.paths import dotted, free_at_times, rows_of, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.scene.loads.base import Cylindrical, Field, Ground, Kind, OnFaces, Prescribed, ROUNDING, Uniform
 from orchestrator.scene.loads.foundation import Springs
@@ -38,21 +38,17 @@ class Displacement(Kind):
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        if not (rows := _rows(value)):
-            return
-        free = np.array([[x is None for x in row] for row in rows])
-        if free.all():
+        rows = rows_of(value)
+        if rows and all(x is None for row in rows for x in row):
             yield Problem(path, "no prescribed component", "at least one number", "remove the entry, or prescribe a component")
-        for component in np.flatnonzero(free.any(axis=0) & ~free.all(axis=0)):
-            yield Problem(path, f"component {'xyz'[component]} free at some steps only", "free at all load steps or at none",
-                          "give a number, or null, at every step")
+        yield from free_at_times(path, rows)
 
     @classmethod
     def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
         """Require that one place is not told two different things."""
         seen: dict[tuple[str, int], tuple[KeyPath, Any]] = {}
         for path, value, entry in entries:
-            for component, values in enumerate(zip(*_rows(value))):
+            for component, values in enumerate(zip(*rows_of(value))):
                 if None in values:
                     continue
                 told = values, entry.get("history") if any(values) else None  # zero stays zero whatever the history
@@ -76,9 +72,3 @@ class Displacement(Kind):
             return Prescribed(fixed, values, Turned(where.frame))
         where.check_frame(fixed)
         return Springs(np.where(fixed, np.inf, 0.0), values, where.frame)
-
-
-def _rows(value: Any) -> list[list[Any]]:
-    """The vectors of a raw value, one or one per load step; none where it has another shape, which is complained of elsewhere."""
-    rows = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
-    return rows if all(isinstance(row, list) and len(row) == 3 for row in rows) else []
