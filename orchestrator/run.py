@@ -109,7 +109,8 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: 
 
     made : the scene or a part of it, taken out of the list so that nobody else holds it
     """
-    start, ranks, placed, whole = record.start, replace(ranks, may_stop=record.keeps), [], None if record.scene.overview else record.scene
+    start, placed, whole = record.start, [], None if record.scene.overview else record.scene
+    ranks = replace(ranks, may_stop=record.keeps, whole=not config.output.fields)  # pictures alone are of the whole
     while True:
         try:
             solution = solve(config, made.pop() if made else whole, told, reference=reference, start=start, watch=record.watch, ranks=ranks)
@@ -146,7 +147,7 @@ def follow(team: Team) -> int:
             pieces = []
             continue
         config, reference, judged, apart = given
-        ranks = Ranks(team)
+        ranks = Ranks(team, whole=not config.output.fields)
         pieces.append(_piece_of(config, [scene_of(config, ranks, reference)] if apart else [], reference, ranks))
         if judged:
             pieces[0].estimate(False)  # as the judge has it

@@ -35,11 +35,11 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.registry import LAWS
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.ranks import OnRanks, Piece
 from orchestrator.results.solution import Solution, fields_of, unsound
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
+from orchestrator.results.whole import whole_fields
 from orchestrator.scene.aside import set_aside
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
@@ -57,12 +57,14 @@ class Ranks:
     speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
     may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
     codes : what makes a black box for each of them
+    whole : whether rank 0 gets the fields of scenes that ranks have made; False: they stay in their pieces
     """
 
     team: Team = ALONE
     speeds: np.ndarray | None = None
     may_stop: Callable[[], bool] | None = None
     codes: Callable[[Sequence[CodeSettings], Sequence[int]], BlackBox] = make_blackbox
+    whole: bool = True
 
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
@@ -194,34 +196,30 @@ class _Solving:
             delivered, piece, answers, setup_sweeps, spent = self._part_solved(
                 parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
             trim()  # of this rank's part nothing is left
-        with watch("output"):
-            lost = [] if team.rank else unsound(self.whole, spent)
-            delivered, fields = self._whole_fields(delivered, piece, lost)
+        fields, lost = None, [] if team.rank else unsound(self.whole, spent)
+        if not (self.apart or team.rank):
+            with watch("output"):
+                delivered = on_whole(delivered, self.whole)
+                fields = fields_of(self.whole, delivered, lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
             if self.bounds is not None:
                 delivered = replace(delivered, mesh_bound=self.bounds(delivered.continuous))
             if answers is not None:
                 delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
+        if piece is not None:
+            piece.disbelieve(lost)
+            piece.interfaces = None if team.rank else delivered.interfaces
+            if self.apart and self.ranks.whole and (self.config.output.fields or self.config.output.figures):
+                fields = whole_fields(piece)
         if team.rank:
             piece.extremes()
             return piece
         summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
         with watch("output"):
-            known = delivered.discretisation
-            fields = fields and fields.with_error(known and known.cells)
-            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece, lost)
-
-    def _whole_fields(self, delivered: Delivered, piece: Piece | None, lost: list[int]) -> tuple[Delivered, Fields | None]:
-        """Fields of the whole on rank 0, where they are asked for or it has the whole anyway; with its displacements on the mesh's nodes."""
-        if self.apart:
-            wanted = self.config.output.fields or self.config.output.figures
-            fields = piece.together(lost, delivered.interfaces) if wanted else None
-            return replace(delivered, displacement=fields and fields.displacement), fields
-        if self.ranks.team.rank:
-            return delivered, None
-        delivered = on_whole(delivered, self.whole)
-        return delivered, fields_of(self.whole, delivered, lost)
+            known = None if self.apart else delivered.discretisation
+            fields = fields and fields.with_error(known.cells) if known else fields
+            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece)
 
     @property
     def _follows_mesh(self) -> bool:
@@ -306,6 +304,6 @@ class _Solving:
         # what stands for something else has no moduli in fields
         if team.rank == 0 and wanted and (team.size == 1 or self.whole.stand_ins.any()):
             delivered = replace(delivered, discretisation=estimate.estimator(delivered.continuous))
-        if team.size > 1 and (found := piece.estimate(wanted, delivered.discretisation)):
+        if team.size > 1 and (found := piece.estimate(wanted, delivered.discretisation, not self.apart)):
             delivered = replace(delivered, discretisation=found)
         return delivered

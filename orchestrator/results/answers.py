@@ -49,19 +49,18 @@ class Answers:
 
     @classmethod
     def of(cls, scene: Scene, delivered: Delivered, fields: Fields | None, detached: Sequence[list[str]] = (),
-           piece: Piece | None = None, unsound: Sequence[int] = ()) -> Answers:
+           piece: Piece | None = None) -> Answers:
         """Answers of a solved scene.
 
         fields : None: no probes are
         detached : names of bodies that nothing holds, per load step
         piece : rank 0's, where there are several; the others ask for the extremes of theirs
-        unsound : subdomains whose stresses are not to be believed
         """
         lost = None
         if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
-        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(unsound, lost)
+        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(lost)
         found = read_probes(scene, fields.nodal, delivered.parts, delivered.rims) if scene.probes else []
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]

@@ -21,7 +21,6 @@ from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
-from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.model import Interface, Scene, Subdomain
 
 
@@ -35,6 +34,8 @@ class Piece:
     body_force : (T, k, 1 or 4, 3) force/volume of each cell, as a scene's; None where there is none
     loads : (T, n, 3) forces at its nodes
     number : (n,) int, its nodes' numbers in the whole mesh
+    copy : (n,) int, ascending, where bodies have nodes of their own: which of all these nodes its are; None where they have not
+    counts : (subdomains,) int, how many each subdomain of the scene has
     leaps : some of its cells and their η² of leaps between bonded sides that do not match, see ``stopping.leaps``
     """
 
@@ -45,6 +46,9 @@ class Piece:
     loads: np.ndarray
     leaps: list[tuple[np.ndarray, np.ndarray]]
     number: np.ndarray
+    copy: np.ndarray | None
+    counts: np.ndarray
+    interfaces: InterfaceFields | None = None  # on rank 0 those of all ranks, where some interface is not perfect
 
     @classmethod
     def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
@@ -60,10 +64,13 @@ class Piece:
         cells = np.empty((len(scene.mesh.cells), scene.mesh.cells.shape[1]), dtype=int)
         for s, start in zip(own, starts):
             cells[s.cells] = s.connectivity + start
-        nodes, cells, joined = np.concatenate([s.nodes for s in own]), cells[chosen], None
+        nodes, cells, joined, copy = np.concatenate([s.nodes for s in own]), cells[chosen], None, None
+        counts = scene.overview.nodes
         loads, body_force = np.concatenate([s.loads for s in own], axis=1), scene.body_force
         if opens:
             joined, displacement = np.unique(meeting.label, return_inverse=True)[1].ravel(), np.concatenate(sides, axis=1)
+            first = np.cumsum(counts) - counts
+            copy = np.concatenate([np.arange(first[s.index], first[s.index] + len(s.nodes)) for s in own])
         else:
             nodes, place = np.unique(nodes, return_inverse=True)
             cells, displacement = place[cells], _mean(np.split(place, starts[1:-1]), sides, meeting)
@@ -73,12 +80,13 @@ class Piece:
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
         found = [(np.searchsorted(chosen, cells), squares) for cells, squares in _leaps(scene, own, continuous, meeting.team)]
         return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found,
-                   scene.number[nodes])
+                   scene.number[nodes], copy, counts)
 
-    def estimate(self, wanted: bool, known: Estimate | None = None) -> Estimate | None:
-        """Estimate of the discretisation error, where it is wanted: on rank 0 with the shares of all cells, elsewhere of its own.
+    def estimate(self, wanted: bool, known: Estimate | None = None, gathered: bool = True) -> Estimate | None:
+        """Estimate of the discretisation error, where it is wanted, with the shares of this rank's cells.
 
         known : on rank 0, what has been estimated of the whole already
+        gathered : whether rank 0 gets the shares of all cells
         """
         wanted, there = self.team.share((wanted, known is not None))
         if there:
@@ -92,7 +100,7 @@ class Piece:
         estimator.leaps = lambda _: self.leaps
         found = estimator([f.displacement])
         self._know(discretisation_error=found.cells)
-        return self._whole(found)
+        return self._whole(found) if gathered else found
 
     def _whole(self, found: Estimate) -> Estimate:
         everyone = self.team.gather((self.cells, found.cells))
@@ -103,47 +111,25 @@ class Piece:
             cells[:, chosen] = own
         return Estimate(found.relative, cells)
 
-    def together(self, unsound: Sequence[int] = (), interfaces: InterfaceFields | None = None) -> Fields | None:
-        """Fields of the whole, on rank 0, which knows whose stresses are not to be believed, and the fields of interfaces."""
-        f, number = self.fields, self.number
-        numbers, cells = self.team.gather(number), self.team.gather(self.cells)
+    def interface_displacement(self, side: int) -> np.ndarray | None:
+        """As that of ``Fields``, on rank 0, of its ``interfaces``; elsewhere the others tell what they have of it."""
+        i, f = self.interfaces, self.fields
+        ends, place = self.team.share(None if self.team.rank else (i.subdomains[i.interface_of_node, side], (i.nodes, i.others)[side]))
+        owner = np.searchsorted(np.cumsum(self.counts), self.copy, side="right")
+        total = 1 + max(int(place.max(initial=-1)), int(self.number.max(initial=-1)))
+        keys, wanted = owner * total + self.number, ends * total + place  # ascending, as subdomains are, and their nodes
+        mine = np.flatnonzero(np.isin(ends, f.subdomain))
+        told = self.team.gather((mine, f.displacement[:, np.searchsorted(keys, wanted[mine])]))
+        return None if told is None else np.concatenate([u for _, u in told], axis=1)[:, np.argsort(np.concatenate([at for at, _ in told]))]
 
-        def placed(at: Sequence[np.ndarray] | None, own: np.ndarray, axis: int = 0) -> np.ndarray | None:
-            """Values of all ranks; of one array at a time, so that rank 0 never has all of them twice."""
-            everyones = self.team.gather(own)
-            return None if everyones is None else _placed(at, everyones, axis)
-
-        fields = [placed(numbers, f.nodes), placed(cells, number[f.cells]), placed(cells, f.subdomain), placed(cells, f.lame)]
-        part, sides, joined = placed(cells, f.part), None, None
-        if f.joined is None:
-            displacement = placed(numbers, f.displacement, 1)
-        else:
-            owner = np.empty(len(number), dtype=int)
-            owner[f.cells] = f.subdomain[:, None]
-            owners = self.team.gather(owner)
-            split = None if owners is None else split_numbering(fields[1], fields[2], len(fields[0]))
-            at = None if owners is None else [split.find(own, numbers[rank]) for rank, own in enumerate(owners)]
-            label, displacement = placed(at, f.meeting.label), placed(at, f.displacement, 1)
-            if owners is not None:
-                joined = np.unique(label, return_inverse=True)[1].ravel()
-                sides = np.split(displacement, split.offsets[1:-1], axis=1)
-                total, copies = at_nodes(np.split(split.nodes, split.offsets[1:-1]), sides, len(fields[0]))
-                displacement = total / np.maximum(copies, 1)[:, None]
-        if numbers is None:
-            return None
-        return Fields(*fields, displacement, sides, interfaces, part=part, parts=f.parts, joined=joined,
-                      believed=~np.isin(fields[2], unsound) if len(unsound) else None)
-
-    def extremes(self, unsound: Sequence[int] = (), lost: np.ndarray | None = None) -> Extremes | None:
-        """Those of the whole, on rank 0, which knows the parameters.
-
-        unsound : subdomains whose stresses are not to be believed
-        lost : as for ``extremes``
-        """
-        lost, unsound = self.team.share((lost, unsound))
-        if len(unsound):
+    def disbelieve(self, unsound: Sequence[int] = ()) -> None:
+        """Take in subdomains, which rank 0 knows, whose stresses are not to be believed."""
+        if len(unsound := self.team.share(unsound)):
             self._know(believed=~np.isin(self.fields.subdomain, unsound))
-        everyone = self.team.gather(extremes(self.fields.nodal, lost))
+
+    def extremes(self, lost: np.ndarray | None = None) -> Extremes | None:
+        """Those of the whole, on rank 0, which knows ``lost``, see ``extremes``."""
+        everyone = self.team.gather(extremes(self.fields.nodal, self.team.share(lost)))
         return None if everyone is None else Extremes.joined(everyone)
 
     def _know(self, **more: np.ndarray) -> None:
@@ -162,16 +148,6 @@ def _leaps(scene: Scene, own: Sequence[Subdomain], continuous: Parts, team: Team
     asked = [i for i in there if i.subdomains[1] in mine and i.subdomains[0] not in mine]
     known = {index: moved for one in team.all_gather({i.index: traces(i, 1) for i in asked}) for index, moved in one.items()}
     return [leaps(scene, i, traces) for i in there if i.subdomains[0] in mine]
-
-
-def _placed(numbers: Sequence[np.ndarray], values: Sequence[np.ndarray], axis: int = 0) -> np.ndarray:
-    """Values of all ranks where their numbers say, along an axis."""
-    shape = list(values[0].shape)
-    shape[axis] = 1 + max(int(n.max(initial=-1)) for n in numbers)
-    result = np.empty(shape, values[0].dtype)
-    for number, own in zip(numbers, values):
-        result[(slice(None),) * axis + (number,)] = own
-    return result
 
 
 def _mean(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], meeting: Meeting) -> np.ndarray:

@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -18,6 +19,7 @@ from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
@@ -81,11 +83,12 @@ class Record(Subscriber):
             with self.watch("output"):
                 if self._config.output.figures:
                     summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
-                if self._artist:
-                    note_time(summary, self.watch)
-                    history = {} if self._begun else read_history(self._folder.path)
-                    self._artist.begin(write_figures, self._folder, summary, history, solution.fields)
+                in_pieces = solution.fields is None and self._config.output.fields  # drawn from the file, once it is there
+                if not in_pieces:
+                    self._draw(summary, solution.fields)
                 solution.write_results(self._folder, solution.piece)
+                if in_pieces:
+                    self._draw(summary, self._folder.path)
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
@@ -101,6 +104,13 @@ class Record(Subscriber):
                     summary["warnings"] = [*(summary.get("warnings") or ()), f"no pictures of the structure: {error}; "
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
+
+    def _draw(self, summary: dict[str, object], fields: Fields | Path | None) -> None:
+        """Have figures drawn, where they are wanted, as ``write_figures`` does."""
+        if self._artist:
+            note_time(summary, self.watch)
+            history = {} if self._begun else read_history(self._folder.path)
+            self._artist.begin(write_figures, self._folder, summary, history, fields)
 
     def _summarise(self, summary: dict[str, object]) -> None:
         note_time(summary, self.watch)

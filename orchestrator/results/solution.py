@@ -39,7 +39,7 @@ class Solution:
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
     fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
-        asked for, where they were read or ranks have made the scene
+        asked for, where they were read or ranks have made the scene, and where ranks keep them in pieces
     directory : the folder that it was read from
     scene : what was solved; None, as all that follows, where it was read from a folder
     iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
@@ -88,12 +88,9 @@ class Solution:
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields | None, summary: dict[str, object],
-           reference: Reference | None, piece: Piece | None = None, lost: Sequence[int] = ()) -> Solution:
-        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written.
-
-        lost : subdomains, as ``unsound`` has them
-        """
-        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece, lost)
+           reference: Reference | None, piece: Piece | None = None) -> Solution:
+        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written."""
+        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         summary["warnings"] = [*(summary.get("warnings") or ()), *of_unheld(scene, summary.get("detached") or ())]
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
@@ -129,7 +126,7 @@ class Solution:
         piece : rank 0's, where several ranks write the fields together: the others ``write_piece``
         """
         wanted = ((self.summary.get("config") or {}).get("output") or {}).get("fields", True)
-        if self.fields is not None and wanted:
+        if wanted and (self.fields is not None or piece is not None):
             foreign = self.scene is not None and self.config is not None and self.parts is not None
             beside = fields_of_parts(self.config.codes, self.scene, self.parts, self.joints) if foreign else []
             write_fields(folder, self.fields, piece, beside)
@@ -187,7 +184,8 @@ class Solution:
     @property
     def interfaces(self) -> InterfaceFields | None:
         """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None where there are none."""
-        return None if self.fields is None else self.fields.interfaces
+        known = self.fields or self.piece
+        return known and known.interfaces
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"stopped ({self.summary.get('stop_reason')})"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import count
 from xml.sax.saxutils import quoteattr
@@ -20,34 +21,39 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFT
 from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
-from orchestrator.results.fields.npz import write_npz
-from orchestrator.results.ranks import Piece
+from orchestrator.results.fields.npz import NAME, arrays, write_npz
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.ranks import Piece
+from orchestrator.results.whole import arrays as arrays_of_pieces
 from orchestrator.scene.elasticity import principal, von_mises
 
 PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
 
 
-def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
+def write_fields(folder: ResultsFolder, fields: Fields | None, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
     ``write_piece`` meanwhile.
 
+    fields : None: of rank 0's piece and the others'
     piece : rank 0's, where there are several ranks
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
     """
-    write_npz(folder, fields)
-    folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
     hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
+    interfaces = (piece or fields).interfaces
+    with folder.replacing(NAME) as temporary:
+        write_npz(temporary, arrays(fields) if piece is None else arrays_of_pieces(piece))
+    folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
     if piece is not None:
         names = _in_pieces(folder, piece, hidden)
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
         _write_steps(folder, names, fields, hidden)
     write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
-    if fields.interfaces is not None:
-        write_interfaces(folder, fields.nodes, fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)])
+    if interfaces is not None:
+        points = fields.nodes[interfaces.nodes] if interfaces.points is None else interfaces.points[0]
+        write_interfaces(folder, points, interfaces, [(piece or fields).interface_displacement(side) for side in (0, 1)])
 
 
 def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
@@ -65,13 +71,17 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
 
 def write_piece(piece: Piece) -> None:
     """What the other ranks do while rank 0 writes fields: a piece of every step."""
-    directory, hidden = piece.team.share(None)
+    for _, array in arrays_of_pieces(piece):
+        deque(array, 0)
+    directory, hidden, opens = piece.team.share(None)
     _write_piece(ResultsFolder(directory), piece, hidden)
+    for side in range(2 * opens):
+        piece.interface_displacement(side)
 
 
 def _in_pieces(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> list[str]:
     """Have every rank write its piece; names of the files that put them together."""
-    piece.team.share((os.fspath(folder.path.absolute()), hidden))
+    piece.team.share((os.fspath(folder.path.absolute()), hidden, piece.interfaces is not None))
     first = _write_piece(folder, piece, hidden)
     names = [f"step_{step + 1:04d}.pvtu" for step in range(piece.fields.steps)]
     for step, name in enumerate(names):
@@ -129,11 +139,11 @@ def _numbered(what: str, names: Sequence[str]) -> dict[str, int]:
     return {f"{what} {name}": number for number, name in enumerate(names) if name}
 
 
-def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
+def write_interfaces(folder: ResultsFolder, points: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
     """Writes the triangles of all interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known; what
     pulls at the cut through a bolt is a tension, and no pressure.
 
-    nodes : (n, 3) of the mesh
+    points : (N, 3) where their nodes are
     displacement : of side 1 and side 2, (steps, N, 3) each
     """
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
@@ -143,7 +153,7 @@ def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: Inter
     for step, name in enumerate(names):
         pressure = interfaces.pressure[step]
         tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
-        write_vtu(folder, f"fields/{name}", nodes[interfaces.nodes], interfaces.triangles,
+        write_vtu(folder, f"fields/{name}", points, interfaces.triangles,
                   {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
                    "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": np.where(pulled, 0.0, pressure), **tension,
                    "friction_traction": interfaces.friction_traction[step],

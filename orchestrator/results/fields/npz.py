@@ -17,7 +17,7 @@ from __future__ import annotations
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 
@@ -27,32 +27,49 @@ from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS, UNWRITTEN
 from orchestrator.packed import read_arrays
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.folder import DIRECTORY_KEY
+from orchestrator.results.rows import Blocks
 from orchestrator.scene.mesh.checks import check_memory
 
 NAME = "fields.npz"
 _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
 _IF_THERE = ("discretisation_error", "part", "joined", "believed", "thermal")
-_SIDES = "displacement_sides_"  # + index of the subdomain
+SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
 _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)
               if f.name not in ("own", *SHIFTS, *UNWRITTEN)}
 _OWN = "own_"
 
 
-def write_npz(folder: ResultsFolder, written: Fields) -> Path:
-    """Writes fields.npz, uncompressed (compression would take longer than the solution)."""
-    arrays = {name: getattr(written, name) for name in _ALWAYS}
-    arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
-    if written.interfaces is not None:
-        arrays |= {key: getattr(written.interfaces, name) for name, key in _INTERFACE.items()}
-        arrays |= {_OWN + name: x for name, x in written.interfaces.own.items()}
-        arrays |= {name: x for name in SHIFTS if (x := getattr(written.interfaces, name)) is not None}
-    arrays |= {name: array for name in _IF_THERE if (array := getattr(written, name)) is not None}
-    arrays["parts"] = np.array(written.parts, dtype=str)
-    with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **arrays)
-    return folder / NAME
+def arrays(written: Fields) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and arrays of the file."""
+    yield from ((name, getattr(written, name)) for name in _ALWAYS)
+    yield from ((f"{SIDES}{e}", u) for e, u in enumerate(written.sides or ()))
+    yield from of_interfaces(written.interfaces)
+    yield from ((name, array) for name in _IF_THERE if (array := getattr(written, name)) is not None)
+    yield "parts", np.array(written.parts, dtype=str)
+
+
+def of_interfaces(written: InterfaceFields | None) -> Iterator[tuple[str, np.ndarray]]:
+    """Those of the interfaces that are not perfect."""
+    if written is not None:
+        yield from ((key, getattr(written, name)) for name, key in _INTERFACE.items())
+        yield from ((_OWN + name, x) for name, x in written.own.items())
+        yield from ((name, x) for name in SHIFTS if (x := getattr(written, name)) is not None)
+
+
+def write_npz(path: Path, written: Iterable[tuple[str, np.ndarray | Blocks]]) -> None:
+    """Writes names and arrays as ``np.savez`` does, uncompressed (compression would take longer than the solution)."""
+    with zipfile.ZipFile(path, "w") as file:
+        for name, array in written:
+            with file.open(f"{name}.npy", "w", force_zip64=True) as member:
+                if not isinstance(array, Blocks):
+                    np.lib.format.write_array(member, array, allow_pickle=False)
+                    continue
+                np.lib.format.write_array_header_1_0(member, {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False,
+                                                              "shape": array.shape})
+                for block in array:
+                    member.write(block)
 
 
 def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
@@ -67,13 +84,17 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
         with zipfile.ZipFile(path) as packed:  # a few bytes may unpack to any size
             check_memory(sum(entry.file_size for entry in packed.infolist()), DIRECTORY_KEY, str(path), "check the file: is it this run's?")
         data = read_arrays(path)
-        count = sum(name.startswith(_SIDES) for name in data)
-        return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
-                      _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
-                      parts=tuple(data["parts"].tolist()))
+        return fields_from(data, _interfaces(data))
     except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
         raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
                     "run the configuration again") from error
+
+
+def fields_from(data: Mapping[str, np.ndarray], interfaces: InterfaceFields | None) -> Fields:
+    """Fields of the arrays of a file."""
+    count = sum(name.startswith(SIDES) for name in data)
+    return Fields(*(data[name] for name in _ALWAYS), [data[f"{SIDES}{e}"] for e in range(count)] or None, interfaces,
+                  **{name: data[name] for name in _IF_THERE if name in data}, parts=tuple(data["parts"].tolist()))
 
 
 def _interfaces(data: Mapping[str, np.ndarray]) -> InterfaceFields | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.figures.charts import along_paths, convergence, probes_over_steps, time_per_stage
 from orchestrator.results.figures.meshes import errors_over_elements, first_and_last
 from orchestrator.results.figures.pictures import codes, deformed, interfaces
@@ -19,15 +20,17 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.summary import units_of
 
 
-def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray], fields: Fields | None = None,
-                  look: Look | None = None) -> list[Path]:
+def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
+                  fields: Fields | Path | None = None, look: Look | None = None) -> list[Path]:
     """Draw charts and pictures of a run, of what is known; pictures in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
-    fields : for deformed.png, interfaces.png, jumps.png, codes.png and mesh.png; None: charts alone
+    fields : for deformed.png, interfaces.png, jumps.png, codes.png and mesh.png, or the folder whose fields.npz has them; None: charts alone
     look : of the structure; None: as the configuration says
     Returns paths of the figures written
     """
+    if isinstance(fields, Path):
+        fields = read_npz(fields)
     made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
             "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary),
             "paths": along_paths(summary), "accuracy": errors_over_elements(summary)}
