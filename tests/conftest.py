@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import gc
 import os
 import sys
 from functools import cache
@@ -43,6 +44,12 @@ def pytest_configure(config):
         import in_process
 
         in_process.IN_PROCESS.update(in_process.FREEFEM)
+
+
+def pytest_collection_finish():
+    """What is imported by now stays: no collection of garbage looks through it again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items):

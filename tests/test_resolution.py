@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_tools import HELD, block, solved
+from test_tools import block, solved
 
 TOLD = "hardly wider than a face"
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 from test_mpi import ALLOWED, MPIEXEC
-from quick import quick
 from yaml_case import call
 
 from benchmarks.kit.tutorials import followed

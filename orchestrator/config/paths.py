@@ -90,6 +90,25 @@ def law_of(entry: Any) -> Any:
     return LAWS[name if isinstance(name, str) and name in LAWS else DEFAULT_LAW]
 
 
+def follows(data: Any) -> bool:
+    """Whether sides of some interface are paired anew as they slide."""
+    return any(entry.get("pairing") == "follow" for _, entry in entries(data, "interfaces", "*"))
+
+
+def all_perfect(data: Any) -> bool:
+    """Whether all entries of ``interfaces`` are perfect."""
+    return all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*")))
+
+
+def called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator[Problem]:
+    """Entries of one name; without one, they have a default name with their number in it."""
+    seen: dict[str, int] = {}
+    for path, entry in entries(data, *where):
+        name = entry.get("name") or default.format(path[-1] + 1)
+        if name and isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
+            yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
+
+
 def accuracies(data: Any) -> list[tuple[KeyPath, Any]]:
     """The accuracies asked for, of the energy norm and of probes, with their places."""
     asked = get(data, "method", "accuracy")

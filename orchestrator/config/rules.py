@@ -2,7 +2,7 @@
 
 They read the raw data, not the validated model, so that a user sees them together with the errors of single keys. Each is a
 function ``data → problems`` that skips what has no sensible shape (reported elsewhere) and is listed in ``RULES``; those of what
-holds and loads the structure are in ``conditions``.
+holds and loads the structure are in ``conditions``, of what is asked of the solution in ``asked``.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from orchestrator.config.asked import accuracy_possible, certified_fits, planes_have_points, probes_fit
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import accuracies, codes, dotted, entries, find, get, is_number, is_vectors, law_of, shown
+from orchestrator.config.paths import all_perfect, called_twice, codes, dotted, entries, find, follows, get, is_number, law_of, shown
 from orchestrator.config.tools import PLACE, SHAPES, tools_fit
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
@@ -95,43 +96,9 @@ def above_rounding(data: Any) -> Iterator[Problem]:
                       "write error: 1e-8, or law: with interfaces that open, which compares residuals")
 
 
-def accuracy_possible(data: Any) -> Iterator[Problem]:
-    """The iterations' error is a part of what is asked for; what has no mesh of ours has no error that is known."""
-    if not (asked := accuracies(data)):
-        if get(data, "method", "accuracy") is not None:
-            yield Problem(("method", "accuracy"), "limits without an accuracy", "error: a number, or accuracy: at a probe", "write one")
-        return
-    (where, least), tolerance = min(asked, key=lambda one: one[1] if is_number(one[1]) else math.inf), get(data, "method", "tolerance")
-    error = get(tolerance, "error")
-    if isinstance(tolerance, dict) and not (is_number(error) and is_number(least) and error < least):
-        yield Problem(("method", "tolerance"), f"{shown(tolerance)} beside accuracy", "error: a number below the accuracy, or nothing: "
-                      "a tenth of the accuracy", "remove tolerance")
-    for path, part in entries(data, "parts", "*"):
-        if kind := next((kind for kind in KINDS if part.get(kind) is not None), None):
-            yield Problem((*path, kind), f"{kind} beside {dotted(where)}", "parts with meshes of this program's: the error of others "
-                          "is not known, nor can they be meshed anew", f"remove {dotted(where)}")
-    for path, entry in codes(data):
-        if entry.get("form") is not None:
-            yield Problem((*path, "form"), f"a form beside {dotted(where)}", "matter of the YAML's young and poisson: of other matter "
-                          "stresses are not known", f"remove {dotted(where)}")
-    if isinstance(get(data, "parts"), list) and len(data["parts"]) > 1 and not get(data, "interfaces"):
-        yield Problem(("parts",), f"{len(data['parts'])} parts and no interfaces, beside {dotted(where)}", "an entry for what joins them: "
-                      "finer meshes of parts do not match any more", "add interfaces: [{between: auto, law: perfect}], or law: contact")
-    for path, probe in entries(data, "output", "probes", "*"):
-        quantity, of = probe.get("quantity") or ("mean" if "on" in probe else ""), probe.get("of")
-        if probe.get("accuracy") is None:
-            continue
-        if quantity in ("max", "min") or "stress" in (quantity, of):
-            yield Problem((*path, "accuracy"), f"accuracy beside {quantity}{f' of {of}' if of else ''}", "a displacement at a point, its "
-                          "mean over faces, a resultant or a section", "remove accuracy; method.accuracy has the field's stresses refined")
-    if _follows(data) and where[0] == "output":
-        yield Problem(where, "accuracy beside pairing: follow", "sides that stay paired: what a small load does is asked of them as they "
-                      "are", "write pairing: fixed")
-
-
 def following(data: Any) -> Iterator[Problem]:
     """Sides that are paired anew as they slide change what crosses them from one load step to the next."""
-    if not _follows(data):
+    if not follows(data):
         return
     if get(data, "method", "macro", "on") == "all":
         yield Problem(("method", "macro", "on"), "all beside pairing: follow", "perfect: a macro problem across sides that slide "
@@ -143,14 +110,14 @@ def following(data: Any) -> Iterator[Problem]:
 
 
 def acceleration_fits(data: Any) -> Iterator[Problem]:
-    if get(data, "method", "acceleration") == "gmres" and not _perfect(data):
+    if get(data, "method", "acceleration") == "gmres" and not all_perfect(data):
         yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
                       "a linear problem for gmres", "use anderson")
 
 
 def heeded(data: Any) -> Iterator[Problem]:
     """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
-    if get(data, "method", "tolerance", "law") is not None and _perfect(data):
+    if get(data, "method", "tolerance", "law") is not None and all_perfect(data):
         yield Problem(("method", "tolerance", "law"), "law where all interfaces are perfect", "error: there the energy error is bounded",
                       "write error in its place")
     acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
@@ -214,7 +181,7 @@ def a_mesh(data: Any) -> Iterator[Problem]:
 
 def parts_fit(data: Any) -> Iterator[Problem]:
     """Parts have names of their own, at most one element size, and one element."""
-    yield from _called_twice(data, ("parts", "*"), "part", "")
+    yield from called_twice(data, ("parts", "*"), "part", "")
     for path, part in entries(data, "parts", "*"):
         if part.get("h") is None:
             continue
@@ -250,67 +217,6 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
                 if entry.get("element") == "P2":
                     yield Problem(("blackbox",), f"element: P2 beside a part that is a {kind}", "element: P1 there",
                                   "write element: P1, with a finer mesh; the part's own elements may be quadratic")
-
-
-def probes_fit(data: Any) -> Iterator[Problem]:
-    """Probes have names of their own, and keys that their quantity heeds."""
-    yield from _called_twice(data, ("output", "probes", "*"), "probe", "probe_{}")
-    for path, probe in entries(data, "output", "probes", "*"):
-        ends = probe.get("along")
-        if is_vectors(ends) and len(ends) == 2 and ends[0] == ends[1]:
-            yield Problem((*path, "along"), shown(ends), "two ends apart", "give another end, or at: for a point")
-        resultant = probe.get("quantity") == "resultant"
-        for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
-            if "on" in probe and probe.get(key) is not None and not fits:
-                yield Problem((*path, key), f"{key} beside quantity: {shown(probe.get('quantity', 'mean'))}",
-                              f"{key} beside {where} only", f"remove {key}")
-
-
-def planes_have_points(data: Any) -> Iterator[Problem]:
-    """One coordinate says where a plane is along x, y or z alone."""
-    for keys in (("output", "probes", "*", "section"), ("bolts", "*", "cut")):
-        for path, cut in entries(data, *keys):
-            if isinstance(cut.get("plane"), list) and is_number(cut.get("at")):
-                yield Problem((*path, "at"), shown(cut["at"]), "a point on the plane, beside a direction", "write at: [x, y, z]")
-
-
-def certified_fits(data: Any) -> Iterator[Problem]:
-    """Intervals are of what is linear in displacements and forces, and need an energy error."""
-    asked = [((*path, "certified"), probe) for path, probe in entries(data, "output", "probes", "*") if probe.get("certified") is True]
-    for path, probe in asked:
-        quantity, of = probe.get("quantity") or ("mean" if "on" in probe else "displacement"), probe.get("of") or "displacement"
-        if quantity in ("max", "min"):
-            yield Problem(path, f"certified beside {quantity} of {of}", "a displacement or a stress at a point, the mean of one over "
-                          "faces, a resultant or a section: the energy error bounds no extreme", "remove certified, or ask for a mean")
-    where = [path for path, _ in asked] + [("output", "certified")] * bool(get(data, "output", "certified"))
-    if not where:  # laws are looked up for those who ask alone
-        return
-    perfect = _perfect(data)
-    other = [key for key in ("law", "indicator") if get(data, "method", "tolerance", key) is not None and not perfect]
-    flowing = any(entry.get("nonlinear") is True for _, entry in entries(data, "blackbox", "*"))
-    for why, there, cure in ((f"tolerance: {{{''.join(other[:1])}: …}}", other, "write tolerance: {error: 1e-4}"),
-                             ("pairing: follow", _follows(data), "write pairing: fixed"), ("nonlinear matter", flowing, "remove certified")):
-        if there:
-            yield Problem(where[0], f"certified beside {why}", "a run that knows its energy error", cure)
-
-
-def _follows(data: Any) -> bool:
-    """Whether sides of some interface are paired anew as they slide."""
-    return any(entry.get("pairing") == "follow" for _, entry in entries(data, "interfaces", "*"))
-
-
-def _perfect(data: Any) -> bool:
-    """Whether all entries of ``interfaces`` are perfect."""
-    return all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*")))
-
-
-def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator[Problem]:
-    """Entries of one name; without one, they have a default name with their number in it."""
-    seen: dict[str, int] = {}
-    for path, entry in entries(data, *where):
-        name = entry.get("name") or default.format(path[-1] + 1)
-        if name and isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
-            yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
 
 
 RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
-from orchestrator.errors import BlackBoxError, InputError, wrong
+from orchestrator.errors import BlackBoxError, wrong
 from orchestrator.processes import end, memory_peak_mb, started
 
 LOG_TAIL = 2000  # bytes

@@ -91,7 +91,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
     else:
-        ours, scale, team = continuous(d, iterated.bound, parts), LengthScale(d), d.space.team
+        ours, scale = continuous(d, iterated.bound, parts), LengthScale(d)
         lengths = scale(iterated.fields.u)
         laws = _laws(d, iterated, lengths, scale)
         contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,

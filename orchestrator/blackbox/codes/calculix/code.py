@@ -29,7 +29,7 @@ from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.transport.worker import Ended
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.errors import InputError, wrong
+from orchestrator.errors import wrong
 
 
 class CalculiX(Code):

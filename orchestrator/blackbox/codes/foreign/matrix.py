@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
 from orchestrator.config.mesh import MatrixPart
-from orchestrator.errors import InputError, KeyPath, wrong
+from orchestrator.errors import KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
