@@ -24,8 +24,9 @@ from orchestrator.results.report.document import Marked, heading, page, picture,
 from orchestrator.results.report.sections import (
     answer, by_step, carried, extremes, interface_section, last_values, meshes, probes, question, reactions, settings)
 from orchestrator.results.solution import Solution
+from orchestrator.results.summary.cost import told_by_code
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
-from orchestrator.results.summary.words import summary_rows, told_by_code
+from orchestrator.results.summary.words import summary_rows
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.workload import PERIODS
 from orchestrator.scene.conditions.selection import check_figures

@@ -15,9 +15,9 @@ from orchestrator.results.answers import INTERFACES, OF_INTERFACES
 from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES
 from orchestrator.results.folder import DIRECTORY_KEY
 from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
+from orchestrator.results.summary.bodies import hold_sentences, own_errors, place_sentences, stabilised_sentences
 from orchestrator.results.summary.summary import jsonable, place_text, units_of
-from orchestrator.results.summary.words import (ROUNDED, hold_sentences, own_errors, place_sentences, quantity_text, shown_statuses,
-                                                stabilised_sentences, summary_rows)
+from orchestrator.results.summary.words import ROUNDED, quantity_text, shown_statuses, summary_rows
 from orchestrator.scene.mesh.geometry import format_point
 
 LARGE = 0.1  # an error that stands out

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import hypot, inf, isfinite
+from collections.abc import Callable, Mapping, Sequence
+from math import hypot
 
 from orchestrator.errors import some
 from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.bodies import NAMES, balance_sentences, hold_sentences, own_errors, place_sentences, stabilised_sentences
+from orchestrator.results.summary.cost import code_sentences, rank_sentence, skipped_sentence, time_sentences, worker_sentence
 from orchestrator.results.summary.intervals import sentences as intervals
 from orchestrator.results.summary.verdict import verdict
-from orchestrator.results.summary.summary import blackbox_seconds, code_label, jsonable, stage_seconds, units_of
+from orchestrator.results.summary.summary import jsonable, units_of
 
-LARGEST = 6  # stages named
-SHOWN = 8  # reactions on screen, ranks
-OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
-NAMES = 6  # bodies in a sentence
-FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
+SHOWN = 8  # reactions on screen
 SURE = 1e-6  # of the largest number of its kind: an error that is not told
 ROUNDED = 1e-10  # of the largest of them: shown as zero
 
@@ -62,13 +60,6 @@ def _backward(summary: Mapping[str, object]) -> str:
         return ""
     normal, tangential = (f"{found[name]:.1e}{units_of(summary)['length']}" for name in ("normal", "tangential"))
     return f"exact for surfaces shifted by at most {normal} along the normal, {tangential} across it"
-
-
-def balance_sentences(summary: Mapping[str, object]) -> list[str]:
-    """Sentences where no energy error is known for want of balanced forces near the run's; a limit load says more."""
-    return [f"{some(names, NAMES)}: near the forces of load step {steps} none were found that the laws allow and that balance "
-            f"{'it' if len(names) == 1 else 'them'}: no error is known"
-            for steps, names in _alike(summary.get("unbalanced") or ()) if not summary.get("limit_load")]
 
 
 def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], str]:
@@ -207,139 +198,9 @@ def _bolts(summary: Mapping[str, object]) -> str:
         for bolt in summary.get("bolts") or ())
 
 
-def hold_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
-    """Sentences on bodies that are detached or weakly held, and at which load steps; ``brief``: one sentence of each kind."""
-    place = "where stabilisation leaves it" if summary.get("stabilised") else "undetermined"
-    return [f"{some(names, NAMES)}: {what} at load step {steps}; {'its' if len(names) == 1 else 'their'} rigid position is {place}"
-            for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole"))
-            for steps, names in _alike(summary.get(key) or (), brief)]
-
-
-def stabilised_sentences(summary: Mapping[str, object], brief: bool = False) -> list[str]:
-    """Sentences on what stabilisation carried, and the bodies that live by it at which load steps; ``brief``: one sentence of these."""
-    if not (found := summary.get("stabilised")):
-        return []
-    force, work = map(_times, (found["force"], found["work"]))
-    text = (f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do "
-            f"{work} of the largest strain energy in work")
-    weakened = ", ".join(str(after + 1) for after in found.get("weakened") or ())
-    text += f"; weaker from iteration {weakened} on" if weakened else ""
-    lived = [f"{some(names, NAMES)}: {'lives' if len(names) == 1 else 'live'} by them at load step {steps} (more than a tenth of the "
-             "forces there)" for steps, names in _alike(found["bodies"], brief)]
-    return [text, *lived] if lived else [f"{text}; no body lives by them"]
-
-
-def place_sentences(summary: Mapping[str, object]) -> list[str]:
-    """Sentence on how far places of bodies are determined: which are beyond a few tolerances, and which not at all."""
-    found, tolerance = summary.get("places"), summary.get("tolerance")
-    if not found:
-        return []
-    known = {name: far for name, far in found["bodies"].items() if far is not None and isfinite(far)}
-    beyond = [f"{name} {far:.1e}" for name, far in known.items() if tolerance is None or far > FAR * tolerance]
-    text = [f"{some(sorted(found['bodies'].keys() - known), NAMES)}: not determined, as next to nothing holds "
-            f"{'it' if len(found['bodies']) == len(known) + 1 else 'them'}"] * (len(known) < len(found["bodies"]))
-    rest = "all others" if text else "bodies"
-    return ["; ".join(text + ([f"{rest} stand within {max(known.values()):.1e} of the largest displacement of their places"
-                               + (": " + some(beyond, NAMES) if beyond else "")] if known else []))]
-
-
-def own_errors(summary: Mapping[str, object]) -> str:
-    """Bodies whose own error, beside their own energy, is far beyond the one that is told of all together; empty without any."""
-    found, asked = summary.get("error_shares"), summary.get("tolerance")
-    known = {name: inf if own is None else own for name, own in (found or {"own": {}})["own"].items()}
-    beyond = [f"{name} {own:.1e}" if isfinite(own) else f"{name} all of it" for name, own in known.items() if asked and own > OWN * asked]
-    return (f"{some(beyond, NAMES)}, beside their own energy, which is little of all bodies'; where that matters, a smaller tolerance.error"
-            if beyond else "")
-
-
-def _times(share: float | None) -> str:
-    return "any number of times" if share is None else f"{share:.1e}"
-
-
-def _alike(named: Iterable[list[str]], brief: bool = False) -> list[tuple[str, list[str]]]:
-    """Load steps, and the names that are told at these and no others, from the names per load step; ``brief``: all in one."""
-    when: dict[str, list[str]] = {}
-    for step, names in enumerate(named, 1):
-        for name in names:
-            when.setdefault(name, []).append(str(step))
-    alike: dict[str, list[str]] = {}
-    for name, steps in when.items():
-        alike.setdefault(", ".join(steps), []).append(name)
-    if brief and len(alike) > 1:
-        steps = sorted({step for each in when.values() for step in each}, key=int)
-        return [(f"{', '.join(steps)}, or some of these", list(when))]
-    return list(alike.items())
-
-
 def _size(summary: Mapping[str, object]) -> str:
     words = {"dofs": "dof", "subdomains": "subdomain", "interfaces": "interface", "load_steps": "load step"}
     return ", ".join(f"{summary[key]:,} {word}{'s' * (summary[key] != 1)}" for key, word in words.items() if summary.get(key) is not None)
-
-
-def _time(summary: Mapping[str, object]) -> str:
-    timing = summary.get("timing") or {}
-    if (total := timing.get("total")) is None:
-        return ""
-    stages = sorted(stage_seconds(timing)[:-1], key=lambda stage: -stage[1])[:LARGEST]
-    rest = total - sum(seconds for _, seconds in stages)
-    parts = [f"{label} {seconds:.2f}" for label, seconds in stages] + [f"the rest {rest:.2f}"] * (bool(stages) and rest >= 0.005)
-    text = f"{total:.2f} s" + (": " + ", ".join(parts) if parts else "")
-    if own := blackbox_seconds(timing):
-        text += f"\nblack box {own:.2f} s of its own clock, summed over its workers"
-        if (workers := summary.get("workers")) and total:
-            text += f" ({100 * own / (workers * total):.0f} % of {workers} × {total:.2f} s)"
-    return text
-
-
-def told_by_code(summary: Mapping[str, object]) -> bool:
-    """Whether it is worth saying what each code has taken: there are several, or one was asked for a compliance."""
-    codes = summary.get("codes") or ()
-    return len(codes) > 1 or any(entry["compliances"] for entry in codes)
-
-
-def _codes(summary: Mapping[str, object]) -> str:
-    """Seconds in each code and in the orchestrator."""
-    rows = []
-    for entry in summary["codes"] if told_by_code(summary) else ():
-        count, asked = len(entry["subdomains"]), entry["compliances"]
-        rows.append(f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} subdomain{'s' * (count != 1)}" + (
-            f"; asked once for the interface compliance of {len(asked)} of them ({sum(note['unit_loads'] for note in asked):,} unit loads, "
-            f"{sum(note['seconds'] for note in asked):.2f} s), cheaper than a run per iteration" if asked else ""))
-    return "\n".join(rows + [_numbers(summary, "orchestrator_seconds", "orchestrator: {:.2f} s of wall clock, between requests")]
-                     * bool(rows))
-
-
-def _workers(summary: Mapping[str, object]) -> str:
-    """Sentence on the workers' idleness in the iterations."""
-    period = (summary.get("workload") or {}).get("iterations") or {}
-    if not (workers := period.get("workers")):
-        return ""
-    total = sum(row["seconds"] for row in workers)
-    waiting, idle, messages = (100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages"))
-    return (f"idle for {waiting + idle:.0f} % of the {period['seconds']:.2f} s of iterations (for the orchestrator {idle:.0f} %, for each "
-            f"other {waiting:.0f} %); messages {messages:.0f} %")
-
-
-def _ranks(summary: Mapping[str, object]) -> str:
-    """Sentence on what ranks send each other and hold."""
-    ranks = ((summary.get("workload") or {}).get("iterations") or {}).get("ranks") or ()
-    if len(ranks) < 2 or not (count := summary.get("iterations")):
-        return ""
-    idle, messages, sums, sent, memory = ([row[name] for row in ranks]
-                                          for name in ("idle_share", "messages", "reductions", "bytes", "memory_peak_mb"))
-    memory = summary.get("rank_memory_peak_mb") or memory
-    each = [f"{100 * share:.0f}" for share in idle]
-    told = ", ".join(each) if len(each) <= SHOWN else f"{100 * min(idle):.0f} to {100 * max(idle):.0f}"
-    return (f"idle for {told} % of the iterations, waiting for each other; per iteration and rank at most "
-            f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
-            f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted; "
-            + ("each made its part of the scene" if summary.get("scene_in_pieces") else "rank 0 made the scene"))
-
-
-def _skipped(summary: Mapping[str, object]) -> str:
-    """Sentence on what was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
-    return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
-                     for entry in summary.get("skipped") or ())
 
 
 # label → a function of the summary, or a key of it and the format of what is there
@@ -354,9 +215,11 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
     ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
-    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off), ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
+    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off),
+    ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
     ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
     ("places", lambda summary: "\n".join(place_sentences(summary))),
     ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),
-    ("element", ("element", "{}")), ("time", _time), ("codes", _codes), ("workers", _workers), ("ranks", _ranks), ("skipped", _skipped),
+    ("element", ("element", "{}")), ("time", time_sentences), ("codes", code_sentences), ("workers", worker_sentence),
+    ("ranks", rank_sentence), ("skipped", skipped_sentence),
     ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))
