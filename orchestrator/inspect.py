@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -41,7 +42,12 @@ def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
 
 
 def section_of(path: Path, h: float | None = None) -> Section:
-    """The ``mesh:`` section for a file; solids of a CAD file share nothing."""
+    """The ``mesh:`` section for a file; solids of a CAD file share nothing. Raises InputError for a folder."""
+    if path.is_dir():
+        results = (path / "summary.json").is_file()
+        raise InputError(Problem((), "a folder of results" if results else "a folder", "a mesh, STEP or BREP file, or a YAML file to inspect",
+                                 f"orchestrator report {shlex.quote(str(path))} tells what a run has found" if results else
+                                 "name a file in it", str(path)))
     if path.suffix.lower() in CAD or str(path).startswith("gmsh:"):
         return Section(step=str(path), h=h, conforming=False)
     return Section(file=str(path))

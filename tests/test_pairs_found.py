@@ -188,6 +188,14 @@ def test_a_file_is_inspected(tmp_path, flange):
     done = call("inspect", path)
     assert done.exit_code == 0 and "no scene yet, 1 problem" in done.stdout and "base/zmin" in done.stdout
     assert call("inspect", tmp_path / "nothing.msh").exit_code == 2
+    for command in (["inspect"], ["init", tmp_path / "new.yaml"]):
+        folder = call(*command, tmp_path)
+        (tmp_path / "summary.json").touch()
+        results = call(*command, tmp_path)
+        (tmp_path / "summary.json").unlink()
+        assert folder.exit_code == results.exit_code == 2
+        assert "a folder\n" in folder.stderr and "a mesh, STEP or BREP file" in folder.stderr
+        assert f"orchestrator report {tmp_path}" in results.stderr
 
 
 # --- what is wrong ----------------------------------------------------------------------------------------
