@@ -11,6 +11,7 @@ from orchestrator.errors import InputError
 from orchestrator.method.interface.pairing import pair_areas
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.geometry import node_areas
 from benchmarks.kit.calculix_whole import displacements
@@ -220,6 +221,15 @@ def test_what_is_wrong_with_a_ground_is_told_with_its_place(what):
         build_scene(config_from(bar(boundary)))
     problem = next((p for p in caught.value.problems if p.path == path), caught.value.problems[0])
     assert problem.path == path and words in str(problem) and problem.expected and problem.cure
+
+
+@pytest.mark.parametrize("held, springs, told", [
+    ([0, 0, 0], {"normal": 10.0}, True), ([None, None, 0], {"normal": 10.0}, True), ([0, 0, 0.1], {"stiffness": [1.0, 0, 0]}, True),
+    ([None, None, 0], {"normal": 10.0, "tangential": 1.0}, False), ([0, 0, None], {"normal": 10.0}, False)])
+def test_springs_under_what_is_held_along_them_carry_nothing(held, springs, told):
+    boundary = [{"on": "zmin", "displacement": held}, {"on": "zmin", "foundation": springs}, {"on": "xmin", "displacement": [0, 0, None]}, LOADED]
+    cautions = scene_cautions(build_scene(config_from(bar(boundary))))
+    assert [text.startswith("boundary[1], a foundation, acts on faces alone whose displacement is prescribed") for text in cautions] == [True] * told
 
 
 def test_what_is_zero_or_axial_is_so_on_the_axis_too():

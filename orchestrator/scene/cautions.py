@@ -44,7 +44,7 @@ class Acting:
     """Displacements, forces and supports that act on a scene, or on some of its subdomains.
 
     moved : whether displacements are prescribed, or laws act by themselves; loaded : whether there are forces
-    largest : (entries, 3) of each entry of ``boundary`` the largest of its forces
+    largest : (entries, 3) of each entry of ``boundary`` the largest of its forces, or of the springs that it is
     held : (entries, 3) bool, whether all its nodes have these components prescribed
     """
 
@@ -57,7 +57,7 @@ class Acting:
     def of(cls, scene: Scene, own: Sequence[Subdomain]) -> Acting:
         """On some subdomains; entries are those of the scene."""
         moved = any(s.prescribed.any() for s in own) or any(law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
-        largest = [entry.forces.largest if entry.forces else np.zeros(3) for entry in scene.boundary]
+        largest = [_largest(scene.mesh, entry) for entry in scene.boundary]
         held = [scene.fixed[entry.nodes].all(axis=0) for entry in scene.boundary]
         return cls(moved, any(s.loads.any() for s in own), np.array(largest).reshape(-1, 3), np.array(held, dtype=bool).reshape(-1, 3))
 
@@ -77,6 +77,13 @@ class Acting:
             if acts.any() and held[acts].all():
                 yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
                        "it: it goes straight into the support and moves nothing")
+
+
+def _largest(mesh: Mesh, entry: BoundaryEntry) -> np.ndarray:
+    """(3,) along x, y and z."""
+    if entry.ground is None or not len(entry.triangles):
+        return entry.forces.largest if entry.forces else np.zeros(3)
+    return entry.ground.gives(mesh.nodes[entry.nodes], np.searchsorted(entry.nodes, entry.triangles))
 
 
 def unloaded(scene: Scene) -> Iterator[str]:

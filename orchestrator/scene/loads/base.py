@@ -158,6 +158,10 @@ class Ground(ABC):
     def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
         """The law at every load step, at the nodes (n, 3) of a patch of triangles (k, 3 or 6)."""
 
+    def gives(self, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+        """(3,) along x, y and z the largest stiffness of springs by which it acts on such a patch; zero where it has none."""
+        return np.zeros(3)
+
 
 @dataclass(frozen=True)
 class OnFaces:

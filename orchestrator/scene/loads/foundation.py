@@ -50,6 +50,10 @@ class Springs(Ground):
         return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), np.repeat(self.stiffness[:, None], count, axis=1),
                                   np.repeat(row[:, None], count, axis=1), normal.T) for row in self.given]
 
+    def gives(self, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+        springs = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)
+        return np.abs(springs[:, None, None] * self.laws(points, triangles)[0].frame).max(axis=(0, 2))
+
 
 class Bedding(Kind):
     takes = Foundation
