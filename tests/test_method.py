@@ -5,6 +5,7 @@ from copy import copy
 
 import numpy as np
 import pytest
+from contact_case import CASES, contact
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, prepared, solved
 from quick import late, quick, quick_sets
 
@@ -622,6 +623,16 @@ def test_sweeps_are_counted():
     assert iterations - 1 < sweeps["iterations"] <= iterations - 1 + 3 * 12
     counted = [e.sweeps for e in result.iterated.history]
     assert counted == sorted(counted) and counted[-1] == sweeps["total"]
+
+
+@pytest.mark.parametrize("made", [config(**CUBES, **BENT), contact(0.3, **CASES["two blocks"], method={"increment": 1})], ids=["bonds", "contact"])
+def test_all_back_substitutions_are_counted(made):
+    """Those of the iterations, of the bound, and of the softness and the factor that make it one, at however many load steps at once."""
+    with box_of(made) as blackbox:
+        d = prepared(made, build_scene(made), blackbox)
+        before = d.stage.blackbox.solved
+        found = iterate(d, made.method, (), Stopwatch())
+        assert found.converged and found.sweeps * d.steps == pytest.approx(d.stage.blackbox.solved - before)
 
 
 def test_repr_of_a_decomposition():

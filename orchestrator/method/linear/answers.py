@@ -50,10 +50,12 @@ class GuardedTraces(BlackBox):
     inner : where the answers come from
     direction : search direction
     names : of the subdomains, in the order of its ``space.subdomains``
+    solved : back-substitutions per subdomain so far, of all subdomains at once
     """
 
     def __init__(self, inner: BlackBox, direction: SearchDirection, names: list[str]):
         super().__init__(inner)
+        self.solved = 0
         self.names, self.direction, self.parts = names, direction, direction.space.boundary
         self.all = Segments(self.parts)  # the boundary dofs of the subdomains
         self.earlier = np.zeros((2, len(self.all.member)))  # a load of each subdomain and its answer
@@ -95,6 +97,7 @@ class GuardedTraces(BlackBox):
         They are the caller's to change.
         """
         answers, space = self.inner.all_traces(forces, self.parts), self.direction.space
+        self.solved += len(forces)
         w = space.trace(answers)
         kw = self.direction.times(w)
         if len(forces):

@@ -56,12 +56,11 @@ class EnergyErrorCriterion(Monitor):
         if still and error <= FALLS * self.asked:
             self.asked, excess = error, float(error / max(value, residual))
         self.waited = self.waited + (still and residual <= SETTLED * value)
-        share = now.problem.steps / now.problem.scene.steps
         formed = not bound.pair.missing  # where it cannot be, laws that hold well have to do
         met = bound.relative <= value if formed else now.verdict.laws.largest <= LAWFUL * value
         reason = STOPS if self.waited >= MOST and not met else ""
-        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps * share,
-                       excess=excess, told={**told, "error_bound": bound.relative})
+        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps, excess=excess,
+                       told={**told, "error_bound": bound.relative})
 
     def due(self, number: int, residual: float, value: float) -> bool:
         """Whether E may be met in an iteration, taken to fall with the law residual."""

@@ -44,7 +44,7 @@ class Bound:
     energy : (T,) ‖u_D‖²_K
     repositioned : (T, modes) rigid motions c of the floating subdomains
     correction : (T, B) δ, what brings u + R c to u_D on the boundary dofs
-    sweeps : back-substitutions spent
+    sweeps : back-substitutions spent per subdomain and load step, those for the softness with the first that needs it
     least : of a bound that is larger than what was asked about, and therefore not known (infinite), what it is at least
     """
 
@@ -53,7 +53,7 @@ class Bound:
     energy: np.ndarray
     repositioned: np.ndarray
     correction: np.ndarray
-    sweeps: int = 0
+    sweeps: float = 0.0
     least: float = 0.0
 
     @classmethod
@@ -126,12 +126,13 @@ class ErrorBound:
         h, size = self.space.loads(change), self.stage.loading.size(bound.energy)
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
-        enough = Enough((ROUNDING * size) ** 2, met=self._met(asked, size) ** 2)
+        enough, solved = Enough((ROUNDING * size) ** 2, met=self._met(asked, size) ** 2), self.stage.blackbox.solved
         dual = dual_energy(self.stage, h, rest, enough, reached, self.softness)
-        sweeps, found = dual.sweeps, self._relative(rest + dual.energy, size)
+        found = self._relative(rest + dual.energy, size)
         if reached.least <= useful and found <= asked and not dual.above:
             dual = dual_energy(self.stage, h, rest, enough, reached, self.softness(), dual)
-            sweeps, found = sweeps + dual.sweeps, self._relative(rest + dual.energy, size)
+            found = self._relative(rest + dual.energy, size)
+        sweeps = (self.stage.blackbox.solved - solved) / len(h)
         if reached.least > useful:
             return replace(bound, relative=np.inf, sweeps=sweeps, least=reached.least)
         return replace(bound, relative=found, sweeps=sweeps)

@@ -175,17 +175,17 @@ class Certificate:
         known = Certified(np.inf, a, energy, pair.moved, delta, errors=np.full(len(a2), np.inf), size=size, pair=pair)
         if a > useful or pair.missing:
             return replace(known, least=a)
-        factor, reached = self.factor(), Reached(_largest, size, useful)
+        solved, factor, reached = self.stage.blackbox.solved, self.factor(), Reached(_largest, size, useful)
         times_at_most = 1.0 if np.isnan(factor) else factor
         met = max(size / (1 + 1 / asked) - self.floor * size, 0.0) / times_at_most if np.isfinite(asked) else 0.0
         # what rounding leaves of resultants has no energy
         enough = Enough((ROUNDING * size) ** 2, met=met**2)
         dual = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
+        known = replace(known, sweeps=(self.stage.blackbox.solved - solved) / len(h))
         if reached.least > useful:
-            return replace(known, sweeps=dual.sweeps, least=reached.least)
+            return replace(known, least=reached.least)
         errors = np.sqrt(np.maximum(rest + dual.energy, 0.0)) * times_at_most + self.floor * size
-        return replace(known, relative=relative(float(errors.max()), size), errors=errors, sweeps=dual.sweeps, factor=factor,
-                       dual=dual)
+        return replace(known, relative=relative(float(errors.max()), size), errors=errors, factor=factor, dual=dual)
 
     def change(self, fields: Admissible, forces: np.ndarray) -> np.ndarray:
         """(T, B) h, what forces λ̂ (T, 3, P) load the bodies with beyond those of fields."""
