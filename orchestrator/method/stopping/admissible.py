@@ -42,7 +42,7 @@ class RigidModes:
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
     number : (modes,) int, ascending, which of the modes of all ranks these are
-    boundary : (B, modes) sparse; dense : (6, B) the same, one row for the first of every subdomain, zero where it has fewer
+    dense : (6, B) on the boundary dofs, a row for the first of every subdomain, zero where it has fewer
     own : int, the modes of this rank's subdomains
     """
 
@@ -56,20 +56,56 @@ class RigidModes:
         self.number = (np.repeat((np.cumsum(counts) - counts)[self._seen] - self._starts[:-1], counts[self._seen])
                        + np.arange(self._starts[-1]))
         self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
-        self.boundary = self._sparse(self.dense, np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary]))
+        self._of = Segments(space.boundary)
+        at = np.searchsorted(self._seen, np.asarray(space.subdomains, dtype=int)[self._of.subdomains])
+        there = np.arange(RIGID) < counts[self._seen[at], None]
+        self._at = np.where(there, self._starts[at, None] + np.arange(RIGID), -1).T  # (6, subdomains): −1 where there is none
 
     @property
     def traces(self) -> sp.csr_array:
         """(D + G, modes), formed whenever asked: twice in a run at most. All ranks have to ask."""
         traces, = self._space.extended(self._space.trace(self.dense))
-        return self._sparse(traces, self._space.owner)
-
-    def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
-        rows = np.ascontiguousarray(values.T)
+        rows = np.ascontiguousarray(traces.T)
         there = rows != 0
-        columns = (self._starts[np.searchsorted(self._seen, owner)][:, None] + np.arange(RIGID))[there]
+        columns = (self._starts[np.searchsorted(self._seen, self._space.owner)][:, None] + np.arange(RIGID))[there]
         ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
         return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
+
+    def moved(self, c: np.ndarray) -> np.ndarray:
+        """(T, B) R c of motions (T, modes)."""
+        c = np.pad(c, ((0, 0), (0, 1)))
+        return sum(one * self._of.spread(c[:, at]) for one, at in zip(self.dense, self._at))
+
+    def resultants(self, h: np.ndarray) -> np.ndarray:
+        """(T, modes) Rᵀh of forces (T, B): what pushes this rank's subdomains, zero elsewhere."""
+        result = np.zeros((len(h), self._starts[-1] + 1))
+        for one, at in zip(self.dense, self._at):
+            result[:, at] = self._of.sums(one * h)
+        return result[:, :-1]
+
+
+class AtPoints:
+    """Both sides' k⁻ at the points, (Q, Q) symmetric: its products are those of k⁻ itself, and no matrix is kept.
+
+    direction : search direction
+    root : (Q,) by which it is scaled from either side
+    """
+
+    def __init__(self, direction: SearchDirection, root: np.ndarray | float = 1.0):
+        self.whole, self.transfer, self.root = direction.whole, direction.space.transfer, root
+
+    def __call__(self, q: np.ndarray) -> np.ndarray:
+        """(T, Q) products with (T, Q)."""
+        transfer, traces = self.transfer, np.zeros((len(q), self.transfer.total))
+        traces[:, transfer.one] = traces[:, transfer.two] = self.root * q
+        found = times(self.whole, traces)
+        return self.root * (found[:, transfer.one] + found[:, transfer.two])
+
+    def matrix(self) -> sp.csr_array:
+        """The sparse matrix."""
+        one, two = self.transfer.at_points(self.whole)
+        root = sp.diags_array(np.broadcast_to(self.root, self.transfer.one.shape))
+        return sp.csr_array(root @ (one + two) @ root)
 
 
 class Repositioning:
@@ -77,19 +113,20 @@ class Repositioning:
 
     space : numbering
     modes : the motions
-    weight : (Q, Q) sparse, stiffness k at the points, in which jumps are measured
+    weight : stiffness k at the points, in which jumps are measured
     """
 
-    def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
-        self.transfer = space.transfer
-        one, two = self.transfer.rows(modes.traces)
-        jumps, mine = sp.csr_array(two - one), self.transfer.mine
-        self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
-        self._solve = semidefinite(sp.csr_array(jumps[mine].T @ self.forces), modes.number, space.team)
+    def __init__(self, space: TraceSpace, modes: RigidModes, weight: AtPoints):
+        self.space, self.modes, self.weight = space, modes, weight
+        one, two = space.transfer.rows(modes.traces)
+        jumps, mine = sp.csr_array(two - one), space.transfer.mine
+        forces = sp.csr_array((weight.matrix() @ jumps)[mine])  # what is summed over the points is their first side's
+        self._solve = semidefinite(sp.csr_array(jumps[mine].T @ forces), modes.number, space.team)
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
         """(T, modes) c for traces (T, D + G)."""
-        return self._solve(-times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
+        transfer, space = self.space.transfer, self.space
+        return self._solve(self.modes.resultants(space.loads(transfer.opposed(self.weight(transfer.jump(w)))[:, : space.size])))
 
 
 class Balancing:
@@ -99,7 +136,7 @@ class Balancing:
     weight : (B,) stiffness of the boundary dofs
     modes : rigid motions of all subdomains
     share : (Q,) what the first side takes of a force imbalance
-    soles : (Q, Q) k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
+    soles : k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
     """
 
     def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
@@ -108,9 +145,7 @@ class Balancing:
         trace_weight, = self.space.extended(self.space.trace(weight[None]))
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
-        softness = sp.diags_array(np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY)))
-        first, second = transfer.at_points(direction.whole)
-        self.soles = sp.csr_array(softness @ ((first + second) / 2) @ softness)
+        self.soles = AtPoints(direction, np.sqrt(np.minimum(one, two) / np.maximum(one + two, TINY)))
 
     def _share(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
         """(Q,) the first side's, from the stiffnesses (Q,) of both.
@@ -130,18 +165,18 @@ class Balancing:
 
     def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:
         """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no floating subdomain."""
-        transfer, team, modes = self.space.transfer, self.space.team, self.modes.boundary
-        q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
+        transfer, team = self.space.transfer, self.space.team
+        q = transfer.carried(f) + 0.5 * self.soles(transfer.jump(w))
         q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
         change = (transfer.opposed(q) - f)[:, : self.space.size]
-        resultant, sizes, of = times(modes.T, self.space.loads(change)), self.space.loads(np.abs(change)), Segments(self.space.boundary)
+        resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), Segments(self.space.boundary)
         scale = max(of.sums(np.abs(one) * sizes).max(initial=0.0) for one in self.modes.dense)
         pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale)
         if pushed <= UNBALANCED * max(size, TINY):
             return change, True
         spread, work, solve = self._fields = self._fields or self._prepare()
         change = change + times(spread, times(work.T, solve(-resultant)))
-        left, = team.max(np.abs(times(modes.T, self.space.loads(change))).max(initial=0.0))
+        left, = team.max(np.abs(self.modes.resultants(self.space.loads(change))).max(initial=0.0))
         return change, left <= BALANCED * max(pushed, TINY)
 
     def _prepare(self):

@@ -104,7 +104,7 @@ class ErrorBound:
     def first(self, fields: Admissible) -> tuple[Bound, np.ndarray, np.ndarray]:
         """What is known without back-substitutions; u + R c (T, B); and a² (T,)."""
         c = self.reposition(fields.extended[0])
-        u = fields.u + times(self.modes.boundary, c)
+        u = fields.u + self.modes.moved(c)
         delta = self.continuity(u, self.stage.loading.known)
         a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external, fields, delta))
         a = relative(self._largest(a2), self.stage.loading.size(energy))

@@ -24,7 +24,7 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import dots, times
-from orchestrator.method.stopping.admissible import Repositioning, RigidModes
+from orchestrator.method.stopping.admissible import AtPoints, Repositioning, RigidModes
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.dual_energy import CANCELLED
 
@@ -110,8 +110,7 @@ class InfluenceFields:
         self.constraint = self.continuity.constrained(self.rows) if self.space.team.max(self.rows.shape[0])[0] else None
         rigid = certificate.forces.u  # zero where a body lacks a motion
         self.modes = RigidModes(self.space, [(u := rigid[:, part])[u.any(axis=1)].T for part in self.space.boundary])
-        one, two = self.space.transfer.at_points(self.stage.direction.whole)
-        self.reposition = Repositioning(self.space, self.modes, sp.csr_array(one + two))
+        self.reposition = Repositioning(self.space, self.modes, AtPoints(self.stage.direction))
 
     def __call__(self) -> Influence:
         """The fields of least energy, of those that there are."""
@@ -150,7 +149,7 @@ class InfluenceFields:
         """(n, B) the bodies' rigid motions that bring the jumps of boundary values (n, B) nearest to what is asked for."""
         traces = self.space.trace(x - self.asked.start)
         w, = self.space.extended(traces if self.asked.known is None else traces + self.asked.known)
-        return times(self.modes.boundary, self.reposition(w))
+        return self.modes.moved(self.reposition(w))
 
     def _with_rest(self, x: np.ndarray, forces: np.ndarray, asked: Asked | None) -> _Fields:
         e = self._nearest(x, asked) - x

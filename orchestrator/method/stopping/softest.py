@@ -30,8 +30,9 @@ class BesideRigid:
     """
 
     def __init__(self, stage: LinearStage, rigid: np.ndarray):
-        self.of, self.rigid, self.carried = Segments(stage.space.boundary), rigid, stage.direction.robin(rigid)
-        gram = self.of.sums(rigid[:, None] * self.carried[None]).transpose(2, 0, 1)
+        self.of, self.rigid = Segments(stage.space.boundary), rigid
+        self.carried = np.concatenate([stage.direction.robin(one[None]) for one in rigid])  # all at once take six times as much
+        gram = np.stack([self.of.sums(rigid * one) for one in self.carried]).transpose(2, 1, 0)
         self.inverse = np.linalg.pinv(gram, rcond=DEPENDENT, hermitian=True)
 
     def deformed(self, x: np.ndarray) -> np.ndarray:
@@ -43,7 +44,7 @@ class BesideRigid:
         return h - self._part(self.rigid, self.carried, h)
 
     def _part(self, measured: np.ndarray, given: np.ndarray, x: np.ndarray) -> np.ndarray:
-        share = np.stack([self.of.sums(one * x) for one in measured], axis=-2)  # one after the other: all at once take six times as much
+        share = np.stack([self.of.sums(one * x) for one in measured], axis=-2)
         share = np.einsum("sij,...js->...is", self.inverse, share)
         return sum(one * self.of.spread(share[..., i, :]) for i, one in enumerate(given))
 
