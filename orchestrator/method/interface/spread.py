@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.linalg import lapack
 
 from orchestrator.method.interface.factor import Factor, regularised, semidefinite_solver
 from orchestrator.method.interface.rows import times
@@ -154,10 +155,11 @@ def _factorised(whole: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """A solver with a dense symmetric matrix: columns (n, T) to columns."""
     if not whole.size:
         return lambda right: right
-    try:
-        return partial(la.cho_solve, la.cho_factor(whole, lower=True))
-    except la.LinAlgError:  # not quite positive definite: on all ranks alike, which hold the same numbers
-        lower, pivots = la.lu_factor(whole)
-        if not np.diagonal(lower).all():
-            raise RuntimeError("a pivot vanishes") from None
-        return partial(la.lu_solve, (lower, pivots))
+    size = len(whole)
+    factor, failed = lapack.dpftrf(size, lapack.dtrttf(whole, uplo="L")[0], uplo="L")  # one triangle is kept, not the square
+    if not failed:
+        return lambda right: lapack.dpftrs(size, factor, right, uplo="L")[0]
+    lower, pivots = la.lu_factor(whole)  # not quite positive definite: on all ranks alike, which hold the same numbers
+    if not np.diagonal(lower).all():
+        raise RuntimeError("a pivot vanishes")
+    return partial(la.lu_solve, (lower, pivots))

@@ -127,9 +127,8 @@ def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence
     """
     points = [scene.points(i) for i in scene.interfaces]
     alike: list[object] = list(range(len(points)))
-    if share:  # what is met here from other ranks is made apart, see ``as_given``
-        alike = [i.index if i.mortar is not None or _ghosts(space, i.index) else (bool(taken), i.free.tobytes())
-                 for i, taken in zip(scene.interfaces, wanted)]
+    if share:
+        alike = [i.index if i.mortar is not None else (bool(taken), i.free.tobytes()) for i, taken in zip(scene.interfaces, wanted)]
     first = first_congruent(alike, points) if share else alike
     bases: list[np.ndarray] = []
     for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
@@ -161,7 +160,3 @@ def as_given(space: TraceSpace, bases: list[np.ndarray]) -> list[np.ndarray]:
             if len(space.sides[index][0]):
                 result[index] = basis
     return result
-
-
-def _ghosts(space: TraceSpace, interface: int) -> bool:
-    return any(len(side) and side[0] >= space.size for side in space.sides[interface])

@@ -11,8 +11,8 @@ import os
 import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
+from html import escape
 from itertools import count
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -219,7 +219,7 @@ def _in_order(sizes: Sequence[int]) -> list[int]:
 
 
 def _field_data(names: Mapping[str, int]) -> list[str]:
-    rows = [f'      <DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{number}</DataArray>'
+    rows = [f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" format="ascii">{number}</DataArray>'
             for name, number in names.items()]
     return ["    <FieldData>", *rows, "    </FieldData>"] if rows else []
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import barycentric
@@ -28,6 +27,8 @@ MANY = 1 << 31  # more than nodes, so that two of them make one key
 
 def bisected(mesh: Mesh, sizes: SizeMap) -> Mesh:
     """The mesh with tets of four nodes as small as ``sizes`` at their centres, volumes and surfaces as they were."""
+    from scipy.spatial import cKDTree  # for this alone
+
     near, parts = cKDTree(sizes.nodes[sizes.cells].mean(axis=1)), _Parts(mesh)
     while True:
         centre = parts.nodes[parts.cells].mean(axis=1)

@@ -7,7 +7,6 @@ import time
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from scipy.spatial import cKDTree
 
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.transport.worker import Worker
@@ -110,5 +109,7 @@ class AlgebraWorker(Worker):
 def _followed(model: Model, joints: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of the layer behind the joints, and the joint node that each moves with: without stiffness, they have no motion of
     their own."""
+    from scipy.spatial import cKDTree  # for this alone
+
     body = len(model.origin.nodes)
     return np.arange(joints, body), cKDTree(model.nodes[:joints]).query(model.nodes[joints:body])[1]
