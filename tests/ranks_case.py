@@ -53,7 +53,7 @@ CASES = {
                      {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "pressure": 3.0, "history": "up"},
                      {"on": "xmax", "hydrostatic": {"level": 0.7, "weight": 4.0}, "history": "down"},
                      {"on": "ymax", "traction": [[1, 2, 3], [0, 0, 1], [1, 2, 4]]}],
-        "loads": [{"gravity": [0, 0, -1], "history": "up"}],
+        "loads": [{"gravity": [0, 0, -1], "history": "up"}], "blackbox": IN_PROCESS,
     },
     # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
     "partitions": {
@@ -61,14 +61,14 @@ CASES = {
         "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}, {"young": 300e3, "poisson": 0.47, "density": 1.0, "on": "bar_2"}],
         "boundary": [{"on": "wall", "displacement": [0, 0, 0]}, {"on": "end", "traction": [[10, 0, 5], [0, 10, 1]]},
                      {"on": {"plane": "x", "at": 8}, "displacement": [None, 0, None]}],
-        "loads": [{"gravity": [0, 0, -1]}], "output": {"certified": CERTIFIED["certified"]}, "blackbox": {"element": "P2"},
+        "loads": [{"gravity": [0, 0, -1]}], "output": {"certified": CERTIFIED["certified"]}, "blackbox": {**IN_PROCESS, "element": "P2"},
     },
     "soft modes": {
         "mesh": {"box": {"size": [4, 4, 0.25], "cells": [8, 8, 1]}}, "subdomains": {"grid": [2, 2, 1]},
         "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 4}, "traction": [0, 0, 1]}],
-        "method": {"macro": {"basis": "modes"}},
+        "method": {"macro": {"basis": "modes"}}, "blackbox": IN_PROCESS,
     },
     "contact": {
         "mesh": {"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, "subdomains": {"grid": [2, 2, 2]},
@@ -87,7 +87,7 @@ CASES = {
         "parts": [_box("base", [2, 1, 0.5], [7, 4, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 5, 2], [0, 0, 0.5]),
                   _box("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5]), _box("end", [0.5, 1, 0.5], [2, 3, 2], [2, 0, 0])],
         "subdomains": "groups",
-        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "perfect"}],
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "perfect"}], "blackbox": IN_PROCESS,
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "traction": [[10, 0, 5], [0, 10, 1]]}],
     },
@@ -127,7 +127,7 @@ CASES = {
     },
     "contact on ten nodes": {
         "mesh": {"box": {"size": [2, 2, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [2, 2, 1]},
-        "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
+        "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {**IN_PROCESS, "element": "P2"},
         "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 2}, "displacement": [[-0.01, 0, 0], [-0.01, 0.002, 0]]},
@@ -170,9 +170,9 @@ CASES = {
     },
     # made in pieces: gaps that are read, sides that touch and match, of which one is bonded, and supports on one of several bodies
     "parts apart": {
-        "parts": [_box("base", [2, 1, 0.5], [4, 3, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [3, 3, 1], [0, 0, 0.501]),
-                  _box("right", [1, 1, 0.5], [2, 3, 1], [1, 0, 0.5]), _box("top", [2, 1, 0.5], [3, 2, 1], [0, 0, 1.002])],
-        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
+        "parts": [_box("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [2, 2, 1], [0, 0, 0.501]),
+                  _box("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), _box("top", [2, 1, 0.5], [3, 1, 1], [0, 0, 1.002])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {**IN_PROCESS, "element": "P2"},
         "interfaces": [{"law": "contact", "friction": 0.3, "gap": "geometry"}, {"between": ["base", "right"], "law": "perfect"}],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "left/xmin", "displacement": [0, None, None]},
                      {"on": "top/zmax", "displacement": [[0, 0, -0.006], [0.004, 0, -0.006]]}],
