@@ -48,20 +48,22 @@ CASES = {
     # blocks that are not cut along bricks, of a box that ranks make together; loads and supports of all kinds that are local
     "blocks": {
         "mesh": {"box": {"size": [3, 2, 2], "cells": [7, 6, 4]}, "scale": 0.5}, "subdomains": {"grid": [3, 2, 2]},
-        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}], "histories": {"up": [1, 0.5, 0], "down": [0, 1, 1]},
+        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0, "expansion": 1e-5}], "histories": {"up": [1, 0.5, 0], "down": [0, 1, 1]},
         "boundary": [{"on": "xmin", "symmetry": True}, {"on": {"plane": "y", "at": 0}, "displacement": [None, 0, 0]},
                      {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "pressure": 3.0, "history": "up"},
                      {"on": "xmax", "hydrostatic": {"level": 0.7, "weight": 4.0}, "history": "down"},
                      {"on": "ymax", "traction": [[1, 2, 3], [0, 0, 1], [1, 2, 4]]}],
-        "loads": [{"gravity": [0, 0, -1], "history": "up"}], "blackbox": IN_PROCESS,
+        "loads": [{"gravity": [0, 0, -1], "history": "up"}, {"temperature": {"at": [0, 0, 1], "gradient": [2, 1, 3]}, "history": "down"}],
+        "blackbox": IN_PROCESS,
     },
     # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
     "partitions": {
         "mesh": {"file": str(Path(__file__).parent / "meshes/bar_*.msh"), "scale": 2.0}, "subdomains": "groups",
-        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}, {"young": 300e3, "poisson": 0.47, "density": 1.0, "on": "bar_2"}],
+        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}, {"young": 300e3, "poisson": 0.47, "density": 1.0, "expansion": 2e-5, "on": "bar_2"}],
         "boundary": [{"on": "wall", "displacement": [0, 0, 0]}, {"on": "end", "traction": [[10, 0, 5], [0, 10, 1]]},
                      {"on": {"plane": "x", "at": 8}, "displacement": [None, 0, None]}],
-        "loads": [{"gravity": [0, 0, -1]}], "output": {"certified": CERTIFIED["certified"]}, "blackbox": {**IN_PROCESS, "element": "P2"},
+        "loads": [{"gravity": [0, 0, -1]}, {"temperature": 3.0, "on": "bar_2"}], "output": {"certified": CERTIFIED["certified"]},
+        "blackbox": {**IN_PROCESS, "element": "P2"},
     },
     "soft modes": {
         "mesh": {"box": {"size": [4, 4, 0.25], "cells": [8, 8, 1]}}, "subdomains": {"grid": [2, 2, 1]},

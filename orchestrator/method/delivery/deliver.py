@@ -16,7 +16,7 @@ from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary, on_mesh,
-                                                       reactions, recover, repositioned)
+                                                       reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.slid import with_slides
 from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.wanted import Wanted
@@ -54,6 +54,7 @@ class Delivered:
     contact: Contact | None  # None where no interface opens
     reactions: np.ndarray  # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
     resultants: Resultants  # what all interfaces carry
+    energy: np.ndarray  # (T,) stored
     joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     discretisation: Estimate | None = None  # its estimated error, if asked for
@@ -109,9 +110,10 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
     everyones = of_all if gathered else lambda d, own: own
+    energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, of_all(d, joint_forces(d, f)) if any(s.foreign for s in d.scene.subdomains) else [], intervals=known,
-                     moved=moved, rims={name: at_rim(d, f, rims) for name, rims in wanted.rims.items()})
+                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], intervals=known, moved=moved,
+                     rims={name: at_rim(d, f, rims) for name, rims in wanted.rims.items()})
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -12,7 +12,7 @@ in second order alone. Subdomains whose matter is their code's own are left out.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.loads.temperature import strained_energy, thermal_loads
-from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.model import Scene
 
 Parts = list[np.ndarray | None]  # per subdomain of the scene (T, n_E, 3); None for other ranks'
@@ -156,18 +155,21 @@ def joint_forces(d: Decomposition, f: np.ndarray) -> Parts:
     return found
 
 
-def stored_energy(scene: Scene, sides: list[np.ndarray], energy: np.ndarray) -> np.ndarray:
-    """(T,) ½ ∫ (ε − ε₀) : C (ε − ε₀) = ½ ‖u‖²_K − u · ∫ Bᵀ C ε₀ + ½ ∫ ε₀ : C ε₀, on rank 0; ε₀ is thermal strain.
+def stored_energy(d: Decomposition, sides: Parts, energy: np.ndarray) -> np.ndarray:
+    """(T,) ½ ∫ (ε − ε₀) : C (ε − ε₀) = ½ ‖u‖²_K − u · ∫ Bᵀ C ε₀ + ½ ∫ ε₀ : C ε₀ of all ranks; ε₀ is thermal strain.
 
     sides : per subdomain (T, n_E, 3) u; energy : (T,) ‖u‖²_K
     """
+    scene = d.scene
     if scene.thermal is None:
         return 0.5 * energy
-    numbering = split_numbering(scene.mesh.cells, scene.cell_subdomain, len(scene.mesh.nodes))
-    forces = np.zeros((scene.steps, len(numbering.nodes), 3))
-    thermal_loads(scene.mesh, scene.thermal, scene.materials, scene.cell_material, numbering.corners, forces)
-    work = np.einsum("tni,tni->t", forces, np.concatenate(sides, axis=1))
-    return 0.5 * energy - work + strained_energy(scene.mesh, scene.thermal, scene.lame)
+    own, starts = np.concatenate([s.cells for s in d.own]), np.cumsum([0, *(len(s.nodes) for s in d.own)])
+    mesh, strain, at = replace(scene.mesh, cells=scene.mesh.cells[own]), scene.thermal[:, own], [
+        s.connectivity + start for s, start in zip(d.own, starts)]
+    forces = np.zeros((scene.steps, starts[-1], 3))
+    thermal_loads(mesh, strain, scene.materials, scene.cell_material[own], np.concatenate(at), forces)
+    work = np.einsum("tni,tni->t", forces, np.concatenate([sides[s.index] for s in d.own], axis=1))
+    return 0.5 * energy + d.space.team.sum(strained_energy(mesh, strain, scene.lame[own]) - work)[0]
 
 
 UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of a product, of combined back-substitutions

@@ -16,7 +16,6 @@ from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.balance import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.loose import held_bodies
-from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.delivery.shares import Shares
 from orchestrator.method.halving import path_sentence
@@ -77,7 +76,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "places": asdict(met.places) if met and met.places else None,
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
-        "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
+        "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
         "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
         **contact,
         "tools": tools_moved(scene, delivered.sides or delivered.parts),

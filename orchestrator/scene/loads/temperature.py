@@ -49,7 +49,6 @@ class Temperature(Kind):
                    "a number, or {at: [0, 0, 10], gradient: [0, 0, 2.5]}, or {file: warm.csv}")
     meaning = "temperature above the one without stress, by the materials' expansion: a number, {value, at, gradient} or {file}"
     files = ("file",)
-    local = False
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
@@ -65,8 +64,8 @@ class Temperature(Kind):
         alpha = where.of_matter("expansion", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
         if alpha is None:
             return None
-        if not len(where.cells):  # with a problem
-            return None
+        if not len(where.cells):  # with a problem, or on other ranks
+            return Strain(np.zeros((len(where.factors), 0, 4)))
         corners = where.mesh.cells[where.cells, :4]
         nodes = np.unique(corners)
         warmth = _at_nodes(where.mesh, nodes, value, where.factors, where.path, where.problems)

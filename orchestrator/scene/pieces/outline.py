@@ -23,7 +23,7 @@ OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "mixed", "matched"
 class Outline:
     """Of some subdomains and of the interfaces whose first side they are, in the order of the whole scene.
 
-    number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int
+    number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int; heated : (s,) bool
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
     order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone; and its place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
@@ -37,6 +37,7 @@ class Outline:
     names: list[str]
     bodies: list[str]
     code: np.ndarray
+    heated: np.ndarray
     sizes: np.ndarray
     hard: np.ndarray
     soft: np.ndarray
@@ -74,6 +75,7 @@ class Outline:
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
+                   np.array([s.heated for s in subdomains], dtype=bool),
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
@@ -130,7 +132,8 @@ class Outline:
         present : as for ``of``; laws : of the whole, which interfaces elsewhere get
         """
         local = {e: s for e, s in zip(present.tolist(), part.subdomains)}
-        subdomains = [replace(local[e], index=e) if e in local else self._hollow(e, part) for e in range(len(self.number))]
+        subdomains = [replace(local[e], index=e, heated=heated) if e in local else self._hollow(e, part)
+                      for e, heated in enumerate(self.heated.tolist())]
         there: dict[tuple[int, int], list[Interface]] = {}
         for i in part.interfaces:
             there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
@@ -148,7 +151,7 @@ class Outline:
 
     def _hollow(self, e: int, part: Scene) -> Subdomain:
         return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),
-                         np.empty((part.steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e])
+                         np.empty((part.steps, 0, 3)), np.empty((0, 3), int), int(self.code[e]), body=self.bodies[e], heated=bool(self.heated[e]))
 
 
 def _order(scene: Scene) -> np.ndarray:
@@ -171,6 +174,7 @@ def _ends(i: Interface) -> tuple[float, float]:
 def hollow(scene: Scene) -> Scene:
     """A part of a scene without any of its arrays: what is known of all of the scene."""
     none = {name: getattr(scene, name)[:0] for name in ("cell_subdomain", "cell_material", "fixed", "number", "cell_number")}
+    none |= {name: x[:, :0] for name in ("thermal", "body_force") if (x := getattr(scene, name)) is not None}
     mesh = Mesh(scene.mesh.nodes[:0], scene.mesh.cells[:0], scene.mesh.volume[:0], scene.mesh.volumes, within=scene.overview.box)
     return replace(scene, mesh=mesh, subdomains=[replace(s, cells=_NONE, nodes=_NONE, connectivity=s.connectivity[:0], material=_NONE,
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
