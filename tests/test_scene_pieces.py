@@ -132,7 +132,6 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
                   {"on": {"plane": "x", "at": 4}, "displacement": [0.2, None, None]}]},  # which contradict each other
     {"subdomains": {"slices": {"axis": "x", "count": 100}}},  # some of them empty
     {"boundary": [*BLOCK["boundary"], {"on": "ymin", "foundation": {"normal": 1.0}}]},  # a ground
-    {"boundary": [*BLOCK["boundary"], {"on": "ymin", "resultant": {"force": [0, 1, 0]}}]},  # by the area of all
     {"interfaces": [{"law": "contact"}, {"law": "pretension", "between": ["slice 0", "slice 1"], "force": 1.0}]},
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}}, {"subdomains": {"metis": 4}},

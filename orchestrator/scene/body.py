@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ class Body:
     material : (m,) int, index into ``materials``, −1 for none
     choice : of the element, where that was left open
     partition : where it is known with the mesh, as of a piece of one
+    surfaces : of entries of ``boundary`` of which this piece has some faces, (K, 3, 3) corners of all, see ``OnFaces.whole``
     """
 
     mesh: Mesh
@@ -41,6 +42,7 @@ class Body:
     material: np.ndarray
     choice: object = None
     partition: Partition | None = None
+    surfaces: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
 class Meshed:

@@ -86,7 +86,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     """
     problems = Problems()
     body = (meshed or Meshed())(config, run_programs, problems)
-    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems)
+    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems, body.surfaces)
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
     joints = _joined(config, body, cut, boundary, problems)
@@ -155,7 +155,8 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
         if mesh.within is not None and not np.array_equal(body.mesh.nodes, mesh.nodes):
             problems.add(("interfaces",), "curved faces that do not match", "all of the mesh, to fit one to the other")
         for entry, given, times in zip(boundary, config.boundary, _times(config, config.boundary)):
-            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems())  # told before
+            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems(),  # told before
+                                body.surfaces.get(entry.index))
     return Joints(interfaces, near, bolts)
 
 

@@ -172,6 +172,7 @@ class OnFaces:
     triangles : (k, 3 or 6) int, outward
     factors : (steps,) what its history multiplies it with
     frame : directions that its components are along; None: x, y and z
+    whole : (K, 3, 3) corners of all its faces, where these are some of them; None: they are all
     """
 
     path: KeyPath
@@ -180,6 +181,7 @@ class OnFaces:
     factors: np.ndarray
     frame: Cylindrical | None
     problems: Problems
+    whole: np.ndarray | None = None
 
     def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Rows of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
@@ -238,7 +240,7 @@ class Kind:
     listed : whether vectors may be listed there, one per load step
     files : keys of a mapping there that name files
     axes : keys, from one mapping to the next, at which it has an axis
-    local : whether what comes of a face or of a cell hangs on no other one
+    local : whether what comes of a face hangs on no other one; else on all that the entry has, see ``OnFaces.whole``
     """
 
     takes: ClassVar[Any]

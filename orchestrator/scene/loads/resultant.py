@@ -42,11 +42,13 @@ class Spread(Kind):
         moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
         if not len(where.triangles):
             return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
-        area, corners = areas(where.nodes, where.triangles), where.nodes[where.triangles[:, :3]]
+        own = where.nodes[where.triangles[:, :3]]
+        corners = own if where.whole is None else where.whole
+        area = areas(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
         centre = area @ corners.mean(axis=1) / area.sum()
         r = corners - centre
         second = np.einsum("k,ab,kax,kby->xy", area, TRIANGLE_MOMENTS[3], r, r)
         force, point = np.array(value.force), centre if value.about is None else np.array(value.about)
         turn = np.linalg.solve(np.trace(second) * np.eye(3) - second, np.array(value.moment) + np.cross(point - centre, force))
-        traction = force / area.sum() + np.cross(turn, r)
-        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", area, moments, traction)[None])
+        traction = force / area.sum() + np.cross(turn, own - centre)
+        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", areas(where.nodes, where.triangles), moments, traction)[None])

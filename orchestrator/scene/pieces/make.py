@@ -5,18 +5,20 @@ What is wrong is told by one process that makes the whole: where anything is, or
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import some, wrong
+from orchestrator.errors import Problems, some, wrong
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.boundary import faces_meant
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
@@ -38,8 +40,7 @@ def source_of(config: Config, team: Team = ALONE) -> Source | None:
     plain = not (config.bolts or config.tools or config.output.probes or config.refines or config.output.mesh_bound)
     told = all(e.tool is None and not (e.found or e.follows or LAWS[e.law].axial) for e in config.interfaces)
     codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
-    local = all(entry.kind.local for entry in (*config.boundary, *config.loads))
-    if not (plain and told and codes and local) or config.method.tolerance.error == "auto":
+    if not (plain and told and codes) or config.method.tolerance.error == "auto":
         return None
     return Boxes.of(config.mesh, config.subdomains) or dealt(config, team)
 
@@ -63,7 +64,8 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
         piece, nodes = made.pop().of_ten_nodes(extent.nodes, team)
         made, extent = [piece], replace(extent, nodes=nodes)
         del piece
-    local = None if made[0] is None else agreed(lambda: Local.of(config, made, mine), team)
+    surfaces = {} if made[0] is None else gathered(config, made[0], team)
+    local = None if made[0] is None else agreed(lambda: Local.of(config, made, mine, surfaces), team)
     if local is None:
         return None
     whole = Outline.joined(team.all_gather(local.outline))
@@ -87,17 +89,19 @@ class Local:
     outline: Outline
 
     @classmethod
-    def of(cls, config: Config, made: list[Piece], mine: np.ndarray) -> Local:
+    def of(cls, config: Config, made: list[Piece], mine: np.ndarray, surfaces: Mapping[int, np.ndarray]) -> Local:
         """Of some subdomains, ascending.
 
         made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
+        surfaces : as of ``Body``
         Raises InputError: whatever is wrong with it
         """
         present, number, cell_number = made[0].present, made[0].number, made[0].cell_number
 
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
             piece = made.pop()
-            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition)
+            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition,
+                        surfaces=surfaces)
 
         scene, own = build_scene(config, meshed=meshed), np.searchsorted(present, mine)
         if grounds := [entry.name for entry in scene.boundary if entry.ground]:
@@ -108,6 +112,19 @@ class Local:
         part = part_of(scene, own, None)
         part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
         return cls(part, present, Outline.of(scene, part, present, own))
+
+
+def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
+    """Corners (K, 3, 3) of all faces of each entry of ``boundary`` whose effect on one hangs on all, in the order of the whole mesh."""
+    found, here = {}, piece.partition.here
+    for k, entry in enumerate(config.boundary):
+        if not entry.kind.local:
+            chosen = faces_meant(piece.mesh, piece.faces, entry, ("boundary", k), Problems())  # told with the scene
+            triangles = piece.faces.triangles[chosen[here[piece.partition.subdomain[piece.faces.owner[chosen]]]], :3]
+            told = team.all_gather((np.sort(piece.number[triangles], axis=1), piece.mesh.nodes[triangles]))
+            numbers, corners = (np.concatenate(each) for each in zip(*told))
+            found[k] = corners[np.lexsort(numbers.T[::-1])]
+    return found
 
 
 def _of_use(laws: Laws, whole: Outline) -> bool:
