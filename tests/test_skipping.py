@@ -77,6 +77,10 @@ def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
     clouds += [cloud + random.standard_normal(3) for cloud in clouds]
     assert np.array_equal(congruence.first_congruent([0] * 600, clouds), np.tile(np.arange(300), 2))
     assert 300 <= len(compared) <= 310
+    compared.clear()  # one shape of matter that is never the same
+    matter = random.choice([1.0, 1000.0], size=(300, 40))
+    assert np.array_equal(congruence.first_congruent([0] * 600, [clouds[0]] * 600, lambda i: matter[i % 300]), np.tile(np.arange(300), 2))
+    assert 300 <= len(compared) <= 310
 
 
 @pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), late(METIS, 7)], ids=["slices", "cubes", "metis"])

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.config.method import Skip
 from orchestrator.errors import BlackBoxError
-from orchestrator.scene.congruence import equal, first_congruent
+from orchestrator.scene.congruence import first_congruent
 from orchestrator.timing import STAGES, Savings
 
 _COMPARED = ("name", "nodes", "region", "materials", "origin")  # by value or not at all; all else must be identical
@@ -35,8 +35,7 @@ def representatives(models: Sequence[Model], traits: Callable[[int], Traits]) ->
     """
     invariant = {code: traits(code).translation_invariant for code in {m.code for m in models}}
     keys = (_key(model) if invariant[model.code] else number for number, model in enumerate(models))
-    return first_congruent(keys, [model.nodes for model in models],
-                           lambda i, j: equal(*(m.materials[m.region] for m in (models[i], models[j]))))
+    return first_congruent(keys, [model.nodes for model in models], lambda i: models[i].materials[models[i].region])
 
 
 def _key(model: Model) -> Hashable:

@@ -15,15 +15,15 @@ NEAR = 1e-10
 
 
 def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
-                    same: Callable[[int, int], bool] = lambda i, j: True) -> np.ndarray:
+                    values: Callable[[int], np.ndarray] = lambda i: np.empty(0)) -> np.ndarray:
     """(things,) int, for each thing the first one that it equals but for a translation: itself if there is none before.
 
-    Only things whose points lie equally far apart, on the whole, are compared point by point: the work grows with
-    the number of things, whether all of them are alike or none.
+    Only things whose points lie equally far apart, on the whole, and whose numbers are as large, are compared one by one: the work
+    grows with the number of things, whether all of them are alike or none, be it in their matter.
 
     keys : what must be identical
     points : per thing (n, 3), see ``same_shapes``
-    same : (i, j) → whether things of equal keys and shapes are equal in all else
+    values : of a thing, its numbers that must agree as ``equal`` says; of the same shape where keys are equal
     """
     result = np.arange(len(points))
     alike: dict[Hashable, list[int]] = {}
@@ -31,19 +31,30 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
         alike.setdefault(key, []).append(index)
     sizes = _sizes(points)
     for members in (np.array(m) for m in alike.values() if len(m) > 1):
-        members = members[np.argsort(sizes[members], kind="stable")]
-        apart = np.diff(sizes[members]) > NEAR * sizes[members[1:]]
-        for cluster in np.split(members, np.flatnonzero(apart) + 1):
-            _assign(np.sort(cluster), points, same, result)
+        for near in _clusters(members, sizes[members]):
+            for cluster in _clusters(near, np.array([_amount(values(i)) for i in near.tolist()])):
+                _assign(np.sort(cluster), points, values, result)
     return result
 
 
-def _assign(members: np.ndarray, points: Sequence[np.ndarray], same: Callable[[int, int], bool], result: np.ndarray) -> None:
+def _clusters(members: np.ndarray, sizes: np.ndarray) -> list[np.ndarray]:
+    """Members (m,), apart where they are of different sizes (m,)."""
+    order = np.argsort(sizes, kind="stable")
+    members, sizes = members[order], sizes[order]
+    return np.split(members, np.flatnonzero(np.diff(sizes) > NEAR * sizes[1:]) + 1)
+
+
+def _amount(values: np.ndarray) -> float:
+    """A sum that differs where values do, or are in another order; where they are ``equal`` it hardly does."""
+    return float(np.abs(values).ravel() @ np.sqrt(np.arange(1.0, values.size + 1)))
+
+
+def _assign(members: np.ndarray, points: Sequence[np.ndarray], values: Callable[[int], np.ndarray], result: np.ndarray) -> None:
     """Give things that may be alike, ascending, the first one that each equals."""
     while len(members) > 1:
         first, others = members[0], members[1:]
         equals = same_shapes(points[first], [points[i] for i in others])
-        equals[equals] = [same(int(first), int(i)) for i in others[equals]]
+        equals[equals] = [equal(values(int(first)), values(int(i))) for i in others[equals]]
         result[others[equals]] = first
         members = others[~equals]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.scene.congruence import equal, first_congruent
+from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
 from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.model import Difficulty, Interface, Scene
@@ -60,11 +60,8 @@ def _first_alike(layers: Sequence[tuple[str, list[Facets]]]) -> list[int]:
     def key(kind: str, sides: list[Facets]) -> tuple:
         return kind, *((len(f.points), *(x.tobytes() for x in (f.triangles, f.young, f.poisson))) for f in sides)
 
-    def same(i: int, j: int) -> bool:
-        return all(equal(one.thickness, other.thickness) for one, other in zip(layers[i][1], layers[j][1]))
-
     return first_congruent((key(*layer) for layer in layers), [np.concatenate([f.points for f in sides]) for _, sides in layers],
-                           same).tolist()
+                           lambda i: np.concatenate([f.thickness for f in layers[i][1]])).tolist()
 
 
 def _elsewhere(pair: tuple[Sole, Sole], shift: np.ndarray) -> tuple[Sole, Sole]:
