@@ -75,6 +75,19 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
     assert np.array_equal(other.factors(values, 20.0).solve(right), alone)
 
 
+def test_what_is_not_worth_messages_rank_0s_cores_take(monkeypatch):
+    """Where it is worth them, all ranks have some."""
+    pattern = BlockPattern(*lattice(6), SIZE)
+    made = Elimination(pattern.indptr, pattern.indices, SIZE)
+    tree = made.layout.parent, np.array([ordering.operations(*front, SIZE) for front in made.fronts]), 2
+    monkeypatch.setattr(subtrees, "WORTH", 0.0)
+    alone, few = subtrees.side_by_side(*tree), subtrees.side_by_side(*tree, ranks=3)
+    assert len(alone.bounds) > 3 and all(np.array_equal(a, b) for a, b in zip(few[:2], alone[:2]))
+    assert not few.rank.any() and few.ranks.tolist() == [0, *3 * [len(alone.bounds) - 2]]
+    monkeypatch.setattr(subtrees, "WORTH_RANKS", 0.0)
+    assert set(subtrees.side_by_side(*tree, ranks=3).rank) == {0, 1, 2}
+
+
 def stretched(rng, pattern):
     """Values in whose last two rows bodies resist ten times as much, and a body, the last, that a millionth holds in the first."""
     values = rng.normal(scale=0.5, size=(len(pattern.indices), SIZE, SIZE))

@@ -56,7 +56,7 @@ class Elimination:
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
         each, parent = np.array([operations(*front, size) for front in self.fronts]), self.layout.parent
-        self.shared = side_by_side(parent, each, team.size * hands, team.size)
+        self.shared = side_by_side(parent, each, hands, team.size)
         rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
         tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))
         self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]

@@ -3,7 +3,8 @@
 Each subtree is one core's, those above all of them follow one after the other. What every front does is the same, whoever does it.
 Cut are the largest subtrees, as long as that shortens what the cores take together: at the top a few fronts have a fifth of all
 operations each, so that two cores take 0.66 of what one takes for a thousand bodies. Subtrees are dealt to ranks first, so that all
-have as much to do as can be, then to the cores of each.
+have as much to do as can be, then to the cores of each. Where that is not worth the messages, rank 0's cores take all of them: it may
+use those of ranks on its machine that wait for it.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: 
 
     parent : (F,) int, of each front, which comes later; −1: of none
     operations : (F,) of each
-    cores : of all ranks together
+    cores : of each rank
     """
     count = len(parent)
     whole, children = operations.astype(float), [[] for _ in range(count)]
@@ -61,19 +62,11 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: 
         if parent[f] >= 0:
             whole[parent[f]] += whole[f]
             children[parent[f]].append(f)
-    left = [(-whole[f], f) for f in np.flatnonzero(parent < 0)]
-    heapify(left)
-    total = float(operations.sum())
-    least, chosen, above = total - (WORTH if ranks == 1 else WORTH_RANKS), [], 0.0
-    while left and above < least:
-        took = above + max(-left[0][0], (total - above) / cores)
-        if took < least and cores > 1:
-            least, chosen = took, [f for _, f in sorted(left)]
-        _, largest = heappop(left)
-        above += float(operations[largest])
-        for f in children[largest]:
-            heappush(left, (-whole[f], f))
-    load, of = np.zeros(ranks), np.zeros(len(chosen), dtype=int)
+    tree, takers = (np.flatnonzero(parent < 0), children, operations, whole), ranks
+    chosen = _cut(*tree, ranks * cores, WORTH_RANKS) if ranks > 1 else []
+    if not chosen:
+        chosen, takers = _cut(*tree, cores, WORTH), 1
+    load, of = np.zeros(takers), np.zeros(len(chosen), dtype=int)
     for i, f in enumerate(chosen):  # the largest first
         of[i] = np.argmin(load)
         load[of[i]] += whole[f]
@@ -85,3 +78,23 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: 
             label[f] = label[parent[f]]
     bounds = np.array([0, *accumulate(np.bincount(label, minlength=len(chosen) + 1))])
     return SideBySide(np.argsort(label, kind="stable"), bounds, np.searchsorted(np.sort(of), np.arange(ranks + 1)))
+
+
+def _cut(roots: np.ndarray, children: list[list[int]], operations: np.ndarray, whole: np.ndarray, cores: int, worth: float) -> list[int]:
+    """Subtrees to be eliminated side by side, the largest first; none where that saves less than ``worth`` operations.
+
+    roots, children : of the tree; operations, whole : of each front, and of its subtree
+    """
+    left = [(-whole[f], f) for f in roots]
+    heapify(left)
+    total = float(operations.sum())
+    least, chosen, above = total - worth, [], 0.0
+    while left and above < least:
+        took = above + max(-left[0][0], (total - above) / cores)
+        if took < least and cores > 1:
+            least, chosen = took, [f for _, f in sorted(left)]
+        _, largest = heappop(left)
+        above += float(operations[largest])
+        for f in children[largest]:
+            heappush(left, (-whole[f], f))
+    return chosen

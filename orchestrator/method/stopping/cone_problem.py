@@ -133,10 +133,10 @@ class Motion:
 def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarray) -> Motion | None:
     """The motion that shows that loads are too large; None where forces balance them, or where the solver finds neither.
 
+    reach : of all points; ``Reach.extremes`` of them are enough
     loads, before : (bodies, 6) forces, and moments over sizes, in the motions of J; those that are balanced at the most before
     noise : (bodies,) force that rounding leaves
     """
-    reach = reach.extremes()
     moves = np.stack([np.abs(reach.J[:, :, RIGID * k: RIGID * (k + 1)]).any(axis=(1, 2)) for k in range(2)], axis=1)
     floats = loads.any(axis=1)
     floats[reach.ends[moves]] = True
@@ -157,12 +157,11 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
 
 def unresisted(reach: Reach, bodies: int) -> np.ndarray | None:
     """(bodies, 6) how bodies move, the farthest by 1, with what supports prescribe; None where some force resists that, or where the
-    solver finds neither. Where points carry something of their own, glue or a bolt's force, they resist."""
+    solver finds neither. Where points carry something of their own, glue or a bolt's force, they resist. ``reach`` as for ``failing``."""
     largest = np.abs(reach.J[..., -1]).max(initial=0.0)
     if not largest or reach.works.any() or (np.isfinite(reach.limit) & (reach.limit > 0)).any():
         return None
     reach.J[..., -1] /= largest
-    reach = reach.extremes()
     reach = reach.some(reach.J.any(axis=(1, 2)) & ((reach.side != 0) | (reach.limit > 0)))
     own = np.unique(np.concatenate([reach.ends[reach.J[..., RIGID * k: RIGID * (k + 1)].any(axis=(1, 2)), k] for k in range(2)]))
     if not len(own):

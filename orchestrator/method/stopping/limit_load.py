@@ -138,7 +138,7 @@ class LimitLoads:
         pairs : those that are not perfect, as they meet now; before : what the load steps before have left
         state : forces and jumps (3, P) whose friction and whose gaps count; None: any pressure, and no gap
         """
-        parts, found = self.team.gather(self.reach(pairs, before, number, state)), None
+        parts, found = self.team.gather(self.reach(pairs, before, number, state).extremes()), None
         if parts is not None:
             loads, whole = self._at(number), math.ceil(number)
             earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
@@ -157,9 +157,10 @@ class LimitLoads:
         strained, most, acts = self.team.max(d.loading.strained[t], np.abs(moved).max(initial=0.0), np.abs(self._at(number)).max(initial=0.0))
         if acts or strained > RIGIDLY * most:
             return None
-        given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine]
+        given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine] / (most or 1.0)
         reach = self.reach(local.pairs, local.before, number)
-        parts, found = self.team.gather(replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2))), None
+        reach = replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2)).extremes()
+        parts, found = self.team.gather(reach), None
         if parts is not None:
             found = unresisted(Reach.joined(parts), self.bodies.count)
         found = self.team.share(found)
