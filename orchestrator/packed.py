@@ -1,12 +1,22 @@
-"""Files .npz whose damage is found wherever it is."""
+"""Files .npz that are written whole or not at all, and whose damage is found wherever it is."""
 
 from __future__ import annotations
 
 import io
 import os
 import zipfile
+from pathlib import Path
 
 import numpy as np
+
+
+def write_arrays(path: Path, **arrays: object) -> None:
+    """An .npz file, packed, in a folder that is made where it is not there; whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{path.name}")
+    with unfinished.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    os.replace(unfinished, path)
 
 
 def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:

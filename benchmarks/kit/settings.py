@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
@@ -18,6 +18,14 @@ class Keys(BaseModel):
     """What may be set of a study, as fields; other keys are refused."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class RandomScenes(Keys):
+    """What to draw, and who solves it."""
+
+    scenes: PositiveInt = Field(60, description="random scenes")
+    first: int = Field(1, ge=0, description="number of the first one; scenes are drawn from their numbers")
+    code: str = Field("freefem", description="the code that solves the bodies")
 
 
 def arguments(name: str, function: Callable[..., None], overrides: Sequence[str], resume: bool) -> dict[str, Any]:

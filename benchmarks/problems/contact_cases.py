@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.kit.meshes import session
 
 sys.path.append(str(Path(__file__).parents[2] / "meshes"))
-from hertz import LENGTH, RADIUS, cylinder_on_block, write  # noqa: E402
+from hertz import LENGTH, cylinder_on_block, write  # noqa: E402
 
 YOUNG, POISSON, FRICTION = 200e3, 0.3, 0.3
 PRESS, PUSH, LOADS = 0.002, 7e-4, 4

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import Field, PositiveInt
 
 from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, RED, between_lines, level, panels
-from benchmarks.kit.settings import Keys
+from benchmarks.kit.settings import RandomScenes
 from benchmarks.kit.study import Study
 from benchmarks.kit.truth import NOISE, Truth, nearest, solved_in
 from benchmarks.problems.cases import with_method
@@ -34,14 +34,12 @@ CLAIMS = {"guaranteed": (BLUE, "o"), "guaranteed with friction": (GREEN, "s"), "
 Rows = Sequence[Mapping[str, Any]]
 
 
-class Settings(Keys):
+class Settings(RandomScenes):
     """What to draw, and who solves it."""
 
     scenes: PositiveInt = Field(200, description="random scenes, each with an error that is asked for")
-    first: int = Field(1, ge=0, description="number of the first one; scenes are drawn from their numbers")
     held: int = Field(40, ge=0, description="pairs of held blocks with little friction, one load step each")
     asked: list[float] = Field([], description="errors to ask for, scene after scene in turn; none: one drawn with each")
-    code: str = Field("freefem", description="the code that solves the bodies")
     follow: bool = Field(True, description="whether one scene is followed over its iterations")
 
 

@@ -14,10 +14,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import Field, PositiveInt
 
 from benchmarks.kit.drawing import BLUE, ORANGE, panels
-from benchmarks.kit.settings import Keys
+from benchmarks.kit.settings import RandomScenes
 from benchmarks.kit.study import Study
 from benchmarks.kit.truth import EXACT, solved_in
 from benchmarks.monolithic import Monolithic
@@ -36,15 +35,7 @@ KINDS = ("displacement", "stress", "reaction", "force", "section", "resultant", 
 LIKE = {"section": "reaction", "resultant": "reaction"}  # kinds of which all may be none, and whose largest value is theirs
 
 
-class Settings(Keys):
-    """What to draw, and who solves it."""
-
-    scenes: PositiveInt = Field(60, description="random scenes")
-    first: int = Field(1, ge=0, description="number of the first one; scenes are drawn from their numbers")
-    code: str = Field("freefem", description="the code that solves the bodies")
-
-
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
+def run(study: Study, settings: RandomScenes = RandomScenes(), resume: bool = False) -> None:
     """All scenes.
 
     Parameters

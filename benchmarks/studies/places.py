@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import Field, PositiveInt
 
 from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels
-from benchmarks.kit.settings import Keys
+from benchmarks.kit.settings import RandomScenes
 from benchmarks.kit.study import Study
 from benchmarks.kit.truth import nearest, solved_in
 from benchmarks.problems.cases import with_method
@@ -26,15 +25,7 @@ COUNTS = 1e-2  # of the tolerance: how far a body has to be off to count
 CRITERIA = ("error", "law")
 
 
-class Settings(Keys):
-    """What to draw, and who solves it."""
-
-    scenes: PositiveInt = Field(60, description="random scenes")
-    first: int = Field(1, ge=0, description="number of the first one; scenes are drawn from their numbers")
-    code: str = Field("freefem", description="the code that solves the bodies")
-
-
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
+def run(study: Study, settings: RandomScenes = RandomScenes(), resume: bool = False) -> None:
     """All scenes, by both criteria.
 
     Parameters

@@ -8,14 +8,13 @@ import shutil
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
 
 from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Maps
 from orchestrator.errors import some
-from orchestrator.packed import read_arrays
+from orchestrator.packed import read_arrays, write_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
@@ -102,12 +101,7 @@ class Passes:
         before = self.before and {name: value for name, value in vars(self.before).items() if name != SOLVED}
         told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "before": before,
                 **{name: getattr(self, name) for name in PLAIN}}
-        path = folder / NAME
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_name(f".{path.name}")
-        with unfinished.open("wb") as file:
-            np.savez_compressed(file, told=json.dumps(told), **arrays)
-        os.replace(unfinished, path)
+        write_arrays(folder / NAME, told=json.dumps(told), **arrays)
 
     @classmethod
     def read(cls, folder: Path) -> Passes:

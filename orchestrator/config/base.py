@@ -221,6 +221,18 @@ class Rotate(Part):
     about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
 
 
+class Frame(Part):
+    """Cylindrical directions about an axis: radial, tangential and axial, right-handed."""
+
+    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
+    at: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
+
+    @property
+    def direction(self) -> list[float]:
+        """The axis's direction, of length one."""
+        return unit(self.axis)
+
+
 def no_direction(path: KeyPath, axis: Any) -> Iterator[Problem]:
     """The problem of a raw axis of no length."""
     if isinstance(axis, list) and not any(axis):

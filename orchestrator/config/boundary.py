@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Strict, create_model
 
-from orchestrator.config.base import Axis, ByName, Made, Name, Names, Part, Positive, Vector, auto_or, either, unit
+from orchestrator.config.base import Axis, ByName, Frame, Made, Name, Names, Part, Positive, Vector, auto_or, either
 from orchestrator.config.tools import Tool
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
@@ -123,18 +123,6 @@ class Place(Part):
 
 Where = either(Place, Name, lambda value: isinstance(value, (dict, Place)),
                "the name of a surface group, {plane: x, at: 0}, or {box: [[0, 0, 0], [1, 1, 1]]}")
-
-
-class Frame(Part):
-    """Cylindrical directions about an axis: radial, tangential and axial, right-handed."""
-
-    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
-    at: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
-
-    @property
-    def direction(self) -> list[float]:
-        """The axis's direction, of length one."""
-        return unit(self.axis)
 
 
 class Acting(Part):

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
-from orchestrator.config.base import Axis, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
+from orchestrator.config.base import Axis, Frame, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
 from orchestrator.config.paths import accuracies, find, free_at_times, rows_of
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, TOOL_LAW
@@ -41,18 +41,11 @@ class Sphere(Part):
     hollow: bool = Field(False, description="true: the part is inside, and the tool all around")
 
 
-class Cylinder(Part):
+class Cylinder(Frame):
     """A cylinder without ends, or a bore."""
 
-    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
-    at: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
     radius: Positive = Field(description="its radius")
     hollow: bool = Field(False, description="true: the part is inside, and the tool all around")
-
-    @property
-    def direction(self) -> list[float]:
-        """The axis's direction, of length one."""
-        return unit(self.axis)
 
 
 class Tool(Part):

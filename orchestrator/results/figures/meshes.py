@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.packed import read_arrays
+from orchestrator.packed import read_arrays, write_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import COLOURS, GREY, new_figure, tidy
 from orchestrator.results.figures.sheet import Scale, Sheet
@@ -31,12 +30,7 @@ def keep_first(folder: Path, nodes: np.ndarray, cells: np.ndarray, error: np.nda
 
     nodes : (n, 3); cells : (m, 4 or 10) int; error : (m,) of each
     """
-    path = folder / FIRST
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}")
-    with unfinished.open("wb") as file:
-        np.savez_compressed(file, nodes=nodes, cells=cells[:, :4], error=error)
-    os.replace(unfinished, path)
+    write_arrays(folder / FIRST, nodes=nodes, cells=cells[:, :4], error=error)
 
 
 def forget_first(folder: Path) -> None:

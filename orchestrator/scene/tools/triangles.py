@@ -116,13 +116,10 @@ def _check_closed(file: str, points: np.ndarray, triangles: np.ndarray, path: Ke
     def refused(found: str, cure: str) -> InputError:
         return wrong(path, f"{file}: {found}", "a closed surface of triangles that look outward, each edge of two of them", cure)
 
-    if len(open_):
-        where = format_point(points[both[open_[0]]].mean(axis=0))
-        raise refused(f"a surface that is not closed: {len(open_)} edges do not belong to two triangles, the first at {where}",
-                      "close it, or export the whole body")
-    if len(turned):
-        where = format_point(points[both[turned[0]]].mean(axis=0))
-        raise refused(f"triangles that are turned against their neighbours, at {len(turned)} edges, the first at {where}",
-                      "turn triangles alike before exporting")
+    for edges, what, cure in (
+            (open_, "a surface that is not closed: {} edges do not belong to two triangles", "close it, or export the whole body"),
+            (turned, "triangles that are turned against their neighbours, at {} edges", "turn triangles alike before exporting")):
+        if len(edges):
+            raise refused(f"{what.format(len(edges))}, the first at {format_point(points[both[edges[0]]].mean(axis=0))}", cure)
     if np.einsum("kc,kc->", area_vectors(points, triangles), points[triangles].mean(axis=1) - points.mean(axis=0)) < 0:
         raise refused("a surface that is turned inside out", "turn its triangles round before exporting")
