@@ -9,7 +9,8 @@ import scipy.sparse as sp
 
 from orchestrator.errors import Refusal
 from orchestrator.method.interface import cholmod, factor
-from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection, semidefinite_solver
+from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, semidefinite_solver
+from orchestrator.superlu import dissection
 from orchestrator.method.linear.macro import Macro
 from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern

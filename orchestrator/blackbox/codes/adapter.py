@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox.protocol import Model
+from orchestrator.superlu import symmetric_lu
 
 
 class Adapter:
@@ -44,8 +44,7 @@ class Adapter:
     def prepare(self, model: Any, stiffness: sp.csr_array) -> Any:
         """Clamp and factorise, once per model; whatever is returned comes back in ``solve``."""
         free = np.flatnonzero(~model.fixed)
-        held = sp.csc_array(stiffness[free][:, free])
-        return free, spla.splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return free, symmetric_lu(stiffness[free][:, free])
 
     def solve(self, prepared: Any, forces: np.ndarray) -> np.ndarray:
         """(rhs, 3n) nodal forces to (rhs, 3n) nodal displacements, zero where clamped."""

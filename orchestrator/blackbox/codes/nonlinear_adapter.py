@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox.codes.adapter import Adapter
+from orchestrator.superlu import symmetric_lu
 
 # Relative, of the forces: Newton's method ends below it, or at rounding where it gets no further and is below ENOUGH. What
 # is left must be far below the residual of the coupling.
@@ -125,8 +125,7 @@ class _Body:
         """A step along the tangent, halved until what is unbalanced falls in the norm of the elastic compliance; where none
         does, as when flow is reversed, an elastic one: matter that hardens never resists more. None: at rounding."""
         free, unbalanced = self.free, (given - at.needed)[self.free]
-        factor = spla.splu(sp.csc_array(at.tangent[free][:, free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                           options={"SymmetricMode": True})
+        factor = symmetric_lu(at.tangent[free][:, free])
         elastic = self.elastic[1].solve(unbalanced)
         size = unbalanced @ elastic
         for change, halvings in ((factor.solve(unbalanced), HALVINGS), (elastic, 1)):

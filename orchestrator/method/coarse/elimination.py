@@ -22,8 +22,8 @@ from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout
 from orchestrator.method.coarse.ordering import grouped, operations
 from orchestrator.method.coarse.subtrees import side_by_side
-from orchestrator.method.interface.factor import dissection
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.superlu import dissection
 
 WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
 

@@ -14,9 +14,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.method.interface import cholmod
-from orchestrator.optional import absent, Late
+from orchestrator.optional import absent
+from orchestrator.superlu import dissection, symmetric_lu
 
-pymetis = Late("pymetis")
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
 ORDERED = 2000
 # Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave; sound ones leave some 1e-16, however
@@ -52,12 +52,11 @@ def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
 
 def by_superlu(lower: sp.csc_array) -> Solve:
     """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is singular."""
-    symmetric = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     columns = whole(lower)
     if columns.shape[0] < ORDERED or absent("pymetis"):
-        return sla.splu(columns, permc_spec="MMD_AT_PLUS_A", **symmetric).solve
+        return symmetric_lu(columns).solve
     order = dissection(columns)
-    lu = sla.splu(sp.csc_array(columns[order][:, order]), permc_spec="NATURAL", **symmetric)
+    lu = symmetric_lu(columns[order][:, order], "NATURAL")
     back = np.argsort(order)
     return lambda right: lu.solve(right[order])[back]
 
@@ -74,17 +73,6 @@ def sound(lower: sp.csc_array, solve: Solve) -> bool:
     found = solve(right)
     left = lower @ found + lower.T @ found - diagonal * found - right
     return bool(np.abs(left).max() <= BACKWARD * (np.abs(diagonal).max() * np.abs(found).max() + 1.0))
-
-
-def dissection(matrix: sp.sparray) -> np.ndarray:
-    """(n,) int, a nested dissection of a symmetric pattern: an elimination order of little fill."""
-    pattern = sp.coo_array(matrix)
-    row, column = pattern.coords
-    off = row != column
-    graph = sp.csr_array((np.ones(off.sum(), np.int8), (row[off], column[off])), shape=pattern.shape)
-    if not graph.nnz:
-        return np.arange(graph.shape[0])
-    return np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
 
 
 SHIFT = 1e-13  # of the diagonal
@@ -122,5 +110,5 @@ def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
     shifted = sp.tril(matrix + sp.diags_array(rounding * np.where(scale > rounding * largest, scale, largest or 1.0)), format="csc")
     if by_cholesky(shifted) is not None:
         return True
-    lu = sla.splu(whole(shifted), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    lu = symmetric_lu(whole(shifted))
     return bool(np.array_equal(lu.perm_r, lu.perm_c) and (lu.U.diagonal() > 0).all())

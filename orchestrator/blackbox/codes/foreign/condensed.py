@@ -16,15 +16,13 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.optional import Late
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
+from orchestrator.superlu import dissection, symmetric_lu
 
-pymetis = Late("pymetis")
 # A pivot below this share of its diagonal entry is rounding: what is eliminated there can move by itself.
 PIVOT = 1e-12
 # Share of the diagonal that makes a pivot other than zero, where one is: rounding.
@@ -48,14 +46,14 @@ class Elimination:
         if not (diagonal[inside] > 0).all():
             raise ZeroDivisionError
         shift = np.full(len(last), max(diagonal.max(), np.finfo(float).tiny))
-        self.order, self.count = np.concatenate([inside[_dissected(K, inside)], last]), len(inside)
+        self.order, self.count = np.concatenate([inside[dissection(K[inside][:, inside])], last]), len(inside)
         held = sp.csc_array(K[self.order][:, self.order] + sp.diags_array(np.r_[np.zeros(len(inside)), shift]))
         try:
-            self.factor = _factorised(held)
+            self.factor = symmetric_lu(held, "NATURAL")
         except RuntimeError as error:  # a pivot is exactly zero
             if not loose:
                 raise ZeroDivisionError from error
-            self.factor = _factorised(held + sp.diags_array(LEAST * held.diagonal()))
+            self.factor = symmetric_lu(held + sp.diags_array(LEAST * held.diagonal()), "NATURAL")
         rows, columns = (place[self.count :] for place in (self.factor.perm_r, self.factor.perm_c))
         L, U = (sp.csr_array(x) for x in (self.factor.L, self.factor.U))
         place = self.factor.perm_c[: self.count]
@@ -83,20 +81,6 @@ class Elimination:
         moved = np.empty((n, j))
         moved[self.order] = self.factor.solve(unit)
         return moved
-
-
-def _factorised(held: sp.sparray) -> spla.SuperLU:
-    return spla.splu(sp.csc_array(held), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def _dissected(K: sp.csr_array, inside: np.ndarray) -> np.ndarray:
-    """An order of the dofs ``inside`` in which eliminating them fills little."""
-    graph = sp.coo_array(K[inside][:, inside])
-    apart = graph.row != graph.col
-    graph = sp.csr_array((np.ones(apart.sum()), (graph.row[apart], graph.col[apart])), shape=graph.shape)
-    if not graph.nnz:
-        return np.arange(len(inside))
-    return np.asarray(pymetis.nested_dissection(pymetis.CSRAdjacency(graph.indptr, graph.indices))[0])
 
 
 # Relative. What two halves of a symmetric matrix may differ by: six digits, rounded apart.
