@@ -131,7 +131,7 @@ class CoarseCorrection:
         L = pairs.masked(np.concatenate(pairs.responses(*self.everywhere)))
         fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
-                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts], self.anew,
+                             [self.response.W[:, part].T for part in self.parts], self.anew,
                              self.half if self.response is self.usual else 0)
 
     def start_from(self, local: LawStage) -> None:

@@ -61,8 +61,10 @@ class Responses:
         """Both, orthonormal."""
         U, V = np.vstack([self.U, other.U]), np.vstack([self.V, other.V])
         R = np.array([orthonormal(gram) for gram in per_body(self.space, U, V)]).reshape(-1, len(U), len(U))
-        W, F, u = (np.vstack(each) for each in ((self.W, other.W), (self.F, other.F), (self.u, other.u)))
-        return Responses(self.space, *(combined(x, R, self.space.parts) for x in (U, V, W, F)), combined(u, R, self.space.boundary))
+        del U, V  # one after the other: fields of many points of their own are most of what a rank holds
+        traces = (combined(np.vstack(each), R, self.space.parts) for each in (
+            (self.U, other.U), (self.V, other.V), (self.W, other.W), (self.F, other.F)))
+        return Responses(self.space, *traces, combined(np.vstack((self.u, other.u)), R, self.space.boundary))
 
 
 def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:

@@ -33,15 +33,15 @@ class Ending(Monitor):
     def __init__(self) -> None:
         self.reach = 0.0  # largest interface displacement of the first stage that moved, or of what laws ask for
         self.residuals: list[float] = []
-        self.problem, self.runaway = None, RUNAWAY
+        self.pairs, self.runaway = None, RUNAWAY
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, residual, moved = now.verdict, now.measures.residual, now.measures.moved
         if verdict.reason:
             return Verdict()
-        if now.problem is not self.problem:  # its springs may have become weaker
-            self.problem, loose = now.problem, not now.problem.all_perfect
-            self.runaway = max(RUNAWAY, LOOSE / now.problem.local.pairs.weakest(now.problem.space.team) if loose else 0.0)
+        if not now.problem.all_perfect and now.problem.local.pairs is not self.pairs:  # springs may have become weaker
+            self.pairs = now.problem.local.pairs  # a whole problem would outlive the one that replaces it
+            self.runaway = max(RUNAWAY, LOOSE / self.pairs.weakest(now.problem.space.team))
         self.reach = self.reach or (max(moved, self.asked(now.problem)) if moved > 0 else 0.0)
         self.residuals.append(residual)
         if verdict.anew:  # of another fixed point from here on
