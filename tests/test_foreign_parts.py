@@ -22,7 +22,7 @@ from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.foreign.deck import period
+from orchestrator.scene.foreign.deck_cards import period
 from orchestrator.scene.foreign.flat import of_plane
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.mesh.geometry import area_vectors

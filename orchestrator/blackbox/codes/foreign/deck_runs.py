@@ -17,7 +17,8 @@ from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
 from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
-from orchestrator.scene.foreign.deck import Deck, files_of, headings, period, runs_on
+from orchestrator.scene.foreign.deck import Deck
+from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.processes import waited_for
 
