@@ -78,6 +78,11 @@ def elements(kind, cells, at=(0, 0, 0), turned=False, size=SIZE):
     return nodes * np.array(size) / (2 * np.array(cells)) + np.array(at), place.reshape(len(first), -1)
 
 
+def numbered(nodes):
+    """Lines of *NODE for nodes (n, 3)."""
+    return "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(nodes.tolist(), 1))
+
+
 def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0),
                turned=False,
                size=SIZE):
@@ -89,7 +94,7 @@ def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, c
     """
     x, cells = elements(kind, cells, at, turned, size)
     rows = np.column_stack([np.arange(1, len(cells) + 1), 1 + cells]).tolist()
-    text = "*NODE,NSET=NALL\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1))
+    text = "*NODE,NSET=NALL\n" + numbered(x)
     text += f"*ELEMENT,TYPE={kind},ELSET=EALL\n"
     for row in rows:
         text += ",\n".join(",".join(map(str, row[i : i + 12])) for i in range(0, len(row), 12)) + "\n"

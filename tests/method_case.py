@@ -1,11 +1,13 @@
 """Small problems for the whole chain: configurations, meshes with parts, and solutions, in process unless told otherwise."""
 
+from contextlib import contextmanager
 from pathlib import Path
 
 import meshio
 import numpy as np
 from in_process import IN_PROCESS
 
+from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition
@@ -48,6 +50,15 @@ def solved(reference=True, **changes) -> Solution:
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
     return prepare(Part.of(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
+
+
+@contextmanager
+def naked_beside(made: Config):
+    """A configuration's scene, its black box, ready to iterate, and the stiffness (3n, 3n) of every subdomain without soles."""
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        yield scene, blackbox, prepared(made, scene, blackbox), blackbox.stiffness(
+            [extended_model(scene, s, [], []) for s in scene.subdomains])
 
 
 def decomposed(made: Config) -> Decomposition:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from foreign_case import HEAT, SIZE, STEEL, elements, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
+from foreign_case import HEAT, SIZE, STEEL, elements, more_inside, numbered, restart_displacements, stiffness, tets, write_deck, write_matrix
 from in_process import IN_PROCESS
 from quick import late
 
@@ -375,7 +375,7 @@ def test_other_faces_between_the_same_nodes(tmp_path, faces, matching):
 def test_a_deck_rubs(tmp_path):
     """Four load steps with reversal, on a slab of another mesh: as the same block in our own mesh."""
     x, t = tets((2, 2, 2), (0.5, 0.5, 1), (1, 1, 1))
-    text = "*NODE\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1)) + "*ELEMENT,TYPE=C3D4,ELSET=EALL\n"
+    text = "*NODE\n" + numbered(x) + "*ELEMENT,TYPE=C3D4,ELSET=EALL\n"
     text += "".join(",".join(map(str, row)) + "\n" for row in np.c_[np.arange(len(t)), t] + 1)
     text += "*NSET,NSET=SOLE\n" + "".join(f"{i},\n" for i in 1 + np.flatnonzero(x[:, 2] == 1))
     (tmp_path / "part.inp").write_text(text + "*MATERIAL,NAME=M\n*ELASTIC\n1e5,.3\n*SOLID SECTION,ELSET=EALL,MATERIAL=M\n")

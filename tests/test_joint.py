@@ -24,6 +24,14 @@ def section(**keys):
     return Section.model_validate(keys)
 
 
+def drilled_plates():
+    """Two plates of 6, one on the other, with a hole of radius 4.5; gmsh's modeller."""
+    occ = gmsh.model.occ
+    for z in (0, 6):
+        occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
+    return occ
+
+
 def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("init", "joint.yaml", *lap_joint(tmp_path, shift=0.1))
@@ -64,9 +72,7 @@ def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
 def test_a_thread_drawn_by_its_core_is_told(tmp_path):
     """A nut whose hole is narrower than the shank: no press fit, and parts inside each other."""
     with session():
-        occ = gmsh.model.occ
-        for z in (0, 6):
-            occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
+        occ = drilled_plates()
         occ.fuse([(3, occ.addCylinder(10, 10, -5, 0, 0, 17, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])
         occ.cut([(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 7))], [(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 3.4))])
         occ.synchronize()
@@ -140,9 +146,7 @@ def test_faces_of_a_part_on_a_plane():
 def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
     """A bolt whose middle is where two plates meet is cut amid one of them; its shank has no pair across the gap."""
     with session():
-        occ = gmsh.model.occ
-        for z in (0, 6):
-            occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
+        occ = drilled_plates()
         shank = occ.fuse([(3, occ.addCylinder(10, 10, 0, 0, 0, 12, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])[0]
         occ.fuse(shank, [(3, occ.addCylinder(10, 10, -4, 0, 0, 4, 7))])
         occ.synchronize()

@@ -6,7 +6,7 @@ from copy import copy
 import numpy as np
 import pytest
 from contact_case import CASES, contact
-from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, prepared, solved
+from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, naked_beside, prepared, solved
 from quick import late, quick, quick_sets
 
 from orchestrator.blackbox.models.extended import extended_model
@@ -162,10 +162,7 @@ def whole_fields(d, blackbox, s, fields):
 def test_subdomains_are_in_equilibrium_after_every_stage():
     """K_E u_E = f_d + Nᵀf on all free dofs, eq. 13, for a state far from convergence."""
     made = config(**METIS, **BENT)
-    scene = build_scene(made)
-    with box_of(made) as blackbox:
-        d = prepared(made, scene, blackbox)
-        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+    with naked_beside(made) as (scene, blackbox, d, naked):
         s = np.random.default_rng(1).standard_normal((1, d.space.size))
         fields = d.stage(s)
         u = whole_fields(d, blackbox, s, fields)
@@ -345,10 +342,7 @@ def test_dual_energy(mesh, kind, ratio):
     """b² = hᵀS⁺h from a few steps of conjugate gradients: not below the exact value, at most 10 % above. What is known to be
     too large is left early, and is smaller than the bound."""
     made = config(**MESHES[mesh], **method(sole={"kind": kind, "modulus_ratio": ratio}, max_iterations=4))
-    scene = build_scene(made)
-    with box_of(made) as blackbox:
-        d = prepared(made, scene, blackbox)
-        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+    with naked_beside(made) as (scene, blackbox, d, naked):
         fields = iterate(d, made.method, (), Stopwatch()).fields
         s = fields.f
         balanced = 0.5 * (s - d.space.across(s))
@@ -404,10 +398,7 @@ def test_bodies_that_count_no_longer_are_not_asked_again(guaranteed):
 def test_the_bound_is_the_hypotenuse_of_prager_and_synge():
     """a² + b² − 2 δᵀδf is ‖u_D − û‖², subdomain by subdomain from K⁺; ‖u_D‖² is that of the fields; what is given with them counts."""
     made = config(**METIS, boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [[10.0, 1.0, -2.0], [0.0, 3.0, 4.0]]}])
-    scene = build_scene(made)
-    with box_of(made) as blackbox:
-        d = prepared(made, scene, blackbox)
-        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+    with naked_beside(made) as (scene, blackbox, d, naked):
         s = np.zeros((2, d.space.size))
         for _ in range(10):
             fields = d.stage(s)

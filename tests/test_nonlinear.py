@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from foreign_case import elements, restart_displacements, tets, write_deck
+from foreign_case import elements, numbered, restart_displacements, tets, write_deck
 from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
 from quick import late
@@ -242,7 +242,7 @@ def of_one_run(folder):
     parts = [elements("C3D8", (2, 1, 1)), tets((2, 1, 1), at=(2, 0, 0)), elements("C3D8", (2, 1, 1), at=(4, 0, 0))]
     _, first, place = np.unique(np.vstack([x for x, _ in parts]), axis=0, return_index=True, return_inverse=True)
     x = np.vstack([x for x, _ in parts])[first]
-    text, start, number = "*NODE,NSET=NALL\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1)), 0, 0
+    text, start, number = "*NODE,NSET=NALL\n" + numbered(x), 0, 0
     for (own, cells), kind in zip(parts, ("C3D8", "C3D4", "C3D8")):
         text += f"*ELEMENT,TYPE={kind},ELSET=EALL\n"
         for row in (1 + place[start + cells]).tolist():

@@ -9,12 +9,11 @@ import scipy.sparse.linalg as spla
 from blackbox_case import box, chain, difference, settings
 from contact_case import BOTTOM, TOP, contact, contacts, converged, monolithic, two_boxes, written
 from in_process import FREEFEM
-from method_case import CLAMP, CUBES, METIS, box_of, close, config, irregular, method, prepared, saved, solved
+from method_case import CLAMP, CUBES, METIS, close, config, irregular, method, naked_beside, saved, solved
 from quadratic_case import assemble_ten, with_middles
 from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 from quick import late, quick
 
-from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.pictures import deformed
@@ -99,10 +98,7 @@ def test_freefem_answers_in_our_numbering(transport):
 def test_what_is_factorised_is_the_sum(tmp_path, kind):
     """The extended subdomains' answers satisfy (K_E + Σ NᵀkN) u = f to rounding."""
     made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 7}, **P2, **method({"kind": kind}))
-    scene = build_scene(made)
-    with box_of(made) as blackbox:
-        d = prepared(made, scene, blackbox)
-        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+    with naked_beside(made) as (scene, blackbox, d, naked):
         rng, forces = np.random.default_rng(0), {}
         for s, count in zip(scene.subdomains, d.made.node_counts):
             forces[s.index] = np.zeros((1, 3 * count))
