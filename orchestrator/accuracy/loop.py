@@ -113,7 +113,7 @@ class _Refinement:
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
             set_aside(folder)
-            self.passes = replace(self.passes, **vars(self.plan), tolerance=0.0 if self.given else self.tolerance.error)
+            self.passes = replace(self.passes, mesh=self.plan, tolerance=0.0 if self.given else self.tolerance.error)
             self.passes.write(self.path)
             self._told(folder, BETWEEN)  # until the next mesh is there these are the results
 
@@ -136,7 +136,7 @@ class _Refinement:
 
     def _means(self) -> one.Means:
         sizes: dict[int, dict] = {}
-        for (part, name), one_map in self.passes.maps.items():
+        for (part, name), one_map in self.passes.mesh.maps.items():
             sizes.setdefault(part, {})[name] = one_map
         meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
         return replace(self.means, meshed=meshed, judge=self._judged, artist=None,
@@ -156,10 +156,10 @@ class _Refinement:
         measurable = now is not None and (now.potential is not None or self.mesher is None)  # halved tets are within those before
         energy, *quantities = criteria(solution, found, share, measurable, self.asked.error)
         every = [one for one in (energy, *quantities) if one.asked]
-        bound, known = energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
+        made, bound, known = self.passes.mesh, energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
-                                     time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], self.passes.refined, self.passes.kept,
-                                     self.passes.had, share, known, peak_of(solution), answers(summary)))
+                                     time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], made.refined, made.kept, made.had,
+                                     share, known, peak_of(solution), answers(summary)))
         if grows := growth([done.peak for done in self.passes.done]):
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:
@@ -213,9 +213,10 @@ class _Refinement:
         if count < least_count:
             self.why = short
             return
-        followed = len(mesh.cells) / self.passes.elements if self.passes.elements else 1.0  # how the mesher has followed the last sizes
+        made = self.passes.mesh
+        followed = len(mesh.cells) / made.elements if made.elements else 1.0  # how the mesher has followed the last sizes
         count = min(max(count / followed, least_count), limit.elements / followed)
-        plan = wanted(self.config, mesh, together(every, self.follows), count, self.passes.maps, least)
+        plan = wanted(self.config, mesh, together(every, self.follows), count, made.maps, least)
         if plan.refined:
             self.plan = plan
             self._tighten(every)

@@ -12,7 +12,7 @@ from pathlib import Path
 from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak
-from orchestrator.accuracy.sizes import Maps
+from orchestrator.accuracy.sizes import Wanted
 from orchestrator.errors import some
 from orchestrator.packed import read_arrays, write_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
@@ -25,7 +25,7 @@ from orchestrator.scene.mesh.size_map import SizeMap
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
 UNFINISHED_GOOD = f"{GOOD}.new"
 SOLVED = "solved"  # of ``Energies``: arrays
-PLAIN = ("elements", "refined", "kept", "had", "tolerance", "element")  # of ``Passes``, written as they are
+OF_MESH = ("elements", "refined", "kept", "had")  # of what was asked for, beside its maps
 
 
 @dataclass
@@ -77,30 +77,26 @@ class Pass:
 class Passes:
     """All so far, and how the next mesh is made.
 
-    maps : sizes of the mesh that is solved on, or will be next; elements : that these ask for, 0 where they ask for none
-    refined, kept, had : what these have changed; tolerance : of its iterations, 0 where it is the configuration's
+    mesh : as it was asked for, the one that is solved on or will be next
+    tolerance : of its iterations, 0 where it is the configuration's
     before : energies of the last that was solved on, None where they tell nothing
     element : of all meshes, "" before the first
     """
 
     done: list[Pass] = field(default_factory=list)
-    maps: Maps = field(default_factory=dict)
-    elements: float = 0.0
-    refined: list[str] = field(default_factory=list)
-    kept: list[str] = field(default_factory=list)
-    had: float = 0.0
+    mesh: Wanted = Wanted()
     before: Energies | None = None
     tolerance: float = 0.0
     element: str = ""
 
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
-        arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.maps.values()) for name in ("nodes", "cells", "size")}
+        arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.mesh.maps.values()) for name in ("nodes", "cells", "size")}
         if self.before and self.before.solved:
             arrays |= {f"{SOLVED}/{name}": array for name, array in vars(self.before.solved).items()}
         before = self.before and {name: value for name, value in vars(self.before).items() if name != SOLVED}
-        told = {"done": [asdict(one) for one in self.done], "keys": list(self.maps), "before": before,
-                **{name: getattr(self, name) for name in PLAIN}}
+        told = {"done": [asdict(one) for one in self.done], "keys": list(self.mesh.maps), "before": before,
+                **{name: getattr(self.mesh, name) for name in OF_MESH}, "tolerance": self.tolerance, "element": self.element}
         write_arrays(folder / NAME, told=json.dumps(told), **arrays)
 
     @classmethod
@@ -114,8 +110,8 @@ class Passes:
                 for k, (part, name) in enumerate(told["keys"])}
         solved = {name.partition("/")[2]: array for name, array in arrays.items() if name.startswith(f"{SOLVED}/")}
         before = told["before"] and Energies(**told["before"], solved=Stressed(**solved) if solved else None)
-        return cls([Pass(**one) for one in told["done"]], maps, before=before,
-                   **{name: told[name] for name in PLAIN})
+        mesh = Wanted(maps, *(told[name] for name in OF_MESH))
+        return cls([Pass(**one) for one in told["done"]], mesh, before, told["tolerance"], told["element"])
 
     @staticmethod
     def forget(folder: Path) -> None:

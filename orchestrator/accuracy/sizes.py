@@ -14,7 +14,7 @@ adaptive finite element computations, Comm. Numer. Meth. Engng 11, 1995, 911–9
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,19 +59,19 @@ def ratios(errors: np.ndarray, order: int, count: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Wanted:
-    """A finer mesh, before it is made.
+    """A finer mesh, before it is made; by default the one that the configuration says.
 
     maps : of all that is not as the configuration says
-    elements : how many there will be, about
+    elements : how many there will be, about; 0 where nothing is asked for
     refined : names of what is meshed anew; kept : of what stays as it is
     had : share of the squared error where it is meshed anew
     """
 
-    maps: Maps
-    elements: float
-    refined: list[str]
-    kept: list[str]
-    had: float
+    maps: Maps = field(default_factory=dict)
+    elements: float = 0.0
+    refined: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+    had: float = 0.0
 
 
 def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: Maps, smallest: float) -> Wanted:
