@@ -21,8 +21,9 @@ from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import Marked, heading, page, picture, plain, section, table
+from orchestrator.results.report.question import question, settings
 from orchestrator.results.report.sections import (
-    answer, by_step, carried, extremes, interface_section, last_values, meshes, probes, question, reactions, settings)
+    answer, by_step, carried, extremes, interface_section, last_values, meshes, probes, reactions)
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.cost import told_by_code
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
