@@ -55,7 +55,10 @@ class Share:
         nodes = np.unique(own)
         named = np.concatenate([np.empty((0, 3), dtype=int), *mesh.surfaces.values()])
         surface = np.repeat(np.arange(len(mesh.surfaces)), [len(triangles) for triangles in mesh.surfaces.values()])
-        keys = np.concatenate([pack(own[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
+        on = np.zeros(len(mesh.nodes), dtype=bool)
+        on[named] = True
+        beside = own[on[own].sum(axis=1) > 2]  # a few of all: the others have no face that is named
+        keys = np.concatenate([pack(beside[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
         there = np.isin(pack(named, len(mesh.nodes)), keys)
         known = {name: shape.normals.reshape(-1, 9) for name, shape in mesh.smooth.items() if shape.normals is not None}
         width = 9 * bool(mesh.smooth)
