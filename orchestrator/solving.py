@@ -213,7 +213,7 @@ class _Solving:
             if self.apart and self.ranks.whole and (self.config.output.fields or self.config.output.figures):
                 fields = whole_fields(piece)
         if team.rank:
-            piece.extremes()
+            piece.answer()
             return piece
         summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
         with watch("output"):

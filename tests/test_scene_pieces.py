@@ -82,7 +82,9 @@ def write_groups(folder):
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
-    config = config_from({"name": "pieces", **CASES["partitions" if file else case], **file, "blackbox": {"element": element}, "output": {}})
+    asked = CASES["partitions" if file else case]
+    probes = [one for one in asked.get("output", {}).get("probes", ()) if not one.get("certified")]
+    config = config_from({"name": "pieces", **asked, **file, "blackbox": {"element": element}, "output": {"probes": probes}})
     same_as_one(config, 3)
 
 
@@ -108,10 +110,11 @@ def same_as_one(config, ranks):
 
     def of_rank(team):
         part = make(config, team)
+        watched, part.probes = [*differing(part.probes, whole.probes, ".probes")], []
         rank_of = part.overview.rank_of
         dealt = part_of(whole, np.flatnonzero(rank_of == team.rank), known)
         assert np.bincount(rank_of, minlength=ranks).min() > 0
-        wrong = differing(as_known(part, rank_of == team.rank), as_known(dealt, rank_of == team.rank))
+        wrong = [*watched, *differing(as_known(part, rank_of == team.rank), as_known(dealt, rank_of == team.rank))]
         own = [f".subdomains[{e}].loads" for e in np.flatnonzero(rank_of == team.rank)]
         return [place for place in wrong if place in own or not place.endswith(ELSEWHERE)]
 
@@ -134,7 +137,9 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"boundary": [*BLOCK["boundary"], {"on": "ymin", "foundation": {"normal": 1.0}}]},  # a ground
     {"interfaces": [{"law": "contact"}, {"law": "pretension", "between": ["slice 0", "slice 1"], "force": 1.0}]},
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
-    {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}}, {"subdomains": {"metis": 4}},
+    {"output": {"probes": [{"at": [1, 0.5, 0.5], "certified": True}]}}, {"output": {"probes": [{"at": [1, 2, 0.5]}]}},
+    {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
+    {"output": {"probes": [{"on": "xmax", "quantity": "max"}]}}, {"subdomains": {"metis": 4}},
     {"blackbox": {"element": "auto"}}])
 def test_what_one_has_to_judge_is_left_to_it(change):
     config = config_from({"name": "pieces", **BLOCK, **change})

@@ -17,7 +17,7 @@ from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, e
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.paths import read_paths, write_paths
-from orchestrator.results.probes import NAME as PROBES, read_probes
+from orchestrator.results.probes import NAME as PROBES, Reader, read_probes
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import place_text
 from orchestrator.scene.conditions.probes import Section
@@ -61,12 +61,13 @@ class Answers:
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(lost)
-        found = read_probes(scene, fields.nodal, delivered.parts, delivered.rims) if scene.probes else []
+        read = scene.probes and (piece.reader if scene.overview else Reader(fields.nodal))
+        found = read_probes(scene, read, delivered.parts, delivered.rims) if scene.probes else []
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
-                   read_paths(scene, fields.nodal) if scene.probes else [])
+                   read_paths(scene, read) if scene.probes else [])
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """The entry in summary.json."""
@@ -100,8 +101,7 @@ def of_unheld(scene: Scene, detached: Sequence[list[str]]) -> list[str]:
     for probe in scene.probes:
         if isinstance(probe, Section) or "displacement" not in (probe.quantity, getattr(probe, "of", "")) or probe.quantity == "resultant":
             continue
-        cells = np.atleast_1d(getattr(probe, "cells", getattr(probe, "cell", -1)))
-        bodies = {scene.subdomains[e].body for e in np.unique(scene.cell_subdomain[cells[cells >= 0]])}
+        bodies = {scene.subdomains[e].body for e in probe.subdomains}
         steps = [step for step, names in enumerate(detached, 1) if bodies & set(names)]
         if steps:
             told.append(f"probe {probe.name!r} tells displacements of {some(sorted(bodies))}, which nothing holds at load step"

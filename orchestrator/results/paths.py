@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.extremes import DISPLACEMENT, STRESS
-from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.probes import at_points
+from orchestrator.results.probes import Reader
 from orchestrator.scene.conditions.probes import Line
 from orchestrator.scene.model import Scene
 
@@ -18,17 +17,14 @@ NAME = "paths.csv"
 COLUMNS = ("path", "load_step", "distance", "x", "y", "z", *DISPLACEMENT, *STRESS)
 
 
-def read_paths(scene: Scene, nodal: Nodal) -> list[dict[str, object]]:
+def read_paths(scene: Scene, read: Reader) -> list[dict[str, object]]:
     """Per path of the scene ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3), and ``values``: component → (T, n), nan
     outside the body and where stresses are not to be believed."""
-    return [_read(probe, nodal) for probe in scene.probes if isinstance(probe, Line)]
+    return [_read(probe, read) for probe in scene.probes if isinstance(probe, Line)]
 
 
-def _read(probe: Line, nodal: Nodal) -> dict[str, object]:
-    there = probe.cells >= 0
-    names, found = at_points(probe.quantity, probe.cells[there], probe.weights[there], nodal)
-    values = np.full((len(found), len(there), len(names)), np.nan)
-    values[:, there] = found
+def _read(probe: Line, read: Reader) -> dict[str, object]:
+    names, values = read(probe)
     return {"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
             "values": {name: values[:, :, k] for k, name in enumerate(names)}}
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.delivery.flux import FORCES, cells_of, flux
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS, components_of_displacement, components_of_stress
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
@@ -19,7 +21,33 @@ NAME = "probes.csv"
 FOREIGN = "the matter there is its code's own: what it is stressed by is not known here"
 
 
-def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray], rims: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
+@dataclass(frozen=True)
+class Reader:
+    """Reads values at points, of the whole or, by all ranks together, of their pieces of it.
+
+    nodal : of the fields; number : (m,) int, ascending, of their tets in the whole; None: they are the whole
+    """
+
+    nodal: Nodal
+    number: np.ndarray | None = None
+    team: Team = ALONE
+
+    def __call__(self, probe: Point | Line) -> tuple[Sequence[str], np.ndarray | None]:
+        """Names of the components of displacement or stress, and (T, n, components) their values, nan outside the body; on rank 0."""
+        cells, weights = (probe.cells, probe.weights) if isinstance(probe, Line) else (np.array([probe.cell]), probe.weights[None])
+        own = np.flatnonzero(cells >= 0 if self.number is None else np.isin(cells, self.number))
+        at = cells[own] if self.number is None else np.searchsorted(self.number, cells[own])
+        names, found = at_points(probe.quantity, at, weights[own], self.nodal)
+        told = self.team.gather((own, found))
+        if told is None:
+            return names, None
+        values = np.full((len(found), len(cells), len(names)), np.nan)
+        for there, of_rank in told:
+            values[:, there] = of_rank
+        return names, values
+
+
+def read_probes(scene: Scene, read: Reader, parts: Sequence[np.ndarray], rims: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
     """Per probe of the scene its name, what it tells, and per component the values of all load steps.
 
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
@@ -27,8 +55,8 @@ def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray], rims: M
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
-    copies = Copies.of(scene)
-    return [_at_point(probe, nodal) if isinstance(probe, Point)
+    copies, nodal = Copies.of(scene), read.nodal
+    return [_at_point(probe, read) if isinstance(probe, Point)
             else _forces(probe, nodal.fields, copies, parts, rims.get(probe.name, 0.0)) if probe.quantity in FORCES
             else _over_surface(probe, scene, nodal) for probe in scene.probes if not isinstance(probe, Line)]
 
@@ -51,12 +79,12 @@ def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Noda
         at = nodal.corner[cells]
         sigma = [np.einsum("na,nai->ni", weights, nodal.stress(step)[at]) for step in range(fields.steps)]
         return STRESS, components_of_stress(np.array(sigma))
-    shape = np.array([tet_functions(w, fields.cells.shape[1]) for w in weights])
+    shape = np.array([tet_functions(w, fields.cells.shape[1]) for w in weights]).reshape(-1, fields.cells.shape[1])
     return DISPLACEMENT, components_of_displacement(np.einsum("na,tnai->tni", shape, fields.displacement[:, fields.cells[cells]]))
 
 
-def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
-    names, values = at_points(probe.quantity, np.array([probe.cell]), probe.weights[None], nodal)
+def _at_point(probe: Point, read: Reader) -> dict[str, object]:
+    names, values = read(probe)
     return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 

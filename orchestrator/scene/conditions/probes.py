@@ -11,6 +11,7 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.config.probes import PathProbe, PointProbe, SectionProbe
 from orchestrator.errors import KeyPath, Problems, some
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
@@ -27,13 +28,14 @@ BESIDE = 0.1
 
 @dataclass(frozen=True)
 class Point:
-    """A probe at a point: its place in the body, the tet that has it, and its barycentric coordinates (4,) there."""
+    """A probe at a point: its place in the body, the tet that has it, its barycentric coordinates (4,) there, whose tet it is."""
 
     name: str
     quantity: str
     at: np.ndarray
     cell: int
     weights: np.ndarray
+    subdomains: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Surface:
     area : (k, 3) area vectors
     about : (3,) what moments are about
     within : numbers of the volumes that a resultant is confined to; none: of all around
+    subdomains : whose the tets are
     """
 
     name: str
@@ -55,6 +58,7 @@ class Surface:
     area: np.ndarray
     about: np.ndarray
     within: np.ndarray
+    subdomains: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,7 @@ class Line:
 
     at : (n, 3) places; distance : (n,) from the first
     cells : (n,) int, the tet that has each, −1 where none does; weights : (n, 4) barycentric coordinates there
+    subdomains : whose the tets are
     """
 
     name: str
@@ -71,6 +76,7 @@ class Line:
     distance: np.ndarray
     cells: np.ndarray
     weights: np.ndarray
+    subdomains: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -91,18 +97,49 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Tets:
+    """Tets that have a point: numbers (k,), ascending, barycentric coordinates (k, 4) there, volumes and subdomains (k,).
+
+    place : (3,) the point, or the nearest one in the tet; away : how far that is, 0 inside; within : whether that is near
+    """
+
+    number: np.ndarray
+    weights: np.ndarray
+    volume: np.ndarray
+    subdomain: np.ndarray
+    place: np.ndarray
+    away: float
+    within: bool
+
+    @classmethod
+    def joined(cls, several: Sequence[Tets]) -> Tets:
+        """Those of all ranks that are nearest; beside a surface the first of them, and none where it is not near."""
+        found = [tets for tets in several if len(tets.number)] or several[:1]
+        least = min(tets.away for tets in found)
+        first = min((tets for tets in found if tets.away == least), key=lambda tets: tets.number.min(initial=0))
+        found = [tets for tets in found if tets.away == 0] or [first]
+        whole = [np.concatenate([getattr(tets, name) for tets in found]) for name in ("number", "weights", "volume", "subdomain")]
+        order = np.argsort(whole[0])[: len(whole[0]) if first.within else 0]
+        return cls(*(values[order] for values in whole), first.place, least, first.within)
+
+
+@dataclass(frozen=True)
 class Finder:
-    """Finds probes on a mesh.
+    """Finds probes on a mesh, or on the parts of it that ranks have, which look for points and paths together.
 
     subdomain : (m,) int, of each tet; bodies : name of each subdomain's body
+    number, own : (m,) int, the tets' numbers in the whole mesh, and bool, which are this rank's; None where this is all of it
     """
 
     mesh: Mesh
-    faces: Faces
+    faces: Faces | None
     subdomain: np.ndarray
     bodies: Sequence[str]
     interfaces: Sequence[Interface]
     problems: Problems
+    number: np.ndarray | None = None
+    own: np.ndarray | None = None
+    team: Team = ALONE
 
     def find(self, asked: Mapping[str, Any]) -> list[Point | Line | Section | Surface]:
         """The probes that ``output.probes`` asks for, by their names."""
@@ -119,27 +156,33 @@ class Finder:
 
     def _cells_of(self, part: str | None, path: KeyPath) -> np.ndarray | None:
         """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there is none of that name."""
+        here = np.ones(len(self.mesh.cells), dtype=bool) if self.own is None else self.own
         if part is None:
-            return np.ones(len(self.mesh.cells), dtype=bool)
+            return here
         known = list(dict.fromkeys([*self.mesh.volumes, *self.bodies]))
         meant = matching(part, known)
-        volumes, own = np.isin(self.mesh.volumes, meant)[self.mesh.volume], np.isin(self.bodies, meant)[self.subdomain]
-        if not (volumes | own).any():
+        volumes, own = (here & np.isin(names, meant)[of] for names, of in (
+            (self.mesh.volumes, self.mesh.volume), (self.bodies, self.subdomain)))
+        whole, some_have = self.team.max(float(volumes.any()), float(own.any()))
+        if not (whole or some_have):
             self.problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
                               suggestion(part, known, "volume"))
             return None
-        return volumes if volumes.any() else own
+        return volumes if whole else own
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Point | None:
         at = np.array(asked.at, dtype=float)
-        cells, weights, place = self._around(at, allowed)
-        if len(cells):
-            names = self._apart(cells)
+        tets, = self._around(at[None], allowed)
+        if len(tets.number):
+            names = self._apart(tets)
             if len(names) > 1:
                 self.problems.add((*path, "at"), f"{format_point(at)} is where {some(names)} meet: each has values of its own there",
-                             "one part", f"add part: {names[0]}")
+                                 "one part", f"add part: {names[0]}")
                 return None
-            return Point(name, asked.quantity, place, int(cells[0]), weights[0])
+            return Point(name, asked.quantity, tets.place, int(tets.number[0]), tets.weights[0], tets.subdomain[:1])
+        if self.mesh.within is not None:
+            self.problems.add((*path, "at"), "a point outside", "all of the mesh, to tell what is near")
+            return None
         nodes = np.unique(self.mesh.cells[allowed, :4])
         distance = np.linalg.norm(self.mesh.nodes[nodes] - at, axis=1)
         nearest = self.mesh.nodes[nodes[np.argmin(distance)]]
@@ -149,36 +192,43 @@ class Finder:
                      f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
         return None
 
-    def _around(self, at: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tets (k,) that have a point, its barycentric coordinates (k, 4) there, and its place (3,); beside a curved surface the nearest
-        tet and the nearest place in it, farther away no tet."""
-        cells = np.flatnonzero(allowed)
-        corners = self.mesh.nodes[self.mesh.cells[cells, :4]]
+    def _around(self, points: np.ndarray, allowed: np.ndarray) -> list[Tets]:
+        """Tets that have each of some points (n, 3), of all ranks; beside a curved surface the nearest one, farther away none."""
+        told = self.team.all_gather([self._here(at, allowed) for at in points])
+        return [Tets.joined(each) for each in zip(*told)]
+
+    def _here(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
+        """Those of this rank's that have a point, else the nearest."""
+        cells, mesh = np.flatnonzero(allowed), self.mesh
+        corners = mesh.nodes[mesh.cells[cells, :4]]
         size = np.ptp(corners, axis=1).max(axis=1)
         near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
         cells, corners, size = cells[near], corners[near], size[near]
-        weights = barycentric(corners, at)
-        inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
-        if inside.any() or not len(cells):
-            return cells[inside], weights[inside], at
-        clamped = np.maximum(weights, 0.0)
-        clamped /= clamped.sum(axis=1, keepdims=True)
-        places = np.einsum("kax,ka->kx", corners, clamped)
-        distance = np.linalg.norm(places - at, axis=1)
-        best = np.argmin(distance)[None] if distance.min() <= BESIDE * size[np.argmin(distance)] else np.empty(0, dtype=int)
-        return cells[best], clamped[best], places[best[0]] if len(best) else at
+        weights, place, away = barycentric(corners, at), at, np.zeros(len(cells))
+        chosen = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= -INSIDE)
+        if len(cells) and not len(chosen):
+            weights = np.maximum(weights, 0.0)
+            weights /= weights.sum(axis=1, keepdims=True)
+            places = np.einsum("kax,ka->kx", corners, weights)
+            away = np.linalg.norm(places - at, axis=1)
+            chosen = away.argmin()[None]
+            place = places[chosen[0]]
+        within, cells = bool((away[chosen] <= BESIDE * size[chosen]).all()), cells[chosen]
+        return Tets(cells if self.number is None else self.number[cells], weights[chosen], mesh.volume[cells], self.subdomain[cells],
+                    place, float(away[chosen].max(initial=0.0)), within)
 
     def _path(self, asked: PathProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Line | None:
         """Points of a path; where parts meet, a point belongs to the one that the path comes from."""
         ends = np.array(asked.along, dtype=float)
         at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
-        cells, weights, before = np.full(len(at), -1), np.zeros((len(at), 4)), None
-        for k in range(len(at)):
-            found, shares, at[k] = self._around(at[k], allowed)
-            if len(found):
-                same = [] if before is None else np.flatnonzero(self.subdomain[found] == self.subdomain[before])
+        cells, weights, before, of = np.full(len(at), -1), np.zeros((len(at), 4)), None, set()
+        for k, tets in enumerate(self._around(at, allowed)):
+            if len(tets.number):
+                at[k] = tets.place
+                same = [] if before is None else np.flatnonzero(tets.subdomain == before)
                 best = int(same[0]) if len(same) else 0
-                cells[k], weights[k], before = found[best], shares[best], found[best]
+                cells[k], weights[k], before = tets.number[best], tets.weights[best], tets.subdomain[best]
+                of.add(int(before))
         outside = int((cells < 0).sum())
         if outside == len(at):
             self.problems.add((*path, "along"), f"all points from {format_point(ends[0])} to {format_point(ends[1])} are outside "
@@ -187,7 +237,7 @@ class Finder:
             return None
         if outside:
             self.problems.warnings.append(f"{outside} of the {len(at)} points of {name!r} are outside the body and have no values")
-        return Line(name, asked.quantity, at, np.linalg.norm(at - ends[0], axis=1), cells, weights)
+        return Line(name, asked.quantity, at, np.linalg.norm(at - ends[0], axis=1), cells, weights, np.array(sorted(of)))
 
     def _section(self, asked: SectionProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Section | None:
         mesh, normal, point = self.mesh, np.array(unit(asked.section.plane)), np.array(asked.section.point, dtype=float)
@@ -207,12 +257,12 @@ class Finder:
             return None
         return Section(name, front, behind, normal, float(normal @ point), point if asked.about is None else np.array(asked.about, dtype=float))
 
-    def _apart(self, cells: np.ndarray) -> list[str]:
+    def _apart(self, tets: Tets) -> list[str]:
         """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
-        volumes = np.unique(self.mesh.volume[cells])
+        volumes = np.unique(tets.volume)
         if len(volumes) > 1:
             return [self.mesh.volumes[v] for v in volumes]
-        theirs = np.unique(self.subdomain[cells])
+        theirs = np.unique(tets.subdomain)
         bonds = ends_of(i for i in self.interfaces if i.law.perfect)
         held = components(*bonds.T, len(self.bodies))[1][theirs]
         first = theirs[np.unique(held, return_index=True)[1]]
@@ -243,7 +293,8 @@ class Finder:
         centre = each @ self.mesh.nodes[triangles[:, :3]].mean(axis=1) / each.sum()
         about = centre if asked.about is None else np.array(asked.about, dtype=float)
         within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
-        return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)
+        return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within,
+                       np.unique(self.subdomain[cells]))
 
 
 def _parted(mesh: Mesh, cells: np.ndarray, allowed: np.ndarray, front: np.ndarray) -> np.ndarray:
