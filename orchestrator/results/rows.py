@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.parallel.team import Team
 
-BLOCK = 1 << 22  # bytes
+BLOCK = 1 << 19  # bytes
 
 
 @dataclass(frozen=True)
@@ -56,16 +56,23 @@ class Rows:
         size = max(1, BLOCK // max(1, layers.itemsize * math.prod(layers.shape[2:])))
         for layer in layers:
             for first in range(0, self._count, size):
-                a, b = np.searchsorted(self._number, [first, first + size])
-                own, at = self._order[a:b], self._number[a:b] - first
-                told = self._team.gather((at, layer[own], own if turn is None else turn[own]))
-                if told is not None:
-                    at, rows, turns = (np.concatenate(each) for each in zip(*told))
-                    block = np.zeros((min(size, self._count - first), *layer.shape[1:]), layer.dtype)
-                    if turn is None:
-                        block[at] = rows
-                    else:
-                        order = np.argsort(turns, kind="stable")
-                        np.add.at(block, at[order], rows[order])
-                        block /= np.maximum(np.bincount(at, minlength=len(block)), 1)[:, None]
+                block = self._block(layer, turn, first, min(size, self._count - first))
+                if block is not None:
                     yield block
+
+    def _block(self, layer: np.ndarray, turn: np.ndarray | None, first: int, size: int) -> np.ndarray | None:
+        """Some rows of the whole, on rank 0."""
+        a, b = np.searchsorted(self._number, [first, first + size])
+        own, at = self._order[a:b], self._number[a:b] - first
+        told = self._team.gather((at, layer[own], None if turn is None else turn[own]))
+        if told is None:
+            return None
+        block = np.zeros((size, *layer.shape[1:]), layer.dtype)
+        if turn is None:
+            for at, rows, _ in told:
+                block[at] = rows
+            return block
+        at, rows, turns = (np.concatenate(each) for each in zip(*told))
+        order = np.argsort(turns, kind="stable")
+        np.add.at(block, at[order], rows[order])
+        return block / np.maximum(np.bincount(at, minlength=size), 1)[:, None]
