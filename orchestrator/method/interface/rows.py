@@ -7,6 +7,7 @@ multiply columns, several of them in one go, so that ``times`` turns its argumen
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import blake2b
 
 import numpy as np
 import scipy.sparse as sp
@@ -54,11 +55,6 @@ def narrow(matrix: sp.csr_array) -> sp.csr_array:
                         shape=matrix.shape)
 
 
-def fitting(matrix: sp.csr_array) -> sp.csr_array:
-    """The matrix in arrays no longer than its entries: a product's have room for zeros that it has left out."""
-    return sp.csr_array((matrix.data[: matrix.nnz].copy(), matrix.indices[: matrix.nnz].copy(), matrix.indptr), shape=matrix.shape)
-
-
 def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
     """(Q, size) unit rows with their entries at columns (Q,), empty ones for −1."""
     there = at >= 0
@@ -86,35 +82,87 @@ def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: in
 
 
 class Blocks:
-    """A symmetric matrix of blocks on dofs that lie together, those that are alike kept once; a product with columns, and a diagonal.
+    """A matrix of blocks, those that are alike kept once: products with columns, its transpose, a diagonal.
 
-    blocks : (t, t), the different ones
-    numbers, starts : which of them each is, and its first dof
-    size : dofs in all
+    alone : (n, m) sparse, of the blocks that are like no other
+    shared : per kind the block (r, c), and rows (k, r) and columns (k, c) of all that are like it, none of which is there twice
     """
 
-    def __init__(self, blocks: Sequence[sp.csr_array], numbers: Sequence[int], starts: Sequence[int], size: int):
-        numbers, starts, self.shape = np.array(numbers, dtype=int), np.array(starts, dtype=int), (size, size)
+    def __init__(self, alone: sp.csr_array, shared: Sequence[tuple[sp.csr_array, np.ndarray, np.ndarray]]):
+        self.alone, self.shared, self.shape = alone, shared, alone.shape
+
+    @classmethod
+    def symmetric(cls, blocks: Sequence[sp.csr_array], numbers: Sequence[int], starts: Sequence[int], size: int) -> Blocks:
+        """(size, size) from blocks (t, t) on dofs that lie together.
+
+        blocks : the different ones; numbers, starts : which of them each is, and its first dof
+        """
+        numbers, starts = np.array(numbers, dtype=int), np.array(starts, dtype=int)
         members = np.bincount(numbers, minlength=len(blocks))
         spans = [np.arange(block.shape[0]) for block in blocks]
-        self._shared = [(blocks[k], (starts[numbers == k][:, None] + spans[k]).astype(np.int32)) for k in np.flatnonzero(members > 1)]
+        at = {k: (starts[numbers == k][:, None] + spans[k]).astype(np.int32) for k in np.flatnonzero(members > 1)}
         lone = np.flatnonzero(members[numbers] == 1).tolist()
-        self._alone = placed([blocks[numbers[i]] for i in lone], [starts[i] + spans[numbers[i]] for i in lone], size)
+        return cls(placed([blocks[numbers[i]] for i in lone], [starts[i] + spans[numbers[i]] for i in lone], size),
+                   [(blocks[k], own, own) for k, own in at.items()])
+
+    @classmethod
+    def found(cls, matrix: sp.csr_array, groups: Sequence[Sequence[tuple[slice, slice]]]) -> Blocks:
+        """A sparse matrix (n, m) whose rows all are in one block: alike are those of a group with the same numbers.
+
+        groups : rows and columns of blocks; of one group no two share any
+        """
+        matrix.sort_indices()
+        kinds: dict[tuple[int, bytes], list[tuple[slice, slice]]] = {}
+        for number, group in enumerate(groups):
+            for rows, columns in group:
+                ends = matrix.indptr[rows.start : rows.stop + 1]
+                within = slice(ends[0], ends[-1])
+                key = digest(np.diff(ends), matrix.indices[within] - columns.start, matrix.data[within])
+                kinds.setdefault((number, key), []).append((rows, columns))
+        several = [members for members in kinds.values() if len(members) > 1]
+        shared = [(sp.csr_array(matrix[members[0][0]][:, members[0][1]]), *(_together(each) for each in zip(*members))) for members in several]
+        counts, kept = np.diff(matrix.indptr), np.ones(matrix.shape[0], dtype=bool)
+        for _, rows, _ in shared:
+            kept[rows] = False
+        entries, ends = np.repeat(kept, counts), np.concatenate([[0], np.cumsum(np.where(kept, counts, 0))])
+        return cls(narrow(sp.csr_array((matrix.data[entries], matrix.indices[entries], ends), shape=matrix.shape)), shared)
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        """Products with x (size,) or (size, T)."""
-        result = self._alone @ x
-        for block, at in self._shared:
-            columns = x[at].swapaxes(0, 1)
-            result[at] = (block @ columns.reshape(len(columns), -1)).reshape(columns.shape).swapaxes(0, 1)
+        """Products with x (m,) or (m, T)."""
+        result = self.alone @ x
+        for block, rows, columns in self.shared:
+            given = x[columns].swapaxes(0, 1)
+            result[rows] += (block @ given.reshape(len(given), -1)).reshape(len(rows[0]), *given.shape[1:]).swapaxes(0, 1)
         return result
 
+    @property
+    def T(self) -> Blocks:
+        """(m, n) its transpose."""
+        return Blocks(self.alone.T, [(block.T, columns, rows) for block, rows, columns in self.shared])
+
+    def magnitudes(self) -> Blocks:
+        """The same of magnitudes, which do not outlive a product: kept, they would take as much."""
+        return Blocks(np.abs(self.alone), [(np.abs(block), rows, columns) for block, rows, columns in self.shared])
+
     def diagonal(self) -> np.ndarray:
-        """(size,)"""
-        result = self._alone.diagonal()
-        for block, at in self._shared:
+        """(n,) of a symmetric one."""
+        result = self.alone.diagonal()
+        for block, at, _ in self.shared:
             result[at] = block.diagonal()
         return result
+
+
+def digest(*arrays: np.ndarray) -> bytes:
+    """Sixteen bytes that tell equal arrays from others."""
+    key = blake2b(digest_size=16)
+    for array in arrays:
+        key.update(array.tobytes())
+    return key.digest()
+
+
+def _together(slices: Sequence[slice]) -> np.ndarray:
+    """(k, n) int32 what slices of one length hold."""
+    return (np.array([each.start for each in slices])[:, None] + np.arange(slices[0].stop - slices[0].start)).astype(np.int32)
 
 
 class Segments:

@@ -66,7 +66,7 @@ def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[R
         numbers.append(different.setdefault(key, (len(different), rim.stiffness, position))[0])
         starts.append(part.start)
     blocks = [found[position][:, position] for _, found, position in different.values()]
-    return Blocks(blocks, numbers, starts, len(space.global_dof))
+    return Blocks.symmetric(blocks, numbers, starts, len(space.global_dof))
 
 
 @dataclass

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from hashlib import blake2b
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +25,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import block_diagonal, fitting, times, unit_rows
+from orchestrator.method.interface.rows import block_diagonal, Blocks as Alike, digest, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
@@ -65,15 +64,13 @@ def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.
         seen = np.unique(column).astype(np.int32)
         place[seen] = np.arange(len(seen))
         local = place[column]
-        key = blake2b(count.tobytes(), digest_size=16)
-        key.update(local.tobytes())
-        key.update(values.tobytes())
-        if key.digest() not in known:
+        key = digest(count, local, values)
+        if key not in known:
             block = np.zeros((len(seen), len(count)))
             block[local, np.repeat(np.arange(len(count)), count)] = values
-            known[key.digest()] = block
+            known[key] = block
         sees.append(seen)
-        blocks.append(known[key.digest()])
+        blocks.append(known[key])
     return sees, blocks
 
 
@@ -116,7 +113,8 @@ class Macro:
     spent : back-substitutions per subdomain that the bases have cost
 
     size : macro unknowns that this rank's subdomains see
-    G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
+    C : (D + G, size) fields, those of ghosts behind
+    G : (D, size) macro forces; NᵀG is U of eq. 27
     coupled : how many entries the macro matrix has, this rank's part of it
     number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
         that another rank sees too
@@ -127,11 +125,12 @@ class Macro:
                  strategy: str, spent: float = 0.0):
         self.space, self.strategy, self.spent = space, strategy, spent
         self.number, self.shared = _numbers(space, bases)
-        fields = moved(space, bases)
-        self.C, self._beyond = fields[: space.size], fields[space.size :]
-        self.G = fitting(sp.csr_array(direction.k @ self.C)) if strategy == "equilibrium" else _at_points(space, direction, bases)
-        self.size = self.G.shape[1]
-        self._forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
+        fields, blocks = moved(space, bases), _blocks(space, bases)
+        forces = sp.csr_array(direction.k @ fields[: space.size]) if strategy == "equilibrium" else _at_points(space, direction, bases)
+        self.C, self.size = Alike.found(fields, blocks), forces.shape[1]
+        self.G = Alike.found(forces, [[(rows, columns) for rows, columns in group if rows.start < space.size] for group in blocks])
+        self._worked = sp.csr_array(fields[: space.size].T @ forces) if strategy == "equilibrium" else None
+        self._forces = force_blocks(sp.csr_array(space.scatter @ forces), space.boundary)
 
     def solve(self, blackbox: BlackBox) -> float:
         """Form V = M⁻¹NᵀG, all subdomains at once, and factorise the macro matrix; it can be asked from then on.
@@ -141,14 +140,13 @@ class Macro:
         Raises Refusal: the macro matrix is not positive definite: the structure is not held
         Raises BlackBoxError: from the code
         """
-        space, (sees, forces) = self.space, self._forces
-        del self._forces
+        space, (sees, forces), own = self.space, self._forces, self._worked
+        del self._forces, self._worked
         answers = blackbox.traces({e: block for e, block in enumerate(forces) if len(block)})
         self.blocks = joined(sees, space.boundary, forces, answers)
         solved, count = space.team.sum(sum(len(s) for s in sees), len(sees))
         lower = assembled(self.blocks, self.size)
-        if self.strategy == "equilibrium":
-            own = sp.csr_array(self.C.T @ self.G)
+        if own is not None:
             lower = sp.tril((own + own.T) / 2, format="csr") - lower
         self.coupled = 2 * lower.nnz - self.size
         self._solve = self._solver(lower)
@@ -156,14 +154,14 @@ class Macro:
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""
-        return self._solve(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
+        if self.strategy == "continuity":
+            return self._solve(times(self.G.T, w))
+        return self._solve(times(self.C.T, np.pad(f, ((0, 0), (0, self.C.shape[0] - f.shape[1])))))  # others' forces are theirs to give
 
     def imbalance(self, f: np.ndarray) -> tuple[float, float]:
         """Largest entry of |Cᵀf| in this rank's macro unknowns, and largest sum of its terms' magnitudes; f: (T, D + G), the
         neighbours' values behind."""
-        own, theirs = f[:, : self.space.size], f[:, self.space.size :]
-        found = times(self.C.T, own) + times(self._beyond.T, theirs)
-        sizes = times(_sizes(self.C).T, np.abs(own)) + times(_sizes(self._beyond).T, np.abs(theirs))
+        found, sizes = times(self.C.T, f), times(self.C.magnitudes().T, np.abs(f))
         return float(np.abs(found).max(initial=0.0)), float(sizes.max(initial=0.0))
 
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
@@ -186,9 +184,11 @@ class Macro:
         return result
 
 
-def _sizes(fields: sp.csr_array) -> sp.csr_array:
-    """Their magnitudes: kept, they would take as much as the fields."""
-    return sp.csr_array((np.abs(fields.data), fields.indices, fields.indptr), shape=fields.shape)
+def _blocks(space: TraceSpace, bases: Sequence[np.ndarray]) -> list[list[tuple[slice, slice]]]:
+    """Trace dofs and macro unknowns of every interface, of their first sides and of their second: dofs of a side lie together."""
+    ends = np.cumsum([0] + [basis.shape[1] for basis in bases]).tolist()
+    return [[(slice(int(at[side][0]), int(at[side][-1]) + 1), slice(a, b)) for at, a, b in zip(space.sides, ends[:-1], ends[1:])
+             if len(at[side]) and b > a] for side in (0, 1)]
 
 
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
