@@ -10,6 +10,8 @@ from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config.model import Config
 from orchestrator.laws.points import Answer
+from orchestrator.method.coarse.cluster import Cluster
+from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.events import Subscriber
 from orchestrator.method.interface.pairs import History
@@ -69,7 +71,7 @@ def test_each_interface_has_as_many_shapes_as_its_own_fields_need():
     T = np.einsum("pm,mif->pif", x, random.normal(size=(4, 3, 24)))
     T[own], L = random.normal(size=(own.sum(), 3, 24)), random.normal(size=T.shape)
     at = PairFields.of(pairs, T, L, 8)
-    assert np.diff(at.rows).tolist() == [3 * (b - a if own[a] else 4) for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:])]
+    assert at.shapes.tolist() == [b - a if own[a] else 4 for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:])]
     some = np.flatnonzero(random.random(len(pairs)) < 0.7)
     part, T, L = at.some(some), T[some], L[some]
     assert np.abs(part.T - T).max() < 1e-12 * np.abs(T).max()
@@ -82,6 +84,26 @@ def test_each_interface_has_as_many_shapes_as_its_own_fields_need():
     slopes = np.einsum("p,pif,ijp,pjg->pfg", weight[some], T, answer.derivative, L)
     for found, a, b in zip(part.slopes(answer, weight), part.pairs.bounds[:-1], part.pairs.bounds[1:]):
         assert found.swapaxes(1, 2).reshape(24, 24) == pytest.approx(slopes[a:b].sum(axis=0), abs=1e-5 * np.abs(slopes).max())
+
+
+def test_few_bodies_alone_are_a_part_of_all():
+    """ρ, its derivative and a line of a cluster, beside those of all bodies where the others stand still."""
+    d = decomposed(contact(0.3, **CASES["eight cubes"], method={"contact": {"stabilisation": 1e-3}}))
+    problem, members, random = d.coarse.problem, np.array([1, 5, 6]), np.random.default_rng(2)
+    F0, shape = 1e-3 * random.normal(size=(3, len(d.coarse.pairs))) * d.coarse.pairs.points.stiff_n, problem.bodies.K0.shape[:2]
+    at = LoadStep(problem.bodies, 0, F0, random.normal(size=shape), History.none(len(d.coarse.pairs)))
+    start, dy = 1e-3 * random.normal(size=(2, *shape))
+    dy[np.setdiff1d(np.arange(8), members)] = 0.0
+    few = Cluster(at, at.residual(start), start, members)
+    assert few.residual(start)[members] == pytest.approx(at.residual(start)[members], rel=1e-9)
+    whole = at.bodies.pattern.matrix(at.matrix(), 0.0).toarray().reshape(8, 12, 8, 12)[members][:, :, members]
+    assert few.matrix() == pytest.approx(whole.reshape(36, 36), abs=1e-6 * np.abs(whole).max())
+    few.residual(start)
+    one, two = Line(few, dy), Line(at, dy)
+    assert one(0.4) == pytest.approx(two(0.4), rel=1e-9)
+    assert one.end(0.4)[members] == pytest.approx(two.end(0.4)[members], rel=1e-9)
+    assert not np.delete(few.residual(start + dy), members, axis=0).any()
+    assert np.unique(few.answer(few.F).status).tolist() == [0, 1, 2]
 
 
 def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():

@@ -37,6 +37,7 @@ class Elimination:
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
     shared : which are whose
+    operations : of an elimination
     """
 
     def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int, team: Team = ALONE, rigid: int = 0):
@@ -56,6 +57,7 @@ class Elimination:
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
         each, parent = np.array([operations(*front, size) for front in self.fronts]), self.layout.parent
+        self.operations = each.sum()
         self.shared = side_by_side(parent, each, hands, team.size)
         rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
         tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))

@@ -34,7 +34,7 @@ def swept(start, stop, of, ends, fields, weight, results):
 
     ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
     """
-    (L, phi, places, A, rows, chosen, bounds), (dF, against) = of, results
+    (L, phi, places, A, rows, shapes, chosen, bounds), (dF, against) = of, results
     half = fields.shape[1]
     y = np.empty(2 * half)
     for i in range(start, stop):
@@ -42,7 +42,7 @@ def swept(start, stop, of, ends, fields, weight, results):
             continue
         for f in range(half):
             y[f], y[half + f] = fields[ends[i, 0], f], fields[ends[i, 1], f]
-        m = (rows[i + 1] - rows[i]) // 3
+        m = shapes[i]
         combined = np.empty(3 * m)
         for a in range(3 * m):
             total, along = 0.0, A[rows[i] + a]
@@ -67,15 +67,15 @@ def swept(start, stop, of, ends, fields, weight, results):
 def carried(start, stop, of, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
-    of : L, φ, ``places``, A and ``rows`` as ``PairFields`` has them, chosen and bounds as for ``spread``; weight : (P,) ω
+    of : L, φ, ``places``, A, ``rows`` and ``shapes`` as ``PairFields`` has them, chosen and bounds as for ``spread``; weight : (P,) ω
     """
-    _, phi, places, A, rows, chosen, bounds = of
+    _, phi, places, A, rows, shapes, chosen, bounds = of
     half = A.shape[1] // 2
     for i in range(start, stop):
         result[i] = 0.0
         if bounds[i] == bounds[i + 1]:
             continue
-        m = (rows[i + 1] - rows[i]) // 3
+        m = shapes[i]
         moments = np.zeros(3 * m)
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
@@ -100,14 +100,14 @@ def slopes(start, stop, of, A, given, weight, result):
     given : (R,) int, ascending, points among the chosen; (I + 1,) int, where those of each interface start; ∂f̂/∂F (3, 3, R)
     weight : (P,) ω
     """
-    (L, phi, places, _, rows, chosen, _), (active, first, derivative) = of, given
+    (L, phi, places, _, rows, shapes, chosen, _), (active, first, derivative) = of, given
     size, half = L.shape[2], L.shape[2] // 2
     fields, share, whole = np.empty((3 * TOGETHER, size), L.dtype), np.empty(TOGETHER), np.empty((size, size), L.dtype)
     for i in range(start, stop):
         if first[i] == first[i + 1]:
             result[i] = 0.0
             continue
-        m = (rows[i + 1] - rows[i]) // 3
+        m = shapes[i]
         sums, some = np.zeros((3 * m, size), L.dtype), np.empty((3 * m, size), L.dtype)
         for r in range(first[i], first[i + 1], TOGETHER):
             count = min(TOGETHER, first[i + 1] - r)
@@ -128,7 +128,7 @@ def slopes(start, stop, of, A, given, weight, result):
                             row[q] = share[q] * slope[q]
             np.dot(turned, fields[: 3 * count], some)
             sums += some
-        np.dot(A[rows[i] : rows[i + 1]].T, sums, whole)
+        np.dot(A[rows[i] : rows[i] + 3 * m].T, sums, whole)
         for row in range(2):
             for column in range(2):
                 for f in range(half):

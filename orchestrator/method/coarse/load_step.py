@@ -19,8 +19,10 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.dealing import dealt
+from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.pattern import BlockPattern
+from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.method.interface.pairs import History
 from orchestrator.parallel.team import Team
 
@@ -108,9 +110,9 @@ class LoadStep:
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
                  anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
+        self.resisted = np.zeros_like(resultant)
         if bodies.springs is not None:
-            pairs = bodies.fields.pairs
-            resisted = pairs.resisted(F0, before.jump if anchor is None else anchor)
+            resisted = bodies.fields.pairs.resisted(F0, before.jump if anchor is None else anchor)
             self.resisted = bodies.fields.carried(resisted, bodies.resisting)
         chosen, self.fields = bodies.summed
         whole = len(chosen) == F0.shape[1]
@@ -119,30 +121,30 @@ class LoadStep:
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ; the forces that it was formed with are kept for ``matrix``."""
         self.F = self.fields.predicted(self.here, y)
-        self.stiff, self.sprung = self._linear(y)
-        return self._imbalance(self.answer(self.F).force)
+        self.stiff, self.sprung = self.linear(y)
+        return self.imbalance(self.answer(self.F).force)
 
     def answer(self, F: np.ndarray, derivative: bool = False) -> Answer:
         """What the laws say at forces (3, Q)."""
         return self.fields.pairs.force(F, self.left, self.number, derivative=derivative)
 
-    def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
+    def linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
         bodies = self.bodies
         stiff = np.einsum("bij,bj->bi", bodies.K0, y)
-        return stiff, 0.0 if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
+        return stiff, np.zeros_like(y) if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
 
-    def _imbalance(self, force: np.ndarray) -> np.ndarray:
-        carried, = self.bodies.team.sum(self.carried(force, self.sprung))
+    def imbalance(self, force: np.ndarray) -> np.ndarray:
+        """(bodies, n) ρ with forces (3, Q)."""
+        return self.left_by(*self.bodies.team.sum(self.carried(force, self.sprung)))
+
+    def carried(self, force: np.ndarray, sprung: np.ndarray) -> np.ndarray:
+        """(bodies, n) what forces (3, Q) and springs do in the fields: this rank's part."""
+        return self.fields.carried(force, self.bodies.weight) + self.resisted + sprung
+
+    def left_by(self, carried: np.ndarray) -> np.ndarray:
+        """(bodies, n) ρ where forces and springs of all ranks do that in the fields."""
         return self.resultant + self.stiff - carried
-
-    def carried(self, force: np.ndarray, sprung: np.ndarray | float) -> np.ndarray:
-        """(bodies, n) what forces (3, P) and springs do in the fields: this rank's part."""
-        bodies = self.bodies
-        carried = self.fields.carried(force, bodies.weight)
-        if bodies.springs is not None:
-            carried += self.resisted + sprung
-        return carried
 
     def matrix(self) -> np.ndarray | None:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: blocks of this rank's fronts; None where it has none."""
@@ -150,6 +152,10 @@ class LoadStep:
         slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
         sums = bodies.assembly(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         return None if sums is None else bodies.affine - sums
+
+    def factors(self, matrix: np.ndarray | None, shift: float) -> Factors | RigidFirst:
+        """Of (matrix + shift), what solves with it."""
+        return self.bodies.pattern.factors(matrix, shift)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
@@ -166,10 +172,9 @@ class Line:
     def __init__(self, at: LoadStep, dy: np.ndarray):
         self.at, self.F, self.found, bodies = at, at.F, (None, None, None), at.bodies
         self.dF, self.against = at.fields.swept(dy, bodies.weight)
-        self.stiff, self.sprung = at._linear(dy)
-        self.start, self.slope, self.springs = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff), (0.0, 0.0)
-        if bodies.springs is not None:
-            self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
+        self.stiff, self.sprung = at.linear(dy)
+        self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
+        self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
 
     def __call__(self, theta: float) -> float:
         """dy·ρ(y + θ dy), the work of the imbalance."""
@@ -191,4 +196,4 @@ class Line:
         at, (_, force, carried) = self.at, self.found
         at.stiff = at.stiff + theta * self.stiff
         at.sprung = at.sprung + theta * self.sprung
-        return at._imbalance(force) if carried is None else at.resultant + at.stiff - carried
+        return at.imbalance(force) if carried is None else at.left_by(carried)

@@ -28,18 +28,18 @@ class Newton:
     """The iterates.
 
     at : the load step
-    direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
-    ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
+    clipped : step (bodies, n) → the same, no longer than allowed
     farthest : fields (bodies, n) → how far any body moves in them at most
-    y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
+    y, rho, size : (bodies, n) the fields, ρ and ‖ρ‖; start : ‖ρ‖ at the start
+    change : (bodies, n) the last step; None before the first
     """
 
-    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
-                 ahead: Callable[[np.ndarray], np.ndarray], farthest: Callable[[np.ndarray], float]):
-        self.at, self.y, self.direction, self.ahead, self.farthest = at, y, direction, ahead, farthest
-        self._rho = at.residual(y)
-        self.start = self.size = np.linalg.norm(self._rho)
-        self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
+    def __init__(self, at: LoadStep, y: np.ndarray, clipped: Callable[[np.ndarray], np.ndarray], farthest: Callable[[np.ndarray], float]):
+        self.at, self.y, self.clipped, self.farthest = at, y, clipped, farthest
+        self.rho = at.residual(y)
+        self.start = self.size = np.linalg.norm(self.rho)
+        self.change: np.ndarray | None = None
+        self._waited, self._mark, self._whole = 0, self.size, False
 
     def solved(self, reduction: float, goal: float = 0.0) -> bool:
         """Whether ‖ρ‖ has come down to a share of the start's, or to a goal, and bodies that all have a place hardly move any more.
@@ -54,26 +54,31 @@ class Newton:
             self._follow()
         return self.start == 0 or self._last <= SHORT * self.farthest(self.y)
 
+    @property
+    def _last(self) -> float:
+        return np.inf if self.change is None else self.farthest(self.change)
+
     def _follow(self) -> None:
         for _ in range(FOLLOWED):
             if self._last <= FINE * self.farthest(self.y):
                 break
-            change = self.ahead(self._rho)
+            change = -self._factors.solve(self.rho)
             y = self.y + change
             rho = self.at.residual(y)
             size = np.linalg.norm(rho)
             if size > self.size:
                 self.at.residual(self.y)
                 break
-            self.y, self._rho, self.size, self._last = y, rho, size, self.farthest(change)
+            self.y, self.rho, self.size, self.change = y, rho, size, change
         self._whole = False
 
     def step(self) -> str:
         """Take a step; why there is no other, or nothing."""
         matrix, shift = self.at.matrix(), LEAST
         while True:
-            dy = self.direction(matrix, self._rho, shift)
-            work = np.vdot(dy, self._rho)
+            self._factors = self.at.factors(matrix, shift)
+            dy = self.clipped(-self._factors.solve(self.rho))
+            work = np.vdot(dy, self.rho)
             if work < 0:
                 break
             shift *= SLOWER
@@ -81,14 +86,19 @@ class Newton:
                 return "no direction"
         line = Line(self.at, dy)
         length = search(line, work)
-        self.y = self.y + length * dy
-        self._rho = line.end(length)
-        self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
-        self._whole = length == 1
+        self.change = length * dy
+        self.y = self.y + self.change
+        self.rho = line.end(length)
+        self.size, self._whole = np.linalg.norm(self.rho), length == 1
         self._waited += 1
         if self.size <= GAIN * self._mark:
             self._waited, self._mark = 0, self.size
         return "stalled" if self._waited >= PATIENCE else ""
+
+    def go_on_from(self, y: np.ndarray) -> None:
+        """Stand at other fields (bodies, n)."""
+        self.y, self.rho, self._whole = y, self.at.residual(y), False
+        self.size = np.linalg.norm(self.rho)
 
 
 def search(work: Callable[[float], float], first: float) -> float:

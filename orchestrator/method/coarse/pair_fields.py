@@ -34,8 +34,8 @@ class PairFields:
     """Fields at all or some of the node pairs of a set of interfaces.
 
     pairs : Q of the points, of I interfaces
-    phi : shapes φ at all P points, as many numbers of each as its interface has shapes, m: those of p begin at ``places`` (I,) + m p
-    A : (R, 2n), for each interface 3m rows, components outside, from ``rows`` (I + 1,) on: from the fields of the first body, then of the
+    phi : shapes φ at all P points, as many numbers of each as its interface has ``shapes`` (I,) m: those of p begin at ``places`` (I,) + m p
+    A : (R, 2n), for each interface 3m rows, components outside, from ``rows`` (I,) on: from the fields of the first body, then of the
         second, to the shapes of T
     all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all points. In single precision: reading it
         is what a sum over points costs, and a correction whose forces are off by a ten-millionth corrects as well
@@ -49,6 +49,7 @@ class PairFields:
     places: np.ndarray
     A: np.ndarray
     rows: np.ndarray
+    shapes: np.ndarray
     all_L: np.ndarray
     ends: np.ndarray
     count: int
@@ -58,16 +59,16 @@ class PairFields:
     @classmethod
     def of(cls, pairs: Pairs, T: np.ndarray, L: np.ndarray, count: int) -> PairFields:
         """From T and L (P, 3, 2n)."""
-        width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]
+        width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]  # none of no interface
         for a, b in zip(bounds[:-1], bounds[1:]):
             shapes, size, mixed = np.linalg.svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
             kept = int((size > EXACT * size.max(initial=0.0)).sum())
             phi.append(shapes[:, :kept].ravel())
             A.append((size[:kept, None] * mixed[:kept]).reshape(-1, 3, width).swapaxes(0, 1).reshape(-1, width))
-        rows = np.cumsum([len(each) for each in A])
-        places = np.cumsum([len(each) for each in phi])[:-1] - np.diff(rows) // 3 * bounds[:-1]
-        return cls(pairs, np.concatenate(phi), places, np.concatenate(A), rows, np.ascontiguousarray(L, dtype=np.float32),
-                   ends_of(pairs.interfaces), count)
+        shapes = np.array([len(each) // 3 for each in A[1:]], dtype=int)
+        places = np.cumsum([len(each) for each in phi])[:-1] - shapes * bounds[:-1]
+        return cls(pairs, np.concatenate(phi), places, np.concatenate(A), 3 * (np.cumsum(shapes) - shapes), shapes,
+                   np.ascontiguousarray(L, dtype=np.float32), ends_of(pairs.interfaces), count)
 
     def __post_init__(self) -> None:
         if self.chosen is None:
@@ -78,6 +79,13 @@ class PairFields:
     def some(self, chosen: np.ndarray) -> PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
+
+    def touching(self, bodies: np.ndarray) -> tuple[np.ndarray, PairFields]:
+        """The pairs of interfaces that touch some of the bodies (k,) int, (R,) int among these, and the fields at them."""
+        touched = np.isin(self.ends, bodies).any(axis=1)
+        chosen = np.flatnonzero(np.repeat(touched, np.diff(self.pairs.bounds)))
+        of = {name: getattr(self, name)[touched] for name in ("ends", "places", "rows", "shapes")}
+        return chosen, replace(self, pairs=self.pairs.some(chosen).among(touched), chosen=self.chosen[chosen], **of)
 
     def with_springs(self, pairs: Pairs) -> PairFields:
         """The same fields at the same pairs, whose springs of stabilisation may be others."""
@@ -102,7 +110,7 @@ class PairFields:
     @property
     def _of(self) -> tuple[np.ndarray, ...]:
         """Fields and pairs as loops take them."""
-        return self.all_L, self.phi, self.places, self.A, self.rows, self.chosen, self.pairs.bounds
+        return self.all_L, self.phi, self.places, self.A, self.rows, self.shapes, self.chosen, self.pairs.bounds
 
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
@@ -158,8 +166,8 @@ class PairFields:
     @property
     def T(self) -> np.ndarray:
         """(Q, 3, 2n), zero in components that are prescribed."""
-        result, bounds, counts = np.empty((len(self.chosen), 3, 2 * self.size)), self.pairs.bounds, np.diff(self.rows) // 3
-        for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, counts, self.places):
+        result, bounds = np.empty((len(self.chosen), 3, 2 * self.size)), self.pairs.bounds
+        for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, self.shapes, self.places):
             phi = self.phi[place + m * self.chosen[a:b, None] + np.arange(m)]
             result[a:b] = np.einsum("pm,imf->pif", phi, self.A[row : row + 3 * m].reshape(3, m, -1))
         return result

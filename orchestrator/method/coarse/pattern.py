@@ -28,6 +28,7 @@ class BlockPattern:
     team : the ranks that eliminate together; all make the same
     rigid : how many rows of a block, the first, may be eliminated alone (``rigid_first``), where that saves much; default: none
     first : how many are
+    rows, indices : (n,) int, block rows and columns of the blocks, row after row
     """
 
     def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None, team: Team = ALONE, rigid: int = 0):
@@ -38,7 +39,7 @@ class BlockPattern:
         where = where[:len(rows)]
         rows, columns = np.divmod(places, bodies)  # block row after block row
         self.diagonal = np.flatnonzero(columns == rows)
-        self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
+        self.rows, self.indices, self.indptr = rows, columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
         turn = np.arange(len(ends)) if order is None else np.argsort(order)
         sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
         starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
@@ -62,7 +63,8 @@ class BlockPattern:
         return self._matrix(self.shifted(values, shift))
 
     def _matrix(self, blocks: np.ndarray) -> sp.bsr_array:
-        return sp.bsr_array((blocks, self.indices, self.indptr), shape=2 * (self.size * self.bodies,))
+        rows, columns = blocks.shape[1:]
+        return sp.bsr_array((blocks, self.indices, self.indptr), shape=(rows * self.bodies, columns * self.bodies))
 
     def factors(self, values: np.ndarray | None, shift: float) -> Factors | RigidFirst:
         """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
@@ -75,7 +77,8 @@ class BlockPattern:
             blocks = np.zeros((len(self.indices), self.size, self.size))
         elif self.team.size > 1:  # of others' fronts a rank has parts
             blocks *= self.entered[:, None, None]
-        return RigidFirst(self._factors, self._matrix(blocks), blocks[self.diagonal, first:, first:], self.team)
+        parts = [np.ascontiguousarray(x) for x in (blocks[:, :first, first:], blocks[:, first:, :first], blocks[:, first:, first:])]
+        return RigidFirst(self._factors, tuple(map(self._matrix, parts)), parts[2][self.diagonal], self.team)
 
     def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
         """Its blocks with a shift of its diagonal."""

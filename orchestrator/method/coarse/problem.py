@@ -2,8 +2,9 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-``newton`` solves it. Where contacts are stabilised every body has a place, and it finds that. Elsewhere a body that hardly
-anything holds moves no further than the radius in a step: such bodies come to rest over several iterations of the method.
+``newton`` solves it. Where contacts are stabilised every body has a place, and it finds that, the last ones in steps of their own
+(``cluster``). Elsewhere a body that hardly anything holds moves no further than the radius in a step: such bodies come to rest over
+several iterations of the method.
 
 Springs that begin anew hold a body where it is, whatever pushes it. ``rest`` solves the problem with stiff ones, begins anew with weaker
 ones where bodies have come to rest, and so on: proximal points yⱼ₊₁ of the true laws,
@@ -18,15 +19,16 @@ Among ranks, what belongs to a body is formed by its rank, and interfaces are de
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from orchestrator.config.method import STABLEST
+from orchestrator.method.coarse.cluster import Cluster, clusters
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import Newton
+from orchestrator.method.coarse.newton import Newton, SHORT
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.parallel.team import Team
@@ -49,7 +51,7 @@ class CoarseProblem:
     rigid : how many fields, the first, a body moves in far more easily than in the others; none where that is not known
     stiffer : ``bodies`` with springs that are as much stiffer as ``STIFFER`` says, where springs begin anew
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
-    newton_steps : Newton steps taken so far
+    newton_steps : Newton steps of all bodies taken so far
     ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "steps" (as many
         as are allowed), "no direction" (whatever the shift)
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
@@ -123,25 +125,36 @@ class CoarseProblem:
 
     def _newton(self, at: LoadStep, y: np.ndarray, radius: float | np.ndarray, goal: float) -> tuple[Newton, str]:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
-        pattern, factors, farthest = self.bodies.pattern, None, np.broadcast_to(radius, self.fields.count)
+        farthest = np.broadcast_to(radius, self.fields.count)
 
-        def ahead(rho: np.ndarray) -> np.ndarray:
-            return -factors.solve(rho)
+        def clipped(dy: np.ndarray) -> np.ndarray:
+            return self._clipped(dy, farthest)
 
-        def direction(matrix: np.ndarray | None, rho: np.ndarray, shift: float) -> np.ndarray:
-            nonlocal factors
-            factors = pattern.factors(matrix, shift)
-            return self._clipped(ahead(rho), farthest)
-
-        run, end = Newton(at, y, direction, ahead, self._farthest), ""
+        run, end = Newton(at, y, clipped, self._farthest), ""
         for number in range(MOST_STEPS + 1):
             if run.solved(self.reduction, goal):
                 end = "tolerance"
             if end or number == MOST_STEPS:
                 break
+            if number and at.bodies.springs is not None:  # every body has a place
+                self._settle(run, clipped, goal)
             self.newton_steps += 1
             end = run.step()
         return run, end or "steps"
+
+    def _settle(self, run: Newton, clipped: Callable[[np.ndarray], np.ndarray], goal: float) -> None:
+        """Let bodies that still move find their places among the others, where few that touch each other do."""
+        moving = self.farthest * np.linalg.norm(run.change, axis=1) > SHORT * self._farthest(run.y)
+        found = clusters(run.at, moving)
+        y = run.y.copy()
+        for members in found:
+            own = Newton(Cluster(run.at, run.rho, run.y, members), run.y, clipped, self._farthest)
+            for _ in range(MOST_STEPS):
+                if own.step() or own.solved(self.reduction, goal):
+                    break
+            y[members] = own.y[members]
+        if found:
+            run.go_on_from(y)
 
     def _clipped(self, dy: np.ndarray, radius: np.ndarray) -> np.ndarray:
         """(bodies, n) the step. A body that nothing touches has no stiffness to stop it: none moves further than

@@ -214,6 +214,12 @@ class Pairs:
         return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs, stabilisation=stabilisation,
                        slid=slid)
 
+    def among(self, interfaces: np.ndarray) -> Pairs:
+        """The same points as those of some of the interfaces (I,) bool; the others have none."""
+        own = [i for i, kept in zip(self.interfaces, interfaces) if kept]
+        bounds = self.bounds[np.concatenate([[True], interfaces])]
+        return replace(self, interfaces=own, transfer=replace(self.transfer, bounds=bounds))
+
     @cached_property
     def lawful(self) -> Pairs:
         """The points of interfaces that are not perfect."""
