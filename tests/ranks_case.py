@@ -213,7 +213,9 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         ends = [value for one in known["probes"] for ends in one["values"].values() for value in (ends["low"], ends["high"])]
         ends += [np.transpose(one[end]) for key in CERTIFIED["certified"] for one in known[key] for end in ("low", "high")]
         result["intervals"] = np.nan_to_num(np.vstack(ends), posinf=0.0, neginf=0.0)
-    result |= {one["name"]: np.nan_to_num(np.array(list(one["values"].values()), float)) for one in (*summary["probes"], *summary["paths"])}
+    certified = {one["name"] for one in (known or {"probes": ()})["probes"]}  # the force of one of these is nothing but rounding
+    result |= {one["name"]: np.nan_to_num(np.array(list(one["values"].values()), float))
+               for one in (*summary["probes"], *summary["paths"]) if one["name"] not in certified}
     if solved.interfaces is not None:
         result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
                    "resultant": solved.interfaces.resultant}
