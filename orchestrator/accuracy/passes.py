@@ -8,7 +8,6 @@ import shutil
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-
 from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak

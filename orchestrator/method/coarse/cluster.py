@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse.csgraph import connected_components
 
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.coarse.ordering import operations
 from orchestrator.method.coarse.pattern import BlockPattern
+from orchestrator.scene.mesh.faces import components
 
 SHARE = 0.125  # of what a step of all bodies costs, that one of a few may
 
@@ -26,8 +25,7 @@ def clusters(at: LoadStep, moving: np.ndarray) -> list[np.ndarray]:
     """Bodies (k,) int that touch each other, of those that are ``moving`` (bodies,) bool; few enough to be worth a step of their own."""
     pattern, bodies = at.bodies.pattern, np.flatnonzero(moving)
     both = moving[pattern.rows] & moving[pattern.indices]
-    graph = sp.coo_array((np.ones(both.sum()), (pattern.rows[both], pattern.indices[both])), shape=2 * (pattern.bodies,))
-    label = connected_components(graph, directed=False)[1][bodies]
+    label = components(pattern.rows[both], pattern.indices[both], pattern.bodies)[1][bodies]
     found = (bodies[label == each] for each in np.unique(label))
     return [each for each in found if operations(len(each), 0, pattern.size) <= SHARE * pattern.elimination.operations]
 
@@ -60,10 +58,7 @@ class Cluster(LoadStep):
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ, zero at all others."""
-        change = y - self.start
-        self.F = self.fields.predicted(self.here, change)
-        self.stiff, self.sprung = self.linear(change)
-        return self.imbalance(self.answer(self.F).force)
+        return super().residual(y - self.start)
 
     def linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) (K₀ − ΣTᵀε L) y, and nothing that is this rank's alone."""

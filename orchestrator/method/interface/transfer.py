@@ -192,8 +192,10 @@ class Transfer:
         return sp.csr_array(kept @ sp.csr_array(matrix[partner][:, partner]) @ kept)
 
     def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-        """Q × m of sparse columns (D + G, m), on side 1 and on side 2."""
-        return tuple(sp.csr_array(fields[side] if self.picks else G @ fields) for side, G in zip((self.one, self.two), self.operators or (None, None)))
+        """Q × m of sparse columns (D + G, m), on side 1 and on side 2, of points that all are there."""
+        if self.picks:
+            return sp.csr_array(fields[self.one]), sp.csr_array(fields[self.two])
+        return sp.csr_array(self.products.G1 @ fields), sp.csr_array(self.products.G2 @ fields)
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of side 2 where nodes match.
