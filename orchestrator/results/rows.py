@@ -14,7 +14,7 @@ BLOCK = 1 << 19  # bytes
 
 
 @dataclass(frozen=True)
-class Blocks:
+class Streamed:
     """An array of the whole in C order, block after block, once; all ranks go through it together, and rank 0 alone gets them."""
 
     shape: tuple[int, ...]
@@ -44,13 +44,13 @@ class Rows:
         self._number = number[self._order]
         self._count = 1 + int(team.max(float(number.max(initial=-1)))[0])
 
-    def blocks(self, values: np.ndarray, axis: int = 0, turn: np.ndarray | None = None) -> Blocks:
+    def blocks(self, values: np.ndarray, axis: int = 0, turn: np.ndarray | None = None) -> Streamed:
         """Values (k, …), or with ``axis`` 1 (T, k, …), of the whole.
 
         turn : (k,) int: of rows that are there several times the mean, added in this order; None: they are the same
         """
         shape = (*values.shape[:axis], self._count, *values.shape[axis + 1:])
-        return Blocks(shape, values.dtype, self._made(values if axis else values[None], turn))
+        return Streamed(shape, values.dtype, self._made(values if axis else values[None], turn))
 
     def _made(self, layers: np.ndarray, turn: np.ndarray | None) -> Iterator[np.ndarray]:
         size = max(1, BLOCK // max(1, layers.itemsize * math.prod(layers.shape[2:])))

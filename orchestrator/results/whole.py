@@ -10,10 +10,10 @@ from orchestrator.parallel.numbering import numbered
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import SIDES, fields_from, of_interfaces
 from orchestrator.results.ranks import Piece
-from orchestrator.results.rows import BLOCK, Blocks, Rows
+from orchestrator.results.rows import BLOCK, Rows, Streamed
 
 
-def arrays(piece: Piece) -> Iterator[tuple[str, np.ndarray | Blocks]]:
+def arrays(piece: Piece) -> Iterator[tuple[str, np.ndarray | Streamed]]:
     """Names and arrays of fields.npz, in its order, on rank 0; every rank goes through them, and through all blocks, together."""
     f, team = piece.fields, piece.team
     nodes, cells = Rows(piece.number, team), Rows(piece.cells, team)
@@ -40,7 +40,7 @@ def arrays(piece: Piece) -> Iterator[tuple[str, np.ndarray | Blocks]]:
 
 def whole_fields(piece: Piece) -> Fields | None:
     """All fields, in memory, on rank 0; all ranks ask together."""
-    found = {name: array.whole() if isinstance(array, Blocks) else array for name, array in arrays(piece)}
+    found = {name: array.whole() if isinstance(array, Streamed) else array for name, array in arrays(piece)}
     return fields_from(found, piece.interfaces) if piece.team.rank == 0 else None
 
 

@@ -25,14 +25,14 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import block_diagonal, Blocks as Alike, digest, times, unit_rows
+from orchestrator.method.interface.rows import block_diagonal, Blocks, digest, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
 
 
 @dataclass(frozen=True)
-class Blocks:
+class SameShape:
     """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs."""
 
     sees: np.ndarray  # (m, s) int, macro unknowns of each
@@ -75,7 +75,7 @@ def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.
 
 
 def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[np.ndarray],
-           answers: Mapping[int, np.ndarray]) -> list[Blocks]:
+           answers: Mapping[int, np.ndarray]) -> list[SameShape]:
     """Blocks of all subdomains that have any: where arrays are the same, once; the others by their shapes."""
     alike: dict[tuple[int, int], list[int]] = {}
     for e, answer in answers.items():
@@ -88,13 +88,13 @@ def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[
     starts, result = np.array([part.start for part in parts], dtype=int), []
     for members, shared in [(g, True) for g in groups] + [(g, False) for g in shapes.values()]:
         different = members[:1] if shared else members
-        result.append(Blocks(np.stack([sees[e] for e in members]),
-                             starts[members][:, None] + np.arange(forces[members[0]].shape[1]),
-                             np.stack([forces[e] for e in different]), np.stack([answers[e] for e in different])))
+        result.append(SameShape(np.stack([sees[e] for e in members]),
+                                starts[members][:, None] + np.arange(forces[members[0]].shape[1]),
+                                np.stack([forces[e] for e in different]), np.stack([answers[e] for e in different])))
     return result
 
 
-def assembled(blocks: Sequence[Blocks], size: int) -> sp.csr_array:
+def assembled(blocks: Sequence[SameShape], size: int) -> sp.csr_array:
     """(size, size) the lower triangle of GᵀNV, the sum over all subdomains."""
     parts = [[x.ravel() for x in b.work()] for b in blocks]
     if not parts:
@@ -127,8 +127,8 @@ class Macro:
         self.number, self.shared = _numbers(space, bases)
         fields, blocks = moved(space, bases), _blocks(space, bases)
         forces = sp.csr_array(direction.k @ fields[: space.size]) if strategy == "equilibrium" else _at_points(space, direction, bases)
-        self.C, self.size = Alike.found(fields, blocks), forces.shape[1]
-        self.G = Alike.found(forces, [[(rows, columns) for rows, columns in group if rows.start < space.size] for group in blocks])
+        self.C, self.size = Blocks.found(fields, blocks), forces.shape[1]
+        self.G = Blocks.found(forces, [[(rows, columns) for rows, columns in group if rows.start < space.size] for group in blocks])
         self._worked = sp.csr_array(fields[: space.size].T @ forces) if strategy == "equilibrium" else None
         self._forces = force_blocks(sp.csr_array(space.scatter @ forces), space.boundary)
 

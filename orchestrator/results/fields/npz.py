@@ -28,7 +28,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFT
 from orchestrator.packed import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY
-from orchestrator.results.rows import Blocks
+from orchestrator.results.rows import Streamed
 from orchestrator.scene.mesh.checks import check_memory
 
 NAME = "fields.npz"
@@ -58,12 +58,12 @@ def of_interfaces(written: InterfaceFields | None) -> Iterator[tuple[str, np.nda
         yield from ((name, x) for name in SHIFTS if (x := getattr(written, name)) is not None)
 
 
-def write_npz(path: Path, written: Iterable[tuple[str, np.ndarray | Blocks]]) -> None:
+def write_npz(path: Path, written: Iterable[tuple[str, np.ndarray | Streamed]]) -> None:
     """Writes names and arrays as ``np.savez`` does, uncompressed (compression would take longer than the solution)."""
     with zipfile.ZipFile(path, "w") as file:
         for name, array in written:
             with file.open(f"{name}.npy", "w", force_zip64=True) as member:
-                if not isinstance(array, Blocks):
+                if not isinstance(array, Streamed):
                     np.lib.format.write_array(member, array, allow_pickle=False)
                     continue
                 np.lib.format.write_array_header_1_0(member, {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False,
