@@ -16,8 +16,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.paths import read_paths, write_paths
-from orchestrator.results.probes import NAME as PROBES, Reader, read_probes
+from orchestrator.results.probes import NAME as PROBES, Reader, read_paths, read_probes, write_paths
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import place_text
 from orchestrator.scene.conditions.probes import Section
@@ -37,7 +36,7 @@ class Answers:
     probes : as ``probes.read_probes`` gives them
     steps : load steps
     kinds : of each entry of ``boundary``: support, or load
-    paths : as ``paths.read_paths`` gives them
+    paths : as ``probes.read_paths`` gives them
     """
 
     extremes: Extremes

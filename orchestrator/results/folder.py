@@ -154,6 +154,23 @@ class ResultsFolder:
                 self.manifest.settle(pattern)
 
 
+def read_table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
+    """Rows of a table that has these columns; none where there is no such file.
+
+    Raises InputError: it cannot be read, or is not whole
+    """
+    if not path.is_file():
+        return []
+    try:
+        with open(path, encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        if any(None in row or None in row.values() or not row.keys() >= set(columns) for row in rows):
+            raise ValueError("columns or ends of rows are missing")
+    except (OSError, ValueError, csv.Error) as error:
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", "a table that a run has written", "run the configuration again") from error
+    return rows
+
+
 def of_parts(names: Sequence[str]) -> str:
     """Pattern of the files that programs which are parts leave, for ``check_free``."""
     return f"{PARTS}/({'|'.join(map(re.escape, names))})/.*"
@@ -169,7 +186,10 @@ def _in_the_way(directory: Path, names: Sequence[str]) -> Problem:
 
 
 def _problem(directory: Path, what: str, error: OSError) -> Problem:
-    free = free_bytes(directory)
+    free = None
+    for folder in reversed((directory, *directory.absolute().parents)):  # the nearest one that is there
+        with suppress(OSError):
+            free = shutil.disk_usage(folder).free
     # Some writers (numpy's tofile, Pillow) lose the error number: then only the free space tells.
     if error.errno in _FULL or (error.errno is None and free is not None and free < 1 << 20):
         left = "" if free is None else f", {_readable(free)} free"
@@ -180,14 +200,6 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
     return Problem(DIRECTORY_KEY, f"cannot write {what} in {directory}: {error.strerror or error}",
                    "a folder that can be created and written to",
                    "check the path and its permissions, or choose another folder with --output")
-
-
-def free_bytes(directory: Path) -> int | None:
-    """Free space of the disk that holds ``directory`` or its nearest existing parent; None if unknown."""
-    for folder in (directory, *directory.absolute().parents):
-        with suppress(OSError):
-            return shutil.disk_usage(folder).free
-    return None
 
 
 def _readable(size: float) -> str:
@@ -218,17 +230,14 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
             raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
                         "wait for that run, end it, or choose another folder with --output") from None
     try:
-        with suppress(OSError), open(folder / HOLDER, "w", opener=_not_through_links) as file:  # a full disk still locks
-            json.dump(about, file)
+        with suppress(OSError):  # a full disk still locks; nothing is written through a link
+            with open(folder / HOLDER, "w", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW, 0o644)) as file:
+                json.dump(about, file)
         yield
     finally:
         with suppress(OSError):
             (folder / HOLDER).unlink()
         lock.release()
-
-
-def _not_through_links(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NOFOLLOW, 0o644)
 
 
 def _holder(folder: ResultsFolder) -> str:

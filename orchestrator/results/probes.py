@@ -1,9 +1,11 @@
-"""Values that were asked for: at points, over surfaces and across sections, at every load step."""
+"""Values that were asked for, at every load step: at points, over surfaces and across sections; along lines, of which paths.csv has a line
+for each point and load step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -12,12 +14,14 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS, components_of_displacement, components_of_stress
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.conditions.probes import Line, Point, Section, Surface
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
 from orchestrator.scene.model import Scene
 
-NAME = "probes.csv"
+NAME, PATHS = "probes.csv", "paths.csv"
+ALONG = ("path", "load_step", "distance", "x", "y", "z", *DISPLACEMENT, *STRESS)  # columns of the latter
 FOREIGN = "the matter there is its code's own: what it is stressed by is not known here"
 
 
@@ -55,10 +59,36 @@ def read_probes(scene: Scene, read: Reader, parts: Sequence[np.ndarray], rims: M
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
-    copies, nodal = Copies.of(scene), read.nodal
-    return [_at_point(probe, read) if isinstance(probe, Point)
-            else _forces(probe, nodal.fields, copies, parts, rims.get(probe.name, 0.0)) if probe.quantity in FORCES
-            else _over_surface(probe, scene, nodal) for probe in scene.probes if not isinstance(probe, Line)]
+    copies, nodal, found = Copies.of(scene), read.nodal, []
+    for probe in (probe for probe in scene.probes if not isinstance(probe, Line)):
+        if isinstance(probe, Point):
+            names, values = read(probe)
+            found.append(_told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at))
+        elif probe.quantity in FORCES:
+            found.append(_forces(probe, nodal.fields, copies, parts, rims.get(probe.name, 0.0)))
+        else:
+            found.append(_over_surface(probe, scene, nodal))
+    return found
+
+
+def read_paths(scene: Scene, read: Reader) -> list[dict[str, object]]:
+    """Per path of the scene ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3), and ``values``: component → (T, n), nan
+    outside the body and where stresses are not to be believed."""
+    return [{"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
+             "values": {name: values[:, :, k] for k, name in enumerate(names)}}
+            for probe in scene.probes if isinstance(probe, Line) for names, values in [read(probe)]]
+
+
+def write_paths(folder: ResultsFolder, found: Sequence[Mapping[str, object]]) -> Path:
+    """Writes paths.csv; what a path does not tell is empty."""
+    rows = []
+    for path in found:
+        columns = [path["values"].get(name) for name in ALONG[6:]]
+        for step in range(len(next(iter(path["values"].values())))):
+            for k, (distance, at) in enumerate(zip(path["distance"].tolist(), path["at"].tolist())):
+                numbers = [np.nan if column is None else float(column[step, k]) for column in columns]
+                rows.append([path["name"], step + 1, repr(distance), *map(repr, at), *("" if x != x else repr(x) for x in numbers)])
+    return folder.write_table(PATHS, [ALONG, *rows])
 
 
 def _told(probe: Point | Section | Surface, quantity: str, of: str, names: Sequence[str], values: np.ndarray, **more: object) -> dict:
@@ -81,11 +111,6 @@ def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Noda
         return STRESS, components_of_stress(np.array(sigma))
     shape = np.array([tet_functions(w, fields.cells.shape[1]) for w in weights]).reshape(-1, fields.cells.shape[1])
     return DISPLACEMENT, components_of_displacement(np.einsum("na,tnai->tni", shape, fields.displacement[:, fields.cells[cells]]))
-
-
-def _at_point(probe: Point, read: Reader) -> dict[str, object]:
-    names, values = read(probe)
-    return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 
 def _forces(probe: Section | Surface, fields: Fields, copies: Copies, parts: Sequence[np.ndarray],

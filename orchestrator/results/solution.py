@@ -24,8 +24,7 @@ from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
-from orchestrator.results.paths import NAME as PATHS
-from orchestrator.results.probes import NAME as PROBES
+from orchestrator.results.probes import NAME as PROBES, PATHS
 from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results.compare.grids import names_of, of_grid
 from orchestrator.results.compare.quantities import Difference, Quantity, Scales, apart, facts_differ, numbers_differ
-from orchestrator.results.compare.summaries import FACTS, TABLES, TOLD, of_summary, of_table
+from orchestrator.results.compare.summaries import FACTS, TABLES, TOLD, grids_of, of_grid, of_summary, of_table
 from orchestrator.results.fingerprint import differences, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.summary import read_summary
@@ -64,11 +62,13 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str], toleranc
     """
     paths = Path(one), Path(other)
     summaries = [read_summary(path) for path in paths]
-    scales, names = Scales(), [names_of(path) for path in paths]
+    scales, names = Scales(), [grids_of(path) for path in paths]
     for path, summary, grids in zip(paths, summaries, names):
-        for quantities, size in _all(path, summary, grids):
+        scales.take([*of_summary(summary), *(q for table in TABLES for q in of_table(path, table)[0])])
+        for name in grids:
+            quantities, points = of_grid(path, name)
             scales.take(quantities)
-            scales.size = max(scales.size, size)
+            scales.size = max(scales.size, float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0)
     found = facts_differ(*({name: summary.get(name) for name in FACTS} for summary in summaries))
     found += _against(list(of_summary(summaries[0])), list(of_summary(summaries[1])), scales)
     for table in TABLES:
@@ -84,16 +84,6 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str], toleranc
         known = worst.get(d.name, d)
         worst[d.name] = replace(max(known, d, key=lambda x: x.of_largest), share=max(known.share, d.share))
     return Comparison(sorted(worst.values(), key=lambda d: -d.of_largest), _told(*summaries), tolerance)
-
-
-def _all(path: Path, summary: dict[str, object], grids: list[str]) -> Iterator[tuple[list[Quantity], float]]:
-    """All that is judged of a folder, file by file, and the size of what it is about."""
-    yield list(of_summary(summary)), 0.0
-    for table in TABLES:
-        yield of_table(path, table)[0], 0.0
-    for name in grids:
-        quantities, points = of_grid(path, name)
-        yield quantities, float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
 
 
 def _against(one: list[Quantity], other: list[Quantity], scales: Scales) -> list[Difference]:

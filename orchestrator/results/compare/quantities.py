@@ -74,7 +74,7 @@ def numbers_differ(one: Quantity, other: Quantity, scales: Scales) -> Difference
     """The largest difference of two quantities of the same name; numbers that neither knows are alike."""
     a, b = np.atleast_1d(one.values), np.atleast_1d(other.values)
     if a.shape != b.shape:
-        return apart(one.name, f"{_shape(a)} numbers, {_shape(b)} there")
+        return apart(one.name, "{} numbers, {} there".format(*(" × ".join(map(str, x.shape)) for x in (a, b))))
     unknown = np.isnan(a) & np.isnan(b)
     with np.errstate(invalid="ignore"):
         gap = np.where(unknown | (a == b), 0.0, np.abs(a - b))
@@ -92,7 +92,3 @@ def facts_differ(one: Mapping[str, object], other: Mapping[str, object]) -> list
     """One for every fact; those that are not the same have no end."""
     return [Difference(name, 0.0) if one.get(name) == other.get(name) else
             apart(name, f"{one.get(name)}, {other.get(name)} there") for name in dict.fromkeys([*one, *other])]
-
-
-def _shape(values: np.ndarray) -> str:
-    return " × ".join(map(str, values.shape))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from orchestrator.errors import wrong
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.answers import INTERFACES, OF_INTERFACES
 from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES
-from orchestrator.results.folder import DIRECTORY_KEY
+from orchestrator.results.folder import read_table
 from orchestrator.results.report.document import Marked, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.bodies import hold_sentences, own_errors, place_sentences, stabilised_sentences
 from orchestrator.results.summary.summary import jsonable, units_of
@@ -124,10 +122,10 @@ def probes(summary: Mapping[str, object]) -> list[str]:
 
 def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
     """Per part the largest displacement and stresses, with their places."""
-    rows = [row for row in _read(folder / EXTREMES, COLUMNS) if (row["quantity"], row["extreme"]) in _SHOWN]
+    rows = [row for row in read_table(folder / EXTREMES, COLUMNS) if (row["quantity"], row["extreme"]) in _SHOWN]
     units, size = units_of(summary), dict.fromkeys((row["part"] for row in rows), 0.0)
     size |= {row["part"]: float(row["value"]) for row in rows if row["quantity"] == "von_mises"}
-    kept = _largest(size)
+    kept = sorted(size, key=size.get, reverse=True)[:MOST]
     lines = [(part, row["quantity"], row["extreme"], number(float(row["value"])), *rounded(at := [float(row[x]) for x in "xyz"], largest(at)),
               row["load_step"]) for part in kept for row in rows if row["part"] == part]
     text = "The largest displacement and von Mises stress of every part, its largest tension (s1) and compression (s3)."
@@ -139,10 +137,10 @@ def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
 
 def carried(folder: Path) -> list[str]:
     """Force, moment and centre of pressure of every interface."""
-    rows, size = _read(folder / INTERFACES, OF_INTERFACES), {}
+    rows, size = read_table(folder / INTERFACES, OF_INTERFACES), {}
     for row in rows:
         size[row["interface"]] = max([size.get(row["interface"], 0.0), *(abs(float(row[key])) for key in ("fx", "fy", "fz"))])
-    kept = _largest(size)
+    kept = sorted(size, key=size.get, reverse=True)[:MOST]
     columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
     columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows)
     columns += ("work", "dissipation") * any(float(row["work"] or 0) or float(row["dissipation"] or 0) for row in rows)
@@ -165,27 +163,6 @@ def by_step(*columns: Sequence[float | None]) -> list[tuple[str, ...]]:
     """Rows for a table: the load step, from 1, and the number of each column, components of one thing."""
     most = largest(list(map(list, columns)))
     return [(str(step), *rounded(row, most)) for step, row in enumerate(zip(*columns), 1)]
-
-
-def _largest(size: Mapping[str, float]) -> list[str]:
-    return sorted(size, key=size.__getitem__, reverse=True)[:MOST]
-
-
-def _read(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    """The rows of a table that has these columns; none where there is no such file.
-
-    Raises InputError: it cannot be read, or is not whole
-    """
-    if not path.is_file():
-        return []
-    try:
-        with open(path, encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        if any(None in row or None in row.values() or not row.keys() >= set(columns) for row in rows):
-            raise ValueError("columns or ends of rows are missing")
-    except (OSError, ValueError, csv.Error) as error:
-        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", "a table that a run has written", "run the configuration again") from error
-    return rows
 
 
 def interface_section(summary: Mapping[str, object]) -> list[str]:
@@ -230,19 +207,14 @@ def _faces(summary: Mapping[str, object]) -> list[str]:
     """Table of what every face that touches carries, and how near it is to slipping, over the load steps."""
     faces = [face for face in summary.get("contact_faces") or () if max(face["capacity"], default=0.0) > 0]
     kept = sorted(faces, key=lambda face: -max(face["capacity"]))[:MOST]
-    lines = [(face["name"], str(step), number(normal), number(carried), number(capacity), f"{used:.0%}", _state(face, step - 1))
-             for face in faces if face in kept for step, (normal, carried, capacity, used) in enumerate(
-                 zip(*(face[key] for key in ("normal", "carried", "capacity", "used"))), 1)]
+    lines = [(face["name"], str(step), number(normal), number(carried), number(capacity), f"{used:.0%}",
+              "open" if not capacity else "bears" if face["kind"] == "bore" else "slips" if slips else "holds")
+             for face in faces if face in kept for step, (normal, carried, capacity, used, slips) in enumerate(
+                 zip(*(face[key] for key in ("normal", "carried", "capacity", "used", "slipping"))), 1)]
     text = ("Normal force, the friction that the face carries as a whole, what friction can hold of it, and the share that is used, "
             "twisting included; a shank in a hole with room bears or not.")
     text += f" The {MOST} faces that hold most of {len(faces)}." * (len(kept) < len(faces))
     return [text, table(("face", "load step", "normal", "friction", "can hold", "used", "state"), lines, numeric=True)] if lines else []
-
-
-def _state(face: Mapping[str, object], step: int) -> str:
-    if not face["capacity"][step]:
-        return "open"
-    return "bears" if face["kind"] == "bore" else "slips" if face["slipping"][step] else "holds"
 
 
 def last_values(summary: Mapping[str, object], history: Mapping[str, Sequence[float]]) -> str:
