@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,17 +29,26 @@ def export(directory: str | os.PathLike[str], target: str | os.PathLike[str]) ->
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
         raise wrong((), f"{path}", f"a name that ends with {' or '.join(WRITERS)}", "write results.xlsx, say")
-    check_there("pandas")
-    check_there(writer)
+    for package in ("pandas", writer):
+        check_there(package)
+    import pandas
+
     tables = _tables(folder)
     if not tables:
         raise wrong((), f"no tables in {folder}", "a folder that run, sweep or compare has written", "name such a folder")
-    long = [name for name, table in tables.items() if path.suffix.lower() == ".xlsx" and len(table) > ROWS]
-    if long:
+    book = path.suffix.lower() == ".xlsx"
+    if book and (long := [name for name, table in tables.items() if len(table) > ROWS]):
         raise wrong((), f"{long[0]}.csv has more than {ROWS:,} lines", "tables that fit in a sheet", "write .parquet files")
+    files = {name: path if book else path.with_name(f"{path.stem}-{name}{path.suffix}") for name in tables}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return _workbook(path, tables) if path.suffix.lower() == ".xlsx" else _each(path, tables)
+        with pandas.ExcelWriter(path, engine=writer) if book else nullcontext() as sheets:
+            for name, table in tables.items():
+                if book:
+                    table.to_excel(sheets, sheet_name=name[:31], index=False)
+                else:
+                    table.to_parquet(files[name], engine=writer, index=False)
+        return list(dict.fromkeys(files.values()))
     except OSError as error:
         raise wrong((), f"{path} cannot be written: {error.strerror or error}", "a folder that can be written to",
                     "choose another place") from error
@@ -57,19 +67,3 @@ def _tables(folder: Path) -> dict[str, DataFrame]:
         except (OSError, ValueError) as error:
             raise wrong((), f"{path} cannot be read: {error}", "a table of a results folder", "run the configuration again") from error
     return found
-
-
-def _workbook(path: Path, tables: dict[str, DataFrame]) -> list[Path]:
-    import pandas
-
-    with pandas.ExcelWriter(path, engine=WRITERS[".xlsx"]) as book:
-        for name, table in tables.items():
-            table.to_excel(book, sheet_name=name[:31], index=False)
-    return [path]
-
-
-def _each(path: Path, tables: dict[str, DataFrame]) -> list[Path]:
-    files = {name: path.with_name(f"{path.stem}-{name}{path.suffix}") for name in tables}
-    for name, table in tables.items():
-        table.to_parquet(files[name], engine=WRITERS[".parquet"], index=False)
-    return list(files.values())

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.borders import Borders, Meeting
+from orchestrator.parallel.borders import Borders
 from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.elasticity import von_mises
 
@@ -46,7 +46,11 @@ class Nodal:
         self.part = np.zeros(len(self.node), dtype=int)
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
-        self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
+        self._borders = Borders(*NOWHERE)
+        if self.fields.meeting is not None:
+            cell = np.empty(len(self.node), dtype=int)
+            cell[self.corner] = np.arange(len(self.corner))[:, None]
+            self._borders = self.fields.meeting.borders(self.node, self.fields.lame[cell], self.part)
         self._weight: np.ndarray | None = None
         self._latest = -1, np.empty((0, 6))  # load step and its stress
 
@@ -55,11 +59,6 @@ class Nodal:
         if self._weight is None:
             self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=len(self)))
         return self._weight
-
-    def _at_others(self, meeting: Meeting) -> Borders:
-        cell = np.empty(len(self.node), dtype=int)
-        cell[self.corner] = np.arange(len(self.corner))[:, None]
-        return meeting.borders(self.node, self.fields.lame[cell], self.part)
 
     def __len__(self) -> int:
         return len(self.node)

@@ -25,7 +25,11 @@ def exaggeration(fields: Fields, steps: Sequence[int]) -> float:
     if opening > 0:
         factor = max(factor, min(OPENING * size / opening, FARTHEST * size / largest))
     sizes, distortions = _bodies(fields, steps)
-    limits = [DISTORTED * sizes[distortions > 0] / distortions[distortions > 0], *_misfits(fields, steps, size, sizes)]
+    limits = [DISTORTED * sizes[distortions > 0] / distortions[distortions > 0]]
+    if i is not None:  # faces that touch may part, or sink into each other, by ``MISFIT``; halves of a bolt by ``DISTORTED``
+        most, given = _misfit(fields, steps)
+        room = np.where(given, DISTORTED * sizes[i.subdomains].min(axis=1)[i.interface_of_node], MISFIT * size)
+        limits.append(room[(most > 0) & (room > 0)] / most[(most > 0) & (room > 0)])
     return float(f"{min(factor, *(float(limit.min(initial=np.inf)) for limit in limits)):.1e}")
 
 
@@ -60,27 +64,17 @@ def _bodies(fields: Fields, steps: Sequence[int]) -> tuple[np.ndarray, np.ndarra
 
 def misfit(fields: Fields, steps: Sequence[int], factor: float) -> float:
     """Distance by which faces that touch are drawn apart or into each other; 0 where that is not seen: a tenth of what is let through."""
-    found, size = _misfit(fields, steps), float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    drawn = 0.0 if found is None else factor * float(np.where(found[1], 0.0, found[0]).max(initial=0.0))
-    return drawn if drawn > 0.1 * MISFIT * size else 0.0
+    if fields.interfaces is None:
+        return 0.0
+    most, given = _misfit(fields, steps)
+    drawn = factor * float(np.where(given, 0.0, most).max(initial=0.0))
+    return drawn if drawn > 0.1 * MISFIT * float(np.linalg.norm(np.ptp(fields.nodes, axis=0))) else 0.0
 
 
-def _misfit(fields: Fields, steps: Sequence[int]) -> tuple[np.ndarray, np.ndarray] | None:
-    """(N,) per interface node the jump that is not there, as a prescribed gap makes it up; (N,) whether it is imposed. None: no interface."""
+def _misfit(fields: Fields, steps: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) per interface node the jump that is not there, as a prescribed gap makes it up; (N,) whether it is imposed."""
     i = fields.interfaces
-    if i is None:
-        return None
     jump = (i.gap - i.initial_gap)[list(steps)]
     apart = np.isin(i.status[list(steps)], i.kinds[i.kind_names == COUNTED[0]])
     given = np.array([law in LAWS and LAWS[law].as_one for law in i.laws])[i.interface_of_node]
     return np.where(apart, -jump, np.abs(jump)).max(axis=0, initial=0.0), given
-
-
-def _misfits(fields: Fields, steps: Sequence[int], size: float, sizes: np.ndarray) -> list[np.ndarray]:
-    """Factors beyond which faces that touch part, or sink into each other, by more than ``MISFIT``; halves of a bolt by ``DISTORTED``."""
-    found, i = _misfit(fields, steps), fields.interfaces
-    if found is None:
-        return []
-    most, given = found
-    room = np.where(given, DISTORTED * sizes[i.subdomains].min(axis=1)[i.interface_of_node], MISFIT * size)
-    return [room[(most > 0) & (room > 0)] / most[(most > 0) & (room > 0)]]

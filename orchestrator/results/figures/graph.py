@@ -12,7 +12,6 @@ from orchestrator.scene.graph import APART, Edge, Graph, Node, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 WIDE, LINE = 2.1, 0.15  # inches: a node, and a line of its text
 ROOM = 1.35  # distance of two nodes that just do not touch, over their size
@@ -23,12 +22,7 @@ LABELS = 60  # edges that have a text
 
 
 def draw_graph(graph: Graph) -> bytes:
-    """The picture as PNG, of a graph that is ``readable``."""
-    return png(picture(graph))
-
-
-def picture(graph: Graph) -> Figure:
-    """Nodes as boxes coloured by code, edges coloured by law, dashed where meshes do not match."""
+    """PNG of a graph that is ``readable``: nodes as boxes coloured by code, edges coloured by law, dashed where meshes do not match."""
     texts = [_text(node) for node in graph.nodes]
     size = np.array([[WIDE, LINE * (2 + text.count("\n"))] for text in texts])
     at = layout(np.array([node.place for node in graph.nodes]), ROOM * size)
@@ -45,7 +39,7 @@ def picture(graph: Graph) -> Figure:
         axes.text(x, y, text, ha="center", va="center", fontsize=SMALL, zorder=3, bbox={
             "boxstyle": "round", "facecolor": "white", "edgecolor": codes[f"{node.code}, {node.element}"], "linewidth": 2})
     _legend(axes, graph, codes, laws)
-    return figure
+    return png(figure)
 
 
 def layout(places: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -113,16 +107,13 @@ def _edges(axes: Axes, graph: Graph, at: np.ndarray, size: np.ndarray, laws: dic
                           linestyle="--" if edge.meshes == APART else "-")
                 x, y = (at[a] + at[b]) / 2 + aside
             if len(graph.edges) <= LABELS or a == b:
-                axes.text(x, y, _label(edge), fontsize=SMALL - 1, ha="center", va="center", color=laws[_law(edge)], zorder=2,
+                text = (f"{edge.interfaces} interfaces, " if edge.interfaces > 1 else "") + f"{edge.points} points"
+                axes.text(x, y, text, fontsize=SMALL - 1, ha="center", va="center", color=laws[_law(edge)], zorder=2,
                           bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
 
 
 def _law(edge: Edge) -> str:
     return f"{edge.law} ({edge.keys})" if edge.keys else edge.law
-
-
-def _label(edge: Edge) -> str:
-    return (f"{edge.interfaces} interfaces, " if edge.interfaces > 1 else "") + f"{edge.points} points"
 
 
 def _legend(axes: Axes, graph: Graph, codes: dict[str, str], laws: dict[str, str]) -> None:

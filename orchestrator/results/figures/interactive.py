@@ -16,7 +16,7 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.exaggeration import exaggeration
 from orchestrator.results.figures.pictures import limits_at, most_deformed
 from orchestrator.results.figures.plotting import COLOURS
-from orchestrator.results.figures.surface import Skin, drawn_cells, skin
+from orchestrator.results.figures.surface import drawn_cells, skin
 from orchestrator.results.figures.view import Look, toward_eye
 
 if TYPE_CHECKING:
@@ -42,19 +42,20 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
     part = np.zeros(len(seen.cell), dtype=int) if fields.part is None else fields.part[seen.cell]
     length, unit = look.units["length"], look.units["stress"]
     graph, figure = _figure(f"{title}: displacements drawn × {factor:g}, load step {step + 1} of {fields.steps}")
-    shown_bar = True
     for p in np.unique(part):
         used, corners = np.unique(seen.triangles[part == p], return_inverse=True)
         told = np.column_stack([seen.points[used], u[used], stress[used]])
         figure.add_trace(graph.Mesh3d(**_mesh(moved[used], corners.reshape(-1, 3)), intensity=stress[used], cmin=limits[0], cmax=limits[1],
-            colorscale="Viridis", showscale=shown_bar,
+            colorscale="Viridis", showscale=bool(p == part.min()),
             colorbar={"title": {"text": "von Mises" + (unit and "," + unit)}, "x": 0.0, "xanchor": "right"},
             name=fields.parts[p] if fields.parts else "structure", showlegend=True, customdata=told,
             hovertemplate="(%{customdata[0]:.4g}, %{customdata[1]:.4g}, %{customdata[2]:.4g})" + length
             + "<br>u (%{customdata[3]:.4g}, %{customdata[4]:.4g}, %{customdata[5]:.4g})" + length
             + "<br>von Mises %{customdata[6]:.4g}" + unit))
-        shown_bar = False
-    _edges(graph, figure, moved, seen)
+    ends = np.full((len(seen.lines), 3, 3), np.nan, dtype=np.float32)
+    ends[:, :2] = moved[seen.lines]
+    x, y, z = ends.reshape(-1, 3).T
+    figure.add_trace(graph.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": "#333333", "width": 1}, hoverinfo="skip", name="edges"))
     if (peak := seen.peaks[step]) is not None:
         at = peak[0][0] + factor * peak[0][1]
         figure.add_trace(graph.Scatter3d(x=at[:1], y=at[1:2], z=at[2:], mode="markers+text", text=[f"peak {peak[1]:.4g}{unit}"],
@@ -97,13 +98,6 @@ def _mesh(points: np.ndarray, triangles: np.ndarray) -> dict[str, object]:
     (x, y, z), (i, j, k) = points.T.astype(np.float32), triangles.T.astype(np.int32)
     return {"x": x, "y": y, "z": z, "i": i, "j": j, "k": k, "flatshading": True,
             "lighting": {"ambient": 0.65, "diffuse": 0.5, "specular": 0.05}}
-
-
-def _edges(graph: object, figure: Figure, points: np.ndarray, seen: Skin) -> None:
-    ends = np.full((len(seen.lines), 3, 3), np.nan, dtype=np.float32)
-    ends[:, :2] = points[seen.lines]
-    x, y, z = ends.reshape(-1, 3).T
-    figure.add_trace(graph.Scatter3d(x=x, y=y, z=z, mode="lines", line={"color": "#333333", "width": 1}, hoverinfo="skip", name="edges"))
 
 
 def _page(figure: Figure) -> bytes:

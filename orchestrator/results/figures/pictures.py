@@ -155,7 +155,9 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     every = _chosen(fields.interfaces, imposed)
     if every is None:
         return None
-    i, unit = _foremost(every), look.units["stress"]
+    unit, force = look.units["stress"], np.add.reduceat(np.abs(every.pressure) * every.areas, every.offsets[:-1], axis=1).max(axis=0)
+    first = np.argsort(-force, kind="stable")[:_MOST_FACES]  # those that never carry anything only where none does
+    i = type(every).joined([every], np.sort(first[force[first] > EQUAL * force.max()] if force.any() else first))
     steps = look.of_steps(fields.steps) or spread(fields.steps, _MOST_STEPS, int((np.abs(i.pressure) * i.areas).sum(axis=1).argmax()))
     flat = laid_flat(fields.nodes, i, look.units["length"])
     camera = Camera.framing(flat.frame, np.array([0.0, 0.0, 1.0]), 0.01)
@@ -164,11 +166,12 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     pieces, corners = shares(flat.corners).reshape(-1, 3), flat.corners.reshape(-1, 3)
     pushed = [View(corners, np.arange(len(corners)).reshape(-1, 3), values.ravel(), limits=ends, extremes=extremes, palette=viridis(),
                    names=flat.names * (k == 0), **shared) for k, values in enumerate(pressure)]
-    count = len(every.names)
+    count, most = len(every.names), np.linalg.norm(every.friction_traction, axis=2).max(initial=0.0)
+    most = most if most > EQUAL * np.abs(every.pressure).max(initial=0.0) else 0.0  # what rounding leaves beside the pressure is none
     told = [f"{count} interface{'s' * (count != 1)}" + " whose jump is imposed" * imposed,
             *[f"drawn: the {len(i.names)} that carry most"] * (count > len(i.names)),
             f"largest {name} {short(float((-every.pressure if imposed else every.pressure).max()))}{unit}",
-            f"largest tangential traction {_traction(every)}{unit}",
+            f"largest tangential traction {short(most)}{unit}",
             *["grey: open"] * bool(np.isnan(pressure).any()), *omitted(fields, steps)]
     scale = Scale(pushed[0], name + (unit and "," + unit))
     if imposed:  # tightened, then locked: nothing to see
@@ -180,19 +183,6 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
                  **shared) for status in kind]
     return Sheet([view for both in zip(held, pushed) for view in both], [text for text in headings(fields, steps) for _ in range(2)], 2,
                  [Scale(held[0], "status", i.kind_names[present].tolist()), scale], told)
-
-
-def _foremost(i: InterfaceFields) -> InterfaceFields:
-    """The interfaces that carry most, in their order; those that never carry anything only where none does."""
-    force = np.add.reduceat(np.abs(i.pressure) * i.areas, i.offsets[:-1], axis=1).max(axis=0)
-    first = np.argsort(-force, kind="stable")[:_MOST_FACES]
-    return type(i).joined([i], np.sort(first[force[first] > EQUAL * force.max()] if force.any() else first))
-
-
-def _traction(i: InterfaceFields) -> str:
-    """The largest; what rounding leaves beside the pressure is none."""
-    most, push = np.linalg.norm(i.friction_traction, axis=2).max(initial=0.0), np.abs(i.pressure).max(initial=0.0)
-    return short(most) if most > EQUAL * push else "0"
 
 
 def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:

@@ -125,7 +125,10 @@ def compose(sheet: Sheet, title: str) -> Figure:
         figure.add_artist(_exactly(figure, draw(view, width), round(left * DPI), round(bottom * DPI)))
         if view.mark is not None:
             _point_at(figure, view, left, bottom, width)
-        _write_names(figure, view, left, bottom, width)
+        for at, name in view.names:  # below each
+            x, y = view.camera.project(at)[:2] / view.camera.width * width
+            figure.text((left + x + 0.5 * width) / WIDTH, (bottom + y + 0.5 * height - 0.03) / total, name, ha="center", va="top",
+                        fontsize=6.5, color="0.25", linespacing=1.15)
         figure.text((left + 0.5 * width) / WIDTH, (bottom + height + 0.04) / total, text, ha="center", va="bottom", fontsize=9)
         if own:
             place = (left + 0.2 * width) / WIDTH, (bottom - 0.15) / total, 0.6 / sheet.columns, 0.1 / total
@@ -150,15 +153,6 @@ def _exactly(figure: Figure, picture: np.ndarray, left: int, bottom: int) -> Mat
     opaque = np.full((*picture.shape[:2], 1), 255, dtype=np.uint8)
     dots.set_data(np.ascontiguousarray(np.concatenate([picture, opaque], axis=2)[::-1]))  # matplotlib's rows go upward
     return dots
-
-
-def _write_names(figure: Figure, view: View, left: float, bottom: float, width: float) -> None:
-    """The name of each thing below it."""
-    camera = view.camera
-    for place, name in view.names:
-        x, y = camera.project(place)[:2]
-        figure.text((left + (x / camera.width + 0.5) * width) / WIDTH, (bottom + (y + 0.5 * camera.height) / camera.width * width - 0.03)
-                    / figure.get_figheight(), name, ha="center", va="top", fontsize=6.5, color="0.25", linespacing=1.15)
 
 
 def _point_at(figure: Figure, view: View, left: float, bottom: float, width: float) -> None:

@@ -115,15 +115,12 @@ def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -
         place = np.zeros(len(drawn.nodes), dtype=int)
         place[node[used][::-1]] = np.arange(len(used))[::-1]
         lines = place[edges(drawn.nodes, faces, fields.subdomain[cell])]
-        outline = NO_LINES if look.parts else _outline(fields)
+        outline = NO_LINES
+        if not look.parts:
+            sharp = edges(fields.nodes, outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0])
+            outline = fields.nodes[sharp] if len(sharp) else box_edges(fields.nodes)
     peaks = {step: _peak(drawn, node[places], step, values[places]) for step, values in stress.items()}
     return Skin(points, triangles, lines, cell, *({step: found[k] for step, found in arrays.items()} for k in (0, 1)), peaks, outline)
-
-
-def _outline(fields: Fields) -> np.ndarray:
-    whole = outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0]
-    sharp = edges(fields.nodes, whole)
-    return fields.nodes[sharp] if len(sharp) else box_edges(fields.nodes)
 
 
 def _peak(drawn: Fields, nodes: np.ndarray, step: int, values: np.ndarray) -> tuple[np.ndarray, float] | None:

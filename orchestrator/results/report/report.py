@@ -13,7 +13,6 @@ from orchestrator.config.explain import explained
 from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.animation import NAME as ANIMATION, write_animation
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import tolerance
@@ -63,22 +62,30 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     solution = Solution.read(directory)
     folder = ResultsFolder(directory)
     look = look_of(solution.summary) if figures is None else _look(solution, figures)
+    name = str(solution.summary.get("name"))
+    if (interactive or animate) and solution.fields is None:
+        raise wrong((), f"no fields in {solution.directory}", "a run with output.fields: true", "run it again, with fields")
     if interactive:
-        _turning(solution, folder, look)
+        from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
+
+        folder.write("result.html", result_page(solution.fields, name, look))
     if animate:
-        _moving(solution, folder, look)
+        try:
+            drawn(write_animation, folder, solution.fields, look, name)
+        except CannotDraw as error:
+            raise wrong((), f"no animation: {error}", "a machine on which VTK can draw", "leave out --animate") from error
     try:
         made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)
     except CannotDraw as error:
         print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
         made = write_figures(folder, solution.summary, solution.history)
-    names = {path.name for path in made} | ({ANIMATION} if animate else set())
-    pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
-    first = [name for name, _ in _PICTURES if name in names][:1] == [_PICTURES[0][0]]
+    there = {path.name for path in made} | ({ANIMATION} if animate else set())
+    pictures = [picture(f"figures/{file}", text) for file, text in _PICTURES if file in there]
+    first = _PICTURES[0][0] in there
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
     parts += section("Figures", *pictures[first:])
     text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
-    folder.write("report.html", page(text, folder.path, str(solution.summary.get("name"))))
+    folder.write("report.html", page(text, folder.path, name))
     return folder.write("report.md", text)
 
 
@@ -93,26 +100,6 @@ def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
         check_figures(solution.fields.nodes, list(solution.fields.parts), solution.fields.steps, asked, (), problems)
         problems.raise_if_any()
     return Look.of(asked.model_dump(exclude_none=True), units_of(solution.summary))
-
-
-def _moving(solution: Solution, folder: ResultsFolder, look: Look) -> None:
-    try:
-        drawn(write_animation, folder, _fields(solution), look, str(solution.summary.get("name")))
-    except CannotDraw as error:
-        raise wrong((), f"no animation: {error}", "a machine on which VTK can draw", "leave out --animate") from error
-
-
-def _fields(solution: Solution) -> Fields:
-    """Raises InputError: there are none."""
-    if solution.fields is None:
-        raise wrong((), f"no fields in {solution.directory}", "a run with output.fields: true", "run it again, with fields")
-    return solution.fields
-
-
-def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
-    from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
-
-    folder.write("result.html", result_page(_fields(solution), str(solution.summary.get("name")), look))
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
