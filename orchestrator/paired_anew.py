@@ -19,7 +19,7 @@ from orchestrator.errors import InputError, some
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.sliding import FIFTH, slides
+from orchestrator.results.summary.resolution import FIFTH, slides
 from orchestrator.scene.interfaces.opposite import TOUCHING
 from orchestrator.scene.model import Interface, Scene
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import results_case as case
 
-from orchestrator.results.figures.meshes import errors_over_elements, first_and_last, forget_first, keep_first
+from orchestrator.results.figures.meshes import FIRST, errors_over_elements, first_and_last, keep_first
 from orchestrator.scene.mesh.size_map import edge_lengths
 
 
@@ -34,5 +34,5 @@ def test_first_and_last(tmp_path):
     own = edge_lengths(fields.nodes, fields.cells[:, :4])
     assert smaller <= set(np.round(own, 12)) and larger <= set(np.round(2 * own, 12)) and before == after <= set(np.round(errors, 12))
     assert first_and_last(tmp_path, fields, asked(1)) is None
-    forget_first(tmp_path)
+    (tmp_path / FIRST).unlink()
     assert first_and_last(tmp_path, fields, asked(2)) is None

@@ -27,7 +27,7 @@ from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.figures.meshes import forget_first, keep_first
+from orchestrator.results.figures.meshes import FIRST, keep_first
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.screen import print_summary
@@ -93,7 +93,7 @@ class _Refinement:
             set_aside_again(folder)
         else:
             Passes.forget(self.path)
-            forget_first(self.path)
+            (self.path / FIRST).unlink(missing_ok=True)
             drop(folder)
         while True:
             self.since = time.perf_counter()

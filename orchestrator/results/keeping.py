@@ -80,8 +80,12 @@ class CheckpointWriter(Subscriber):
             return
         if not self._reserved:
             self._reserve(checkpoint)
-        if not (error := self._tried(lambda: self._write(checkpoint))):
-            self._remove_older(checkpoint)
+        if not (error := self._tried(lambda: self._write(checkpoint))):  # what nobody needs any more goes, now that all ranks have it
+            first = checkpoint.iteration - max(checkpoint.evaluations, 1) + 1
+            if checkpoint.ended and checkpoint.notes["met"]:
+                self._unlink(self._path.glob(ITERATIONS))  # the results may need the room
+            elif self.keeps:
+                self._unlink(path for path in self._path.glob(ITERATIONS) if number_of(path) < first)
             return
         if checkpoint.ended:  # it needs none of those before
             self._unlink(self._path.glob(ITERATIONS))
@@ -127,14 +131,6 @@ class CheckpointWriter(Subscriber):
         if self.keeps and not alone and not (checkpoint.ended and checkpoint.notes["met"]):
             self._write_file(f"iteration-{checkpoint.iteration:06}", checkpoint, sync)
         self._synced = time.monotonic() if sync else self._synced
-
-    def _remove_older(self, checkpoint: Checkpoint) -> None:
-        """What nobody needs any more, now that all ranks have written this."""
-        if checkpoint.ended and checkpoint.notes["met"]:
-            self._unlink(self._path.glob(ITERATIONS))  # the results may need the room
-        elif self.keeps:
-            first = checkpoint.iteration - max(checkpoint.evaluations, 1) + 1
-            self._unlink(path for path in self._path.glob(ITERATIONS) if number_of(path) < first)
 
     def _unlink(self, paths: Iterable[Path]) -> None:
         """Remove this rank's files among some, those of ranks that are no more too."""

@@ -92,9 +92,16 @@ class Manifest:
                 yield from (os.path.join(inside, name) for name in files)
 
     def _is_own(self, name: str, noted: dict[str, list[dict[str, Any]]], claims: list[str]) -> bool:
+        """Whether a file is claimed, or one of those noted: by size and time, or where it was copied by size and content."""
         path = self._folder / name
-        return path.is_file() and not path.is_symlink() and (
-            any(re.fullmatch(claim, name) for claim in claims) or _is_one(path, noted.get(name, [])))
+        if not path.is_file() or path.is_symlink():
+            return False
+        if any(re.fullmatch(claim, name) for claim in claims):
+            return True
+        about = path.stat()
+        alike = [entry for entry in noted.get(name, ()) if entry["size"] == about.st_size]
+        return any(entry["time"] == about.st_mtime_ns for entry in alike) or (
+            any(entry["hash"] for entry in alike) and _hash(path) in {entry["hash"] for entry in alike})
 
     def _read(self) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
         """Entries by name, and patterns that are claimed."""
@@ -146,14 +153,6 @@ class Manifest:
                 fcntl.flock(file, fcntl.LOCK_EX)
             if content and file.write(content) < len(content):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _is_one(path: Path, entries: list[dict[str, Any]]) -> bool:
-    """Whether a file is one of those noted: by size and time, or where it was copied by size and content."""
-    about = path.stat()
-    alike = [entry for entry in entries if entry["size"] == about.st_size]
-    return any(entry["time"] == about.st_mtime_ns for entry in alike) or (
-        any(entry["hash"] for entry in alike) and _hash(path) in {entry["hash"] for entry in alike})
 
 
 def _hash(path: Path) -> str:

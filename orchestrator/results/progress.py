@@ -63,15 +63,10 @@ class Progress(Subscriber):
         self._show(f"iteration {event.iteration}", f"{shown} → {target:.0e} · {event.sweeps:g} sweeps", fraction_done(self._values, target))
 
     def _show(self, description: str, text: str | None, fraction: float | None) -> None:
-        if self._live is None:
-            self._now_and_then(description, text)
-            return
-        self._live.update(self._task, description=description, completed=fraction, **({} if text is None else {"text": text}))
-        self._live.refresh()
-
-    def _now_and_then(self, description: str, text: str | None) -> None:
-        now = time.monotonic()
-        if not self._quiet and text and now - self._told >= EVERY:
+        if self._live is not None:
+            self._live.update(self._task, description=description, completed=fraction, **({} if text is None else {"text": text}))
+            self._live.refresh()
+        elif not self._quiet and text and (now := time.monotonic()) - self._told >= EVERY:
             self._told = now
             print(f"{now - self._begun:.0f} s: {description}, {text}", file=self._stream, flush=True)
 

@@ -46,7 +46,11 @@ def write_fields(folder: ResultsFolder, fields: Fields | None, piece: Piece | No
         write_npz(temporary, arrays(fields) if piece is None else arrays_of_pieces(piece))
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
     if piece is not None:
-        names = _in_pieces(folder, piece, hidden)
+        piece.team.share((os.fspath(folder.path.absolute()), hidden, interfaces is not None))
+        first = _write_piece(folder, piece, hidden)
+        names = [f"step_{step + 1:04d}.pvtu" for step in range(piece.fields.steps)]
+        for step, name in enumerate(names):
+            write_pvtu(folder, f"fields/{name}", [_names(piece.fields.steps, rank)[step] for rank in range(piece.team.size)], *first)
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
         _write_steps(folder, names, fields, hidden)
@@ -77,16 +81,6 @@ def write_piece(piece: Piece) -> None:
     _write_piece(ResultsFolder(directory), piece, hidden)
     for side in range(2 * opens):
         piece.interface_displacement(side)
-
-
-def _in_pieces(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> list[str]:
-    """Have every rank write its piece; names of the files that put them together."""
-    piece.team.share((os.fspath(folder.path.absolute()), hidden, piece.interfaces is not None))
-    first = _write_piece(folder, piece, hidden)
-    names = [f"step_{step + 1:04d}.pvtu" for step in range(piece.fields.steps)]
-    for step, name in enumerate(names):
-        write_pvtu(folder, f"fields/{name}", [_names(piece.fields.steps, rank)[step] for rank in range(piece.team.size)], *first)
-    return names
 
 
 def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -189,9 +183,11 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
     def array(name: str, values: np.ndarray) -> str:
         return f'        <DataArray {_kind(name, values)} format="appended" offset="{offsets[next(number)]}"/>'
 
+    listed = [f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" format="ascii">{number}</DataArray>'
+              for name, number in (names or {}).items()]
     of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()] for each in sets)
     rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
-            "  <UnstructuredGrid>", *_field_data(names or {}), f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
+            "  <UnstructuredGrid>", *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []), f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
             "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells, "      </Cells>",
             "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells, "      </CellData>",
             "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
@@ -216,12 +212,6 @@ def _in_order(sizes: Sequence[int]) -> list[int]:
             break
         order = order[1:] + order[:1]
     return order
-
-
-def _field_data(names: Mapping[str, int]) -> list[str]:
-    rows = [f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" format="ascii">{number}</DataArray>'
-            for name, number in names.items()]
-    return ["    <FieldData>", *rows, "    </FieldData>"] if rows else []
 
 
 def _kind(name: str, values: np.ndarray) -> str:

@@ -33,11 +33,6 @@ def keep_first(folder: Path, nodes: np.ndarray, cells: np.ndarray, error: np.nda
     write_arrays(folder / FIRST, nodes=nodes, cells=cells[:, :4], error=error)
 
 
-def forget_first(folder: Path) -> None:
-    """Remove it, where it is there."""
-    (folder / FIRST).unlink(missing_ok=True)
-
-
 def errors_over_elements(summary: Mapping[str, object]) -> Figure | None:
     """Curves of the energy norm's error and of quantities', with what is asked; None where there are not two meshes."""
     found = summary.get("accuracy")

@@ -11,8 +11,7 @@ import numpy as np
 from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.moved import Moved
-from orchestrator.results.summary.resolution import unresolved
-from orchestrator.results.summary.sliding import sliding
+from orchestrator.results.summary.resolution import sliding, unresolved
 from orchestrator.results.summary.tools import tool_cautions
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
@@ -39,7 +38,12 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     tools = {i.subdomains[1] for i in scene.interfaces if i.tool is not None}  # which may go anywhere
     moved = Moved.of(scene, scene.subdomains, sides) if moved is None else moved
     kept = [s for s in scene.subdomains if s.body not in lost and s.index not in tools]
-    result = [*scene_cautions(scene), *_of_mesh(scene, discretisation_error)]
+    result = [*scene_cautions(scene)]
+    if (error := discretisation_error) is not None and error > COARSE:
+        finer, linear = "halve the element size where fields/ show large discretisation_error", scene.mesh.cells.shape[1] == 4
+        locks = any(scene.materials[m].poisson > LOCKING for m in scene.used)
+        cure = finer if not linear else "take blackbox: {element: P2}" + ("" if locks else f", or {finer}")
+        result.append(f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the iterations: {cure}")
     far = list(dict.fromkeys(s.body for s in kept if moved.displacement[s.index] > DISPLACEMENT * moved.size[s.index]))
     if far:
         result.append(f"{some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
@@ -55,25 +59,12 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     return result if interfaces is None else [*result, *_of_interfaces(scene, interfaces), *tool_cautions(scene, sides, interfaces)]
 
 
-def _of_mesh(scene: Scene, error: float | None) -> list[str]:
-    if error is None or not error > COARSE:
-        return []
-    linear = scene.mesh.cells.shape[1] == 4
-    locks = any(scene.materials[m].poisson > LOCKING for m in scene.used)
-    finer = "halve the element size where fields/ show large discretisation_error"
-    cure = finer if not linear else "take blackbox: {element: P2}" + ("" if locks else f", or {finer}")
-    return [f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the iterations: {cure}"]
-
-
 def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
-    result = []
     said: dict[str, list[str]] = {}
     for i in scene.interfaces:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
-    result += [f"{some(names)} {caution}" for caution, names in said.items()]
-    result += sliding(interfaces)
-    result += unresolved(scene, interfaces)
+    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *sliding(interfaces), *unresolved(scene, interfaces)]
     opening = [i.law.joins for i in scene.interfaces if not i.law.perfect]
     cut = [k for k, (part, joins) in enumerate(zip(interfaces.within, opening)) if part >= 0 and not joins]
     if cut:

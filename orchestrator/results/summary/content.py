@@ -22,7 +22,6 @@ from orchestrator.method.halving import path_sentence
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.method.stopping.backward import Backward
-from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.processes import memory_peak_mb
 from orchestrator.results.answers import reaction_names
@@ -59,14 +58,18 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     if foreign := _foreign_matter(spent["codes"]):
         estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
-    nonlinear = _nonlinear_parts(scene, iterated.iterations)
+    flowing = [s.name for s in scene.subdomains if s.remembers]  # each was asked once an iteration, and at each load step's end once more
+    nonlinear = {"nonlinear": {"subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps), "off": OFF}} if flowing else {}
+    factor, kind = getattr(iterated.bound, "factor", 1.0), None
+    if math.isfinite(iterated.bound.relative):
+        kind = "guaranteed" if getattr(iterated.bound, "guaranteed", True) else "estimated"
     summary = {"name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes], met and met.stabilised)),
         "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration, scene.bonded and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
-        "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": _error_kind(iterated.bound),
-        "error_factor": _error_factor(iterated.bound),
+        "indicator": last.indicator, "error_bound": iterated.bound.relative, "error_kind": kind,
+        "error_factor": factor if kind == "guaranteed" and factor > 1 else None,  # by which friction has multiplied it
         "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative,
@@ -181,19 +184,6 @@ def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
     summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
 
 
-def _error_kind(bound: Bound) -> str | None:
-    """Whether the error is guaranteed or estimated; None where none is known."""
-    if not math.isfinite(bound.relative):
-        return None
-    return "guaranteed" if getattr(bound, "guaranteed", True) else "estimated"
-
-
-def _error_factor(bound: Bound) -> float | None:
-    """The factor by which friction has multiplied a guaranteed error; None where nothing has."""
-    factor = getattr(bound, "factor", 1.0)
-    return factor if _error_kind(bound) == "guaranteed" and factor > 1 else None
-
-
 def _shares(found: Shares | None) -> dict[str, object] | None:
     """The largest shares of the error, and every body's own beside its own energy."""
     first = found and {key: dict(islice(getattr(found, key).items(), MOST_SHARES)) for key in ("bodies", "interfaces")}
@@ -215,20 +205,16 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
     if interfaces is None:
         return {}
     detached, weakly_held = held_bodies(scene, interfaces)
+    bound, unbalanced = delivered.iterated.bound, {}
+    if isinstance(bound, Certified):  # else it is not known which no forces hold that the laws allow
+        unbalanced["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.pair.unbalanced]
     return {"status_counts": interfaces.counts, "interface_resultants": [
             {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law), "resultant": force}
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held, **_unbalanced(scene, delivered),
+        "detached": detached, "weakly_held": weakly_held, **unbalanced,
         "contact_faces": contact_faces(scene, interfaces, names, delivered.reactions),
         **({"bolts": bolt_forces(scene, interfaces, delivered.resultants)} if scene.bolts else {})}
-
-
-def _unbalanced(scene: Scene, delivered: Delivered) -> dict[str, object]:
-    """Per load step the bodies that no forces hold which the laws allow; empty where that is not known."""
-    bound = delivered.iterated.bound
-    return {"unbalanced": [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.pair.unbalanced]} \
-        if isinstance(bound, Certified) else {}
 
 
 def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
@@ -237,12 +223,3 @@ def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
             "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "
             "meant: nothing shows that it is"] if own else []
-
-
-def _nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:
-    """The summary's entry; empty where all matter is linear.
-
-    iterations : of all load steps; each asked every such subdomain once, and each load step's end once more
-    """
-    names = [s.name for s in scene.subdomains if s.remembers]
-    return {"nonlinear": {"subdomains": names, "answers": len(names) * (iterations + scene.steps), "off": OFF}} if names else {}

@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 import orchestrator
+from orchestrator.blackbox.usage import STAGES as BLACKBOX_STAGES
 from orchestrator.errors import wrong
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
@@ -32,7 +33,6 @@ STAGES = {"startup": "starting Python", "meshes_before": "coarser meshes", "mesh
           "linear_stage": "linear stage", "coarse": "coarse contact problem", "local_stage": "local stage",
           "acceleration": "acceleration", "bound": "error measures", "reference": "undecomposed solution",
           "output": "writing results"}
-BLACKBOX_STAGES = ["start", "assemble", "factorise", "solve"]
 
 
 def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
@@ -49,20 +49,16 @@ def read_summary(directory: str | os.PathLike[str]) -> dict[str, object]:
 
     Raises InputError: no such folder, or not one a run has written
     """
-    path = Path(directory) / NAME
-    expected = "a results folder written by a run"
-    cure = "run a configuration first, or name its output folder"
+    path, beside = Path(directory) / NAME, ("a results folder written by a run", "run a configuration first, or name its output folder")
     if not path.is_file():
-        what = f"no {NAME} in {path.parent}" if path.parent.is_dir() else f"no folder {path.parent}"
-        raise wrong(DIRECTORY_KEY, what, expected, cure)
+        raise wrong(DIRECTORY_KEY, f"no {NAME} in {path.parent}" if path.parent.is_dir() else f"no folder {path.parent}", *beside)
     try:
         summary = json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", expected, cure) from error
-    missing = [key for key in ("name", "converged", "stop_reason", "iterations", "timing")
-               if not isinstance(summary, dict) or key not in summary]
-    if missing:
-        raise wrong(DIRECTORY_KEY, f"{path} lacks {', '.join(missing)}", expected, cure)
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", *beside) from error
+    needed = ("name", "converged", "stop_reason", "iterations", "timing")
+    if missing := [key for key in needed if not isinstance(summary, dict) or key not in summary]:
+        raise wrong(DIRECTORY_KEY, f"{path} lacks {', '.join(missing)}", *beside)
     return summary
 
 

@@ -53,7 +53,9 @@ class Workload:
         self.record[period] = {"seconds": wall,
             "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
                        for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
-            "workers": [_row(rank, since(late, early)) for late, early in zip(self._then[2], workers)],
+            "workers": [{"rank": rank, **own, "seconds": took, "idle_share": (own["waiting"] + own["idle"]) / took if took else 0.0}
+                        for late, early in zip(self._then[2], workers) for own in [since(late, early)]
+                        for took in [sum(own[clock] for clock in CLOCKS)]],
             "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "idle_share": waited / wall,
                        "messages": now[3] - messages, "reductions": now[5] - reductions, "bytes": now[4] - sent,
                        "memory_peak_mb": memory_peak_mb()}]}
@@ -64,11 +66,6 @@ class Workload:
         return ((time.perf_counter(), time.process_time(), team.waited, team.messages, team.bytes, team.reductions),
                 {name: (watch.seconds[name], watch.calls[name], watch.waiting[name]) for name in list(watch.seconds)},
                 self.usage.activity())
-
-
-def _row(rank: int, spent: Activity) -> dict[str, object]:
-    seconds = sum(spent[clock] for clock in CLOCKS)
-    return {"rank": rank, **spent, "seconds": seconds, "idle_share": (spent["waiting"] + spent["idle"]) / seconds if seconds else 0.0}
 
 
 def joined(records: Sequence[Record]) -> Record:
