@@ -173,12 +173,10 @@ class _Solving:
         self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
         self.bounds = MeshBounds(self.whole) if config.output.mesh_bound else None
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
-        certified = [name for name, probe in config.output.named_probes.items() if probe.certified]
-        self.wanted: Wanted = team.share(None if team.rank else replace(Wanted.of(
-            self.whole, certified, config.output.certified, config.output.moments_about), balanced=bool(config.accuracies)))
         if config.accuracies and not team.rank:
             check_sections(self.whole, config.accuracies)
-        self.asked: Wanted = team.share(None if team.rank else Wanted.of(self.whole, list(config.accuracies), (), np.zeros(3)))
+        self.asked: Wanted = team.share(Wanted() if team.rank or not config.accuracies else Wanted.of(
+            self.whole, list(config.accuracies), (), np.zeros(3)))
         self.rank_of: np.ndarray = scene.overview.rank_of if self.apart else team.share(
             None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
 
@@ -187,6 +185,7 @@ class _Solving:
         team, watch = self.ranks.team, self.watch
         with watch("parts"):
             made = Part.of(self._made.pop(), self.rank_of, team) if self.apart else Part.handed_out(self.whole, self.rank_of, team)
+            self.wanted = self._wanted(made.scene)
             own = [made.scene.subdomains[e] for e in made.space.subdomains]
             self.cases: LoadCases = load_cases(made.scene, self.config.method.skip, own, team)
             parts = [made]
@@ -197,6 +196,7 @@ class _Solving:
                 parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
             trim()  # of this rank's part nothing is left
         fields, lost = None, [] if team.rank else unsound(self.whole, spent)
+        delivered = delivered.without(self.wanted, lost)
         if not (self.apart or team.rank):
             with watch("output"):
                 delivered = on_whole(delivered, self.whole)
@@ -220,6 +220,13 @@ class _Solving:
             known = None if self.apart else delivered.discretisation
             fields = fields and fields.with_error(known.cells) if known else fields
             return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece)
+
+    def _wanted(self, scene: Scene) -> Wanted:
+        """What is to be certified, and told of forces, of a rank's part of the scene; all ranks ask together."""
+        output, team = self.config.output, self.ranks.team
+        certified = [name for name, probe in output.named_probes.items() if probe.certified]
+        wanted = Wanted.of(scene, certified, output.certified, output.moments_about, self.rank_of if team.size > 1 else None, team)
+        return replace(wanted, balanced=bool(self.config.accuracies))
 
     @property
     def _follows_mesh(self) -> bool:

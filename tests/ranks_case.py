@@ -30,7 +30,12 @@ CERTIFIED = {"probes": [{"at": [1.1, 0.3, 0.4], "certified": True}, {"on": {"pla
              "certified": ["reactions", "sections", "resultants"]}
 # in a tet, where blocks meet, along an edge and out of the body, of one block
 WATCHED = [{"at": [0.31, 0.77, 0.2]}, {"at": [0.5, 0.5, 0.5], "quantity": "stress"}, {"along": [[0, 1, 1], [2, 0, 0]], "points": 9},
-           {"along": [[0, 0.5, 0.5], [1.5, 0.5, 0.5]], "quantity": "stress"}, {"at": [0.5, 0.5, 0.2], "part": "block 1-*"}]
+           {"along": [[0, 0.5, 0.5], [1.5, 0.5, 0.5]], "quantity": "stress"}, {"at": [0.5, 0.5, 0.2], "part": "block 1-*"},
+           # on one rank and on several, along borders of ranks and beside them
+           {"on": "xmin"}, {"on": "xmin", "of": "stress"}, {"on": "xmax", "quantity": "max"}, {"on": "ymax", "quantity": "min", "of": "stress"},
+           {"on": "xmin", "quantity": "resultant"}, {"on": "zmax", "quantity": "resultant", "part": "block 1-*", "about": [1, 1, 0]},
+           {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "quantity": "resultant"}, {"section": {"plane": "x", "at": 0.5}},
+           {"section": {"plane": [1, 2, 0.5], "at": [0.7, 0.5, 0.5]}}, {"section": {"plane": "z", "at": 0.5}, "part": "block 2-1-*"}]
 CASES = {
     "perfect": {
         "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"grid": [4, 2, 1]},
@@ -88,6 +93,10 @@ CASES = {
                      {"on": {"plane": "x", "at": 2}, "foundation": {"normal": 1e4, "tangential": 1e3}},
                      {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
         "method": {"tolerance": {"law": 1e-6}},
+        # of a scene whose parts rank 0 hands out
+        "output": {"probes": [{"on": {"plane": "z", "at": 0}, "quantity": "resultant"}, {"section": {"plane": "z", "at": 0.5}},
+                              {"on": {"plane": "y", "at": 2}, "quantity": "max", "of": "stress"}, {"on": {"plane": "x", "at": 2}},
+                              {"on": {"plane": "x", "at": 2}, "quantity": "resultant"}]},
     },
     # sides meshed each on its own: a T in which all is bonded, and one that slides on one side; supports beside interfaces
     "parts bonded": {

@@ -22,7 +22,7 @@ from benchmarks.kit.truth import EXACT, solved_in
 from benchmarks.monolithic import Monolithic
 from benchmarks.problems.random_contact import drawn
 from orchestrator import Scene
-from orchestrator.method.delivery.flux import FORCES, flux, rims
+from orchestrator.method.delivery.flux import FORCES, Carrier
 from orchestrator.results.extremes import RESULTANT
 from orchestrator.scene.copies import Copies
 
@@ -149,9 +149,10 @@ class Exact:
 
     def carried(self, probe: Any) -> np.ndarray:
         """(T, 6) force and moment across a section, or through faces."""
-        parts, copies = [np.array([step.parts[e] for step in self.steps]) for e in range(len(self.scene.subdomains))], Copies.of(self.scene)
-        found = flux(probe, copies).of(parts)[:, :6]
-        for rim in rims(probe, copies) if probe.quantity == "resultant" else ():
+        parts = [np.array([step.parts[e] for step in self.steps]) for e in range(len(self.scene.subdomains))]
+        carrier = Carrier(probe, Copies.of(self.scene))
+        found = carrier.measured.of(parts)[:, :6]
+        for rim in carrier.rims() if probe.quantity == "resultant" else ():
             found -= np.einsum("tni,cni->tc", self.on_side(self.scene.interfaces[rim.interface], rim.side)[:, rim.nodes], rim.motions)
         return found
 

@@ -60,13 +60,14 @@ class Answers:
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(lost)
-        read = scene.probes and (piece.reader if scene.overview else Reader(fields.nodal))
-        found = read_probes(scene, read, delivered.parts, delivered.rims) if scene.probes else []
+        probes = scene.probes if piece is None else piece.probes
+        read = probes and (Reader(fields.nodal) if piece is None else piece.reader)
+        found = read_probes(probes, read, delivered.carried)
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
-                   read_paths(scene, read) if scene.probes else [])
+                   read_paths(probes, read))
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """The entry in summary.json."""

@@ -9,16 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.method.delivery.flux import FORCES, cells_of, flux
+from orchestrator.method.delivery.flux import FORCES
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS, components_of_displacement, components_of_stress
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.conditions.probes import Line, Point, Section, Surface
-from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions
-from orchestrator.scene.model import Scene
 
 NAME, PATHS = "probes.csv", "paths.csv"
 ALONG = ("path", "load_step", "distance", "x", "y", "z", *DISPLACEMENT, *STRESS)  # columns of the latter
@@ -27,7 +24,7 @@ FOREIGN = "the matter there is its code's own: what it is stressed by is not kno
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads values at points, of the whole or, by all ranks together, of their pieces of it.
+    """Reads values at points and over faces, of the whole or, by all ranks together, of their pieces of it.
 
     nodal : of the fields; number : (m,) int, ascending, of their tets in the whole; None: they are the whole
     """
@@ -36,7 +33,7 @@ class Reader:
     number: np.ndarray | None = None
     team: Team = ALONE
 
-    def __call__(self, probe: Point | Line) -> tuple[Sequence[str], np.ndarray | None]:
+    def at(self, probe: Point | Line) -> tuple[Sequence[str], np.ndarray | None]:
         """Names of the components of displacement or stress, and (T, n, components) their values, nan outside the body; on rank 0."""
         cells, weights = (probe.cells, probe.weights) if isinstance(probe, Line) else (np.array([probe.cell]), probe.weights[None])
         own = np.flatnonzero(cells >= 0 if self.number is None else np.isin(cells, self.number))
@@ -50,33 +47,53 @@ class Reader:
             values[:, there] = of_rank
         return names, values
 
+    def over(self, probe: Surface) -> tuple[Sequence[str], np.ndarray, np.ndarray | None]:
+        """Names of the components, (T, components) the mean of each, or its extreme, and (T, components, 3) where extremes are; on all ranks.
+        Means of stress are those of fields linear on each facet; of displacement, those of the element."""
+        fields, stress = self.nodal.fields, probe.of == "stress"
+        corners = probe.corners[:, :3] if stress else probe.corners
+        names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
+        at = (self.nodal.corner if stress else fields.cells)[probe.cells[:, None], corners]
+        each = np.stack([(self.nodal.stress(step) if stress else fields.displacement[step])[at] for step in range(fields.steps)])
+        if probe.quantity == "mean":
+            share = np.linalg.norm(probe.area, axis=1) / probe.total
+            return names, components(self.team.sum(np.einsum("k,a,tkai->ti", share, TRIANGLE_SHARES[corners.shape[1]], each))[0]), None
+        sign, each = 1.0 if probe.quantity == "max" else -1.0, components(each.reshape(len(each), at.size, each.shape[-1]))
+        worth = np.where(np.isfinite(each).all(axis=(1, 2), keepdims=True), sign * each, np.nan)  # argmax finds what is no number first
+        worth = np.concatenate([np.full((len(worth), 1, len(names)), -np.inf), worth], axis=1)
+        points = np.concatenate([np.zeros((1, 3)), fields.nodes[fields.cells[probe.cells[:, None], corners].ravel()]])
+        place = worth.argmax(axis=1)
+        told = self.team.all_gather((np.take_along_axis(worth, place[:, None], 1)[:, 0], points[place]))
+        worth, places = (np.stack(x) for x in zip(*told))
+        best = worth.argmax(axis=0)[None]
+        return names, sign * np.take_along_axis(worth, best, 0)[0], np.take_along_axis(places, best[..., None], 0)[0]
 
-def read_probes(scene: Scene, read: Reader, parts: Sequence[np.ndarray], rims: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
-    """Per probe of the scene its name, what it tells, and per component the values of all load steps.
+    def answer(self, probes: Sequence[Point | Line | Section | Surface]) -> None:
+        """What the other ranks do while rank 0 reads probes, and then lines."""
+        for probe in sorted(probes, key=lambda probe: isinstance(probe, Line)):
+            if isinstance(probe, Point | Line):
+                self.at(probe)
+            elif probe.quantity not in FORCES:
+                self.over(probe)
 
-    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
-    rims : name → (T, 6) what others do at a resultant's rim
+
+def read_probes(probes: Sequence[Point | Line | Section | Surface], read: Reader, carried: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
+    """Per probe its name, what it tells, and per component the values of all load steps; of lines nothing.
+
+    carried : name of a probe of forces → (T, c) what these are
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
-    copies, nodal, found = Copies.of(scene), read.nodal, []
-    for probe in (probe for probe in scene.probes if not isinstance(probe, Line)):
-        if isinstance(probe, Point):
-            names, values = read(probe)
-            found.append(_told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at))
-        elif probe.quantity in FORCES:
-            found.append(_forces(probe, nodal.fields, copies, parts, rims.get(probe.name, 0.0)))
-        else:
-            found.append(_over_surface(probe, scene, nodal))
-    return found
+    return [_at_point(probe, read) if isinstance(probe, Point) else _forces(probe, carried[probe.name]) if probe.quantity in FORCES
+            else _over_surface(probe, read) for probe in probes if not isinstance(probe, Line)]
 
 
-def read_paths(scene: Scene, read: Reader) -> list[dict[str, object]]:
-    """Per path of the scene ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3), and ``values``: component → (T, n), nan
+def read_paths(probes: Sequence[object], read: Reader) -> list[dict[str, object]]:
+    """Per path among probes ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3), and ``values``: component → (T, n), nan
     outside the body and where stresses are not to be believed."""
     return [{"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
              "values": {name: values[:, :, k] for k, name in enumerate(names)}}
-            for probe in scene.probes if isinstance(probe, Line) for names, values in [read(probe)]]
+            for probe in probes if isinstance(probe, Line) for names, values in [read.at(probe)]]
 
 
 def write_paths(folder: ResultsFolder, found: Sequence[Mapping[str, object]]) -> Path:
@@ -113,44 +130,22 @@ def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Noda
     return DISPLACEMENT, components_of_displacement(np.einsum("na,tnai->tni", shape, fields.displacement[:, fields.cells[cells]]))
 
 
-def _forces(probe: Section | Surface, fields: Fields, copies: Copies, parts: Sequence[np.ndarray],
-            beside: np.ndarray | float) -> dict[str, object]:
-    """Across a section, or through faces; beside : (T, 6) what is not theirs."""
-    section = isinstance(probe, Section)
-    names = (*RESULTANT, "normal", "shear") if section else RESULTANT
-    values = np.full((fields.steps, len(names)), np.nan)
-    if fields.believed is None or fields.believed[np.concatenate(cells_of(probe, copies))].all():
-        values[:, : 7 if section else 6] = flux(probe, copies).of(parts) - beside
-    if section:
-        values[:, 7] = np.linalg.norm(values[:, :3] - values[:, 6:7] * probe.normal, axis=1)
-    return _told(probe, probe.quantity, "force", names, values, at=probe.about)
+def _at_point(probe: Point, read: Reader) -> dict[str, object]:
+    names, values = read.at(probe)
+    return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 
-def _over_surface(probe: Surface, scene: Scene, nodal: Nodal) -> dict[str, object]:
-    """Mean or extreme. Means of stress are those of fields linear on each facet; of displacement, those of the element."""
-    fields = nodal.fields
-    stress = probe.of == "stress"
-    triangles = probe.triangles[:, :3] if stress else probe.triangles
-    local = (scene.mesh.cells[probe.cells][:, None, :] == triangles[:, :, None]).argmax(axis=2)
-    at = (nodal.corner if stress else fields.cells)[probe.cells[:, None], local]
-    names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
-    area = np.linalg.norm(probe.area, axis=1)
-    points = scene.mesh.nodes[triangles.reshape(-1)]
-    rows, places = [], []
-    for step in range(fields.steps):
-        values = (nodal.stress(step) if stress else fields.displacement[step])[at]
-        if probe.quantity == "mean":
-            mean = np.einsum("k,a,kai->i", area, TRIANGLE_SHARES[triangles.shape[1]], values) / area.sum()
-            rows.append(components(mean))
-            continue
-        each = components(values).reshape(len(points), -1)
-        if not np.isfinite(each).all():
-            rows.append(np.full(len(names), np.nan))
-            continue
-        place = (each.argmax if probe.quantity == "max" else each.argmin)(axis=0)
-        rows.append(each[place, np.arange(len(names))])
-        places.append(points[place])
-    where = area @ scene.mesh.nodes[probe.triangles[:, :3]].mean(axis=1) / area.sum()
-    if len(places) == fields.steps:
-        where = {name: column for name, column in zip(names, np.array(places).swapaxes(0, 1).tolist())}
-    return _told(probe, probe.quantity, probe.of, names, np.array(rows), at=where)
+def _forces(probe: Section | Surface, carried: np.ndarray) -> dict[str, object]:
+    """Across a section, or through faces."""
+    if not isinstance(probe, Section):
+        return _told(probe, probe.quantity, "force", RESULTANT, carried, at=probe.about)
+    shear = np.linalg.norm(carried[:, :3] - carried[:, 6:7] * probe.normal, axis=1)
+    return _told(probe, probe.quantity, "force", (*RESULTANT, "normal", "shear"), np.column_stack([carried, shear]), at=probe.about)
+
+
+def _over_surface(probe: Surface, read: Reader) -> dict[str, object]:
+    """Mean or extreme."""
+    names, values, places = read.over(probe)
+    known = places is not None and np.isfinite(values).all()
+    where = {name: column for name, column in zip(names, places.swapaxes(0, 1).tolist())} if known else probe.centre
+    return _told(probe, probe.quantity, probe.of, names, values, at=where)

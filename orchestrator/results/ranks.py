@@ -22,7 +22,7 @@ from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
 from orchestrator.results.probes import Reader
-from orchestrator.scene.conditions.probes import Line, Point
+from orchestrator.scene.conditions.probes import Line, Point, Section, Surface
 from orchestrator.scene.model import Interface, Scene, Subdomain
 
 
@@ -37,7 +37,7 @@ class Piece:
     loads : (T, n, 3) forces at its nodes
     number : (n,) int, its nodes' numbers in the whole mesh
     copy : (n,) int, ascending, where bodies have nodes of their own: which of all these nodes its are; None where they have not
-    probes : those at points and along lines, where ranks have made the scene
+    probes : of the scene, those over faces with what is on its cells
     counts : (subdomains,) int, how many each subdomain of the scene has
     leaps : some of its cells and their η² of leaps between bonded sides that do not match, see ``stopping.leaps``
     """
@@ -51,7 +51,7 @@ class Piece:
     number: np.ndarray
     copy: np.ndarray | None
     counts: np.ndarray
-    probes: Sequence[Point | Line]
+    probes: Sequence[Point | Line | Section | Surface]
     interfaces: InterfaceFields | None = None  # on rank 0 those of all ranks, where some interface is not perfect
 
     @classmethod
@@ -83,8 +83,9 @@ class Piece:
                         part=scene.mesh.volume[chosen], parts=tuple(scene.mesh.volumes), joined=joined,
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
         found = [(np.searchsorted(chosen, cells), squares) for cells, squares in _leaps(scene, own, continuous, meeting.team)]
+        probes = [replace(p, cells=np.searchsorted(chosen, p.cells)) if isinstance(p, Surface) else p for p in scene.probes]
         return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found,
-                   scene.number[nodes], copy, counts, scene.probes)
+                   scene.number[nodes], copy, counts, probes)
 
     def estimate(self, wanted: bool, known: Estimate | None = None, gathered: bool = True) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted, with the shares of this rank's cells.
@@ -138,14 +139,13 @@ class Piece:
 
     @property
     def reader(self) -> Reader:
-        """Reads probes at points of the whole, with the others'."""
+        """Reads probes of the whole, with the others'."""
         return Reader(self.fields.nodal, self.cells, self.team)
 
     def answer(self) -> None:
         """What the other ranks do while rank 0 reads its answers."""
         self.extremes()
-        for probe in sorted(self.probes, key=lambda probe: isinstance(probe, Line)):
-            self.reader(probe)
+        self.reader.answer(self.probes)
 
     def _know(self, **more: np.ndarray) -> None:
         """Take in what is only known later; what was computed without it goes."""

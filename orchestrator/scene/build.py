@@ -16,7 +16,7 @@ from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, 
 from orchestrator.scene.conditions.selection import assign_codes, cells_loaded, check_figures
 from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.ground import add_grounds, held_rows, within_free
-from orchestrator.scene.conditions.probes import Finder
+from orchestrator.scene.conditions.finder import OVER_FACES, Finder
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import join_bolts, leave_free, straighten
 from orchestrator.scene.interfaces.search import Laws, Search
@@ -102,7 +102,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     if whole and resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
         # A selection that failed holds nothing: a second complaint would only distract.
         _check_held(bodies, cut, joints, held, problems)
-    probes = _watched(config, plain, cut, joints, problems) if whole else []
+    probes = (_watched if whole else _seen)(config, plain, cut, joints, problems)
     problems.raise_if_any()
     _remark(config, body.mesh, problems)
     subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
@@ -265,9 +265,19 @@ def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Pr
         check_figures(plain.mesh.nodes, plain.mesh.volumes, config.steps, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:
         return []
+    return _finder(plain, cut, joints, problems).find(config.output.named_probes)
+
+
+def _seen(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
+    """What subdomains of a piece that are all there have of probes over faces and across sections."""
+    found = _finder(plain, cut, joints, problems)
+    return replace(found, own=cut.partition.here[found.subdomain]).find(config.output.named_probes, OVER_FACES)
+
+
+def _finder(plain: Body, cut: Cut, joints: Joints, problems: Problems) -> Finder:
     subdomain = cut.partition.subdomain[: len(plain.mesh.cells)]  # tools and grounds come after
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
-    return Finder(plain.mesh, plain.faces, subdomain, bodies, joints.interfaces, problems).find(config.output.named_probes)
+    return Finder(plain.mesh, plain.faces, subdomain, bodies, joints.interfaces, problems)
 
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.parallel.borders import Meeting
-from orchestrator.parallel.classes import classes
 from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.supports import supports_of
+from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.overlap import difficulty, first_row
@@ -62,6 +63,9 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
                  scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
+                 bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
+                 probes=[probe.of_part(cells, own[scene.cell_subdomain]) if isinstance(probe, Surface | Section) else probe
+                         for probe in scene.probes],
                  thermal=None if scene.thermal is None else scene.thermal[:, cells],
                  body_force=None if scene.body_force is None else scene.body_force[:, cells])
 
@@ -79,24 +83,7 @@ def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:
             theirs[s.nodes] |= not mine[s.index]
         nodes = np.unique(np.concatenate([s.nodes for s in own]))
         return Meeting(scene.number[nodes], theirs[nodes], team)
-    counts = np.zeros(len(scene.subdomains))
-    counts[mine] = [len(s.nodes) for s in own]
-    starts = np.cumsum(np.concatenate([[0], counts[mine]])).astype(int)
-    counts = team.sum(counts)[0].astype(int)
-    names = np.concatenate([np.arange(n) + first for n, first in zip(counts[mine], (np.cumsum(counts) - counts)[mine])])
-    begin = dict(zip(np.flatnonzero(mine).tolist(), starts))
-    pairs: dict[int, list[np.ndarray]] = {}
-    within = [np.empty((2, 0), dtype=int)]
-    for i in scene.interfaces:
-        if i.law.perfect and i.mortar is None and len(i.nodes[0]):
-            copies = [begin[e] + nodes for e, nodes in zip(i.subdomains, i.nodes) if e in begin]
-            if len(copies) == 2:
-                within.append(np.stack(copies))
-            else:
-                pairs.setdefault(int(rank_of[list(i.subdomains)].sum() - team.rank), []).append(copies[0])
-    across = {rank: np.concatenate(copies) for rank, copies in pairs.items()}
-    label = classes(names, *np.concatenate(within, axis=1), across, team)
-    return Meeting(label, np.isin(label, label[np.concatenate([np.empty(0, int), *across.values()])]), team)
+    return Copies.of(scene, rank_of, team).meeting
 
 
 def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:

@@ -26,6 +26,8 @@ import numpy as np
 from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.flux import Rim
+from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
@@ -83,6 +85,13 @@ def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[Rim]) -> np.ndarray:
             forces[:, traced] = f[:, d.space.sides[rim.interface][rim.side]]
             total += np.einsum("tni,cni->tc", forces[:, rim.nodes], rim.motions)
     return d.space.team.sum(total)[0]
+
+
+def carried(d: Decomposition, parts: Parts, f: np.ndarray, wanted: Wanted) -> dict[str, np.ndarray]:
+    """Name of each probe of forces → (T, c) what they are, of all ranks: of displacements in equilibrium with interface forces f (T, D)."""
+    own = [Measured(probe.weights, np.zeros_like(probe.given)).of(parts) for probe in wanted.carried.values()]
+    found = {name: probe.given + here for (name, probe), here in zip(wanted.carried.items(), d.space.team.sum(*own) if own else ())}
+    return found | {name: found[name] - at_rim(d, f, rims) for name, rims in wanted.rims.items()}
 
 
 class _Surfaces:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.balance import Resultants, at_rim
+from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.wanted import Wanted
@@ -70,11 +70,12 @@ class Way:
 
 
 def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Wanted, continuous: Sequence[np.ndarray | None],
-              reactions: np.ndarray, resultants: Resultants) -> Intervals:
+              reactions: np.ndarray, resultants: Resultants, carried: Mapping[str, np.ndarray]) -> Intervals:
     """The intervals that are wanted.
 
     continuous : per own subdomain (T, n_E, 3) v
     reactions, resultants : of û and λ̂, of all ranks; the first without what supports take of the rest
+    carried : name of a probe of forces → (T, c) what they are of û
     """
     probes = _displacements(d, iterated, lawful, wanted.probes, continuous) if wanted.probes else {}
     supports = [Way.rigid(entry, wanted.about, wanted.length) for entry in wanted.entries]
@@ -91,14 +92,13 @@ def intervals(d: Decomposition, iterated: Iterated, lawful: Lawful, wanted: Want
     for way, own in zip(supports, far):
         supported[way.number] += unit * own
     far = far[len(supports):]
-    probes |= {name: (at - (at_rim(d, lawful.f, wanted.rims[name]) if name in wanted.rims else 0.0))[..., None] + own
-               for (name, at), own in zip(_carried(d, lawful, wanted.forces).items(), far)}
+    probes |= {name: carried[name][..., None] + own for name, own in zip(wanted.forces, far)}
     far = far[len(wanted.forces):]
     whole = np.concatenate([resultants.force, resultants.moment], axis=2)
-    carried = {way.number: whole[:, way.number, :, None] + unit * own for way, own in zip(cuts, far)}
+    between = {way.number: whole[:, way.number, :, None] + unit * own for way, own in zip(cuts, far)}
     pulls = {name: (resultants.force[:, way.number] @ way.axes[0])[:, None] + own[:, 0]
              for name, way, own in zip(wanted.bolts, bolts, far[len(cuts):])}
-    return Intervals(not np.isnan(lawful.judged.factor), probes, supported, carried, resultants.centre, pulls)
+    return Intervals(not np.isnan(lawful.judged.factor), probes, supported, between, resultants.centre, pulls)
 
 
 def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes: Mapping[str, Measured],
@@ -129,14 +129,6 @@ def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes:
     found = of_displacements(lawful.certificate, iterated.fields, lawful.judged, PointLoads(boundary, moved, energy, resultants))
     found = (value[:, :, None] + found).transpose(1, 0, 2)
     return {name: probe.given[:, :, None] + found[:, a:b] for (name, probe), a, b in zip(probes.items(), ends[:-1], ends[1:])}
-
-
-def _carried(d: Decomposition, lawful: Lawful, forces: Mapping[str, Measured]) -> dict[str, np.ndarray]:
-    """Name → (T, c) what probes of forces tell of û, of all ranks."""
-    own = {name: Measured({s.index: probe.weights[s.index] for s in d.own if s.index in probe.weights}, np.zeros_like(probe.given))
-           for name, probe in forces.items()}
-    found = d.space.team.sum(*(probe.of(lawful.parts) for probe in own.values()))
-    return {name: probe.given + here for (name, probe), here in zip(forces.items(), found)}
 
 
 def _forces(d: Decomposition, lawful: Lawful, supports: Sequence[Way], wanted: Wanted, cuts: Sequence[Way]) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.balance import Resultants, at_rim, interface_resultants
+from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, own_interfaces
@@ -61,8 +61,13 @@ class Delivered:
     mesh_bound: MeshBound | None = None  # if asked for
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
-    rims: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a resultant → (T, 6) what others do at its rim
+    carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
+
+    def without(self, wanted: Wanted, unsound: Collection[int]) -> Delivered:
+        """The same, but for forces in matter of which stresses are not known: of some subdomains."""
+        lost = {name: np.isin(within, list(unsound)).any() for name, within in wanted.within.items()}
+        return replace(self, carried={name: np.where(lost[name], np.nan, values) for name, values in self.carried.items()})
 
     @property
     def sides(self) -> Parts | None:
@@ -103,17 +108,16 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     f, taken, known = iterated.fields.f, None, None
     if lawful is not None:
         parts, f, taken = lawful.parts, lawful.f, lawful.taken
-    resultants = interface_resultants(d, f)
+    resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
     if lawful is not None and wanted:
         with watch("bound"):
-            known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants)
+            known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants, through)
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
     everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], intervals=known, moved=moved,
-                     rims={name: at_rim(d, f, rims) for name, rims in wanted.rims.items()})
+                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved)
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -17,8 +17,8 @@ node, for the last, as among the reactions. Where a node has both, what the othe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,108 +28,10 @@ from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.loads.temperature import thermal_loads
-from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.model import Scene
 
 FORCES = ("section", "resultant")  # quantities of probes
 ON = 1e-6  # of an element's height: a node is on the plane
-
-
-def cells_of(probe: Section | Surface, copies: Copies) -> list[np.ndarray]:
-    """The tets that are asked, int: of a section those behind and those in front, of a surface those around its nodes."""
-    label, cells = copies.label, copies.cells
-    if isinstance(probe, Section):
-        on = np.isin(label, np.intersect1d(label[cells[probe.front]], label[cells[probe.behind]]))
-        return [side[on[cells[side]].any(axis=1)] for side in (probe.behind, probe.front)]
-    mesh = copies.scene.mesh
-    around = _on(probe, copies)[cells].any(axis=1) & (np.isin(mesh.volume, probe.within) if len(probe.within) else True)
-    return [np.flatnonzero(around)]
-
-
-def flux(probe: Section | Surface, copies: Copies) -> Measured:
-    """Force and moment, six components; of a section the force along its normal besides."""
-    scene, cells = copies.scene, copies.cells
-    layers = list(_layers(probe, copies))
-    count = len(layers[0][2])
-    given = np.zeros((scene.steps, count)) if isinstance(probe, Section) else _loads(probe, copies, *layers[0][:2])
-    chosen, weights, energy = [], [], np.zeros(count)
-    for own, _, moved in layers:
-        used, corners = np.unique(cells[own], return_inverse=True)
-        moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[own]]
-        points, motions = scene.mesh.nodes[copies.node[used]], moved[:, used].reshape(count, -1)
-        weight = Matter(points, corners.reshape(len(own), -1), *moduli.T).forces(motions)
-        energy += np.einsum("kn,kn->k", motions, weight)
-        if isinstance(probe, Section) and scene.thermal is not None:
-            given -= _heated(scene, cells, own)[:, used].reshape(scene.steps, -1) @ motions.T
-        chosen.append(used)
-        weights.append(weight.reshape(count, -1, 3))
-    return Measured(Measured.at(copies, np.concatenate(chosen), np.concatenate(weights, axis=1)), given, True, energy)
-
-
-def lifted(probe: Section | Surface, copies: Copies) -> tuple[np.ndarray, np.ndarray]:
-    """Tets (k,) int that carry the three components of the force, and χ (3, k, 4 or 10, 3) at their nodes."""
-    layers = list(_layers(probe, copies))
-    return (np.concatenate([own for own, *_ in layers]),
-            np.concatenate([moved[:3, copies.cells[own]] for own, _, moved in layers], axis=1))
-
-
-def _layers(probe: Section | Surface, copies: Copies) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Tets (k,) that are asked, what counts (N, 3) of their nodes, and χ (c, N, 3) of every component."""
-    label, cells, asked = copies.label, copies.cells, cells_of(probe, copies)
-    if isinstance(probe, Section):
-        behind, front = (np.isin(label, label[cells[side]]) for side in asked)
-        height = copies.scene.mesh.nodes[copies.node] @ probe.normal - probe.level
-        size = np.ptp(height[cells[np.concatenate(asked)]], axis=1).max()
-        share = np.where((behind & front)[:, None], 0.5 + 0.5 * np.sign(np.where(np.abs(height) > ON * size, height, 0.0))[:, None], np.zeros(3))
-        factors, more = [share, np.where((behind & front)[:, None], share - 1.0, 0.0)], probe.normal[None]
-    else:
-        factors, more = [_counted(probe, copies, asked[0])], np.zeros((0, 3))
-    for own, factor in zip(asked, factors):
-        motions = motions_about(copies.scene.mesh.nodes[copies.node], probe.about, 1.0).transpose(2, 0, 1) * factor
-        yield own, factor, np.concatenate([motions, np.einsum("ki,inx->knx", more, motions[:3])])
-
-
-def _on(probe: Surface, copies: Copies) -> np.ndarray:
-    """(N,) bool, copies on the surface."""
-    local = (copies.scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
-    return np.isin(copies.label, copies.label[copies.cells[probe.cells[:, None], local]])
-
-
-def _faces(probe: Surface, scene: Scene) -> list[np.ndarray]:
-    """Per entry of ``boundary`` bool for each of its faces, whether it is of the surface."""
-    count = len(scene.mesh.nodes)
-    return [np.isin(pack(entry.triangles[:, :3], count), pack(probe.triangles[:, :3], count)) for entry in scene.boundary]
-
-
-def _counted(probe: Surface, copies: Copies, around: np.ndarray) -> np.ndarray:
-    """(N, 3) 1 where what acts at a copy is the surface's, among the nodes of the tets around (k,)."""
-    scene, here = copies.scene, _on(probe, copies)
-    held_by = np.concatenate([s.held_by for s in scene.subdomains])
-    others = (held_by >= 0) & ~np.array([*(faces.any() for faces in _faces(probe, scene)), False])[held_by]
-    others |= (held_by < 0) & _elsewhere(probe, copies)[:, None]
-    used = np.zeros(len(here), dtype=bool)
-    used[copies.cells[around]] = True
-    return np.where(others, 0.0, (here & used)[:, None].astype(float))
-
-
-def _loads(probe: Surface, copies: Copies, around: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """(T, 6) what the surface's own tractions are, less all loads at its nodes."""
-    scene, used = copies.scene, np.unique(copies.cells[around])
-    loads = np.concatenate([s.loads for s in scene.subdomains], axis=1)[:, used]
-    motions = motions_about(scene.mesh.nodes[copies.node[used]], probe.about, 1.0)
-    given = -np.einsum("tni,ni,nik->tk", loads, factor[used], motions)
-    for entry, faces in zip(scene.boundary, _faces(probe, scene)):
-        if entry.forces and faces.any():
-            given += entry.forces.of(faces).resultant(scene.mesh.nodes[entry.triangles[faces]], probe.about)
-    return given
-
-
-def _heated(scene: Scene, cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """(T, N, 3) thermal forces f₀ of some of the tets at the copies of nodes."""
-    strain, heated = np.zeros_like(scene.thermal), np.zeros((scene.steps, int(cells.max()) + 1, 3))
-    strain[:, chosen] = scene.thermal[:, chosen]
-    thermal_loads(scene.mesh, strain, scene.materials, scene.cell_material, cells, heated)
-    return heated
 
 
 @dataclass(frozen=True)
@@ -145,34 +47,149 @@ class Rim:
     motions: np.ndarray
 
 
-def rims(probe: Surface, copies: Copies) -> list[Rim]:
-    """All of a surface's."""
-    (own, factor, moved), = _layers(probe, copies)
-    found = []
-    for i, side, there, on in _acting(probe, copies):
-        nodes = np.flatnonzero(factor[there].any(axis=1))
-        if not on and len(nodes):
-            found.append(Rim(i.index, side, nodes, moved[:, there[nodes]]))
-    return found
+@dataclass(frozen=True)
+class Layer:
+    """Tets (k,) that are asked, what counts (N, 3) of their nodes' copies, and χ (c, N, 3) of every component."""
+
+    tets: np.ndarray
+    factor: np.ndarray
+    moved: np.ndarray
 
 
-def _acting(probe: Surface, copies: Copies) -> Iterator[tuple[Interface, int, np.ndarray, bool]]:
-    """Interfaces that do not make both sides one, their sides, the copies of nodes there, and whether they have faces on the surface."""
-    scene, ends, count = copies.scene, copies.ends, len(copies.scene.mesh.nodes)
-    mine, volumes = pack(probe.triangles[:, :3], count), [scene.mesh.volume[s.cells[0]] for s in scene.subdomains]
-    for i in scene.interfaces:
-        within = not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()
-        if i.law.perfect and i.mortar is None and within:
-            continue  # both sides are counted
-        for side, e in enumerate(i.subdomains):
-            faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]
-            yield i, side, ends[e] + i.nodes[side], bool(np.isin(pack(faces, count), mine).any())
+class Carrier:
+    """What carries a probe's forces: of a section tets behind it and tets in front, of a surface those around its nodes. Of a part of a
+    scene each rank has its own; all make it together."""
+
+    def __init__(self, probe: Section | Surface, copies: Copies):
+        self.probe, self.copies = probe, copies
+        self.layers = self._across() if isinstance(probe, Section) else [self._through()]
+
+    @property
+    def tets(self) -> np.ndarray:
+        """(k,) int, all of them."""
+        return np.concatenate([layer.tets for layer in self.layers])
+
+    @cached_property
+    def measured(self) -> Measured:
+        """Force and moment, six components; of a section the force along its normal besides. All ranks ask together."""
+        scene, cells, count = self.copies.scene, self.copies.cells, len(self.layers[0].moved)
+        given = np.zeros((scene.steps, count))
+        if isinstance(self.probe, Surface):
+            given = self._loads()
+        chosen, weights, energy = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))], np.zeros(count)
+        for layer in self.layers:
+            if not len(layer.tets):
+                continue  # others'
+            used, corners = np.unique(cells[layer.tets], return_inverse=True)
+            moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[layer.tets]]
+            points, motions = scene.mesh.nodes[self.copies.node[used]], layer.moved[:, used].reshape(count, -1)
+            weight = Matter(points, corners.reshape(len(layer.tets), -1), *moduli.T).forces(motions)
+            energy += np.einsum("kn,kn->k", motions, weight)
+            if isinstance(self.probe, Section) and scene.thermal is not None:
+                given -= _heated(self.copies, layer.tets)[:, used].reshape(scene.steps, -1) @ motions.T
+            chosen.append(used)
+            weights.append(weight.reshape(count, -1, 3))
+        given, energy = self.copies.meeting.team.sum(given, energy)
+        return Measured(Measured.at(self.copies, np.concatenate(chosen), np.concatenate(weights, axis=1)), given, True, energy)
+
+    def lifted(self) -> np.ndarray:
+        """χ (3, k, 4 or 10, 3) of the three components of the force at the nodes of the tets."""
+        return np.concatenate([layer.moved[:3, self.copies.cells[layer.tets]] for layer in self.layers], axis=1)
+
+    def rims(self) -> list[Rim]:
+        """All of a surface's; of a part those on sides of its own subdomains."""
+        (layer,), found = self.layers, []
+        for number, side, there, on in self._acting:
+            nodes = np.flatnonzero(layer.factor[there].any(axis=1))
+            if not on and len(nodes):
+                found.append(Rim(number, side, nodes, layer.moved[:, there[nodes]]))
+        return found
+
+    def _across(self) -> list[Layer]:
+        copies, probe = self.copies, self.probe
+        cells, one_with = copies.cells, copies.one_with
+        sides = [side[copies.own[side]] for side in (probe.behind, probe.front)]
+        on = one_with(cells[sides[0]].ravel()) & one_with(cells[sides[1]].ravel())
+        sides = [side[on[cells[side]].any(axis=1)] for side in sides]
+        both = one_with(cells[sides[0]].ravel()) & one_with(cells[sides[1]].ravel())
+        height = copies.scene.mesh.nodes[copies.node] @ probe.normal - probe.level
+        size, = copies.meeting.team.max(np.ptp(height[cells[np.concatenate(sides)]], axis=1).max(initial=0.0))
+        share = np.where(both[:, None], 0.5 + 0.5 * np.sign(np.where(np.abs(height) > ON * size, height, 0.0))[:, None], np.zeros(3))
+        return [self._layer(own, factor) for own, factor in zip(sides, (share, np.where(both[:, None], share - 1.0, 0.0)))]
+
+    def _through(self) -> Layer:
+        copies, within = self.copies, self.probe.within
+        around = copies.own & self._here[copies.cells].any(axis=1) & (np.isin(copies.scene.mesh.volume, within) if len(within) else True)
+        return self._layer(np.flatnonzero(around), self._counted(around))
+
+    def _layer(self, tets: np.ndarray, factor: np.ndarray) -> Layer:
+        copies, more = self.copies, self.probe.normal[None] if isinstance(self.probe, Section) else np.zeros((0, 3))
+        motions = motions_about(copies.scene.mesh.nodes[copies.node], self.probe.about, 1.0).transpose(2, 0, 1) * factor
+        return Layer(tets, factor, np.concatenate([motions, np.einsum("ki,inx->knx", more, motions[:3])]))
+
+    @cached_property
+    def _here(self) -> np.ndarray:
+        """(N,) bool, copies on the surface."""
+        return self.copies.one_with(self.copies.cells[self.probe.cells[:, None], self.probe.corners].ravel())
+
+    @cached_property
+    def _faces(self) -> tuple[list[np.ndarray], list[bool]]:
+        """Per entry of ``boundary`` bool for each of its faces, whether it is of the surface; and per side of each interface, one after the
+        other, whether any is."""
+        scene, probe = self.copies.scene, self.probe
+        groups = [entry.triangles[:, :3] for entry in scene.boundary]
+        groups += [scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]] for i in scene.interfaces for side in (0, 1)]
+        ends = np.cumsum([len(group) for group in groups])[:-1]
+        found = np.split(self.copies.faces_of(np.concatenate(groups), probe.triangles(scene.mesh.cells)[:, :3]), ends)
+        return found[: len(scene.boundary)], [bool(any_of.any()) for any_of in found[len(scene.boundary):]]
+
+    @cached_property
+    def _acting(self) -> list[tuple[int, int, np.ndarray, bool]]:
+        """Interfaces that do not make both sides one, own sides of theirs, the copies of nodes there, whether they have faces on the surface."""
+        copies, within, found = self.copies, self.probe.within, []
+        scene, own = copies.scene, np.diff(copies.ends) > 0
+        for i in scene.interfaces:
+            sides = [side for side in (0, 1) if own[i.subdomains[side]]]
+            inside = sides and (not len(within) or np.isin([scene.mesh.volume[scene.subdomains[e].cells[0]] for e in i.subdomains], within).all())
+            if i.law.perfect and i.mortar is None and inside:
+                continue  # both sides are counted
+            found += [(i.index, side, copies.ends[i.subdomains[side]] + i.nodes[side], self._faces[1][2 * i.index + side]) for side in sides]
+        return found
+
+    def _counted(self, around: np.ndarray) -> np.ndarray:
+        """(N, 3) 1 where what acts at a copy is the surface's, among the nodes of the tets around (m,) bool."""
+        copies = self.copies
+        held_by = np.concatenate([s.held_by for s, own in zip(copies.scene.subdomains, np.diff(copies.ends)) if own])
+        meant = copies.meeting.team.sum([float(faces.any()) for faces in self._faces[0]])[0]
+        others = (held_by >= 0) & ~np.append(meant > 0, False)[held_by]
+        others |= (held_by < 0) & self._elsewhere()[:, None]
+        used = np.zeros(len(held_by), dtype=bool)
+        used[copies.cells[around]] = True
+        return np.where(others, 0.0, (self._here & used)[:, None].astype(float))
+
+    def _elsewhere(self) -> np.ndarray:
+        """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces. Bonds within a body
+        balance each other over all copies of a node."""
+        of = {on: np.concatenate([np.empty(0, int), *(there for *_, there, has in self._acting if has == on)]) for on in (True, False)}
+        return self.copies.one_with(of[False]) & ~self.copies.one_with(of[True])
+
+    def _loads(self) -> np.ndarray:
+        """(T, 6) what the surface's own tractions are, less all loads at its nodes; of own subdomains."""
+        copies, layer = self.copies, self.layers[0]
+        scene, used = copies.scene, np.unique(copies.cells[layer.tets])
+        loads = np.concatenate([s.loads for s, own in zip(scene.subdomains, np.diff(copies.ends)) if own], axis=1)[:, used]
+        motions = motions_about(scene.mesh.nodes[copies.node[used]], self.probe.about, 1.0)
+        given = -np.einsum("tni,ni,nik->tk", loads, layer.factor[used], motions)
+        for entry, faces in zip(scene.boundary, self._faces[0]):
+            if entry.forces and faces.any():
+                given += entry.forces.of(faces).resultant(scene.mesh.nodes[entry.triangles[faces]], self.probe.about)
+        return given
 
 
-def _elsewhere(probe: Surface, copies: Copies) -> np.ndarray:
-    """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces."""
-    label = copies.label  # bonds within a body balance each other over all copies of a node
-    on, beside = np.zeros((2, int(label.max()) + 1), dtype=bool)
-    for _, _, there, has_faces in _acting(probe, copies):
-        (on if has_faces else beside)[label[there]] = True
-    return (beside & ~on)[label]
+def _heated(copies: Copies, chosen: np.ndarray) -> np.ndarray:
+    """(T, N, 3) thermal forces f₀ of some of the tets at the copies of nodes."""
+    scene: Scene = copies.scene
+    strain, heated = np.zeros_like(scene.thermal), np.zeros((scene.steps, len(copies.node), 3))
+    strain[:, chosen] = scene.thermal[:, chosen]
+    thermal_loads(scene.mesh, strain, scene.materials, scene.cell_material, copies.cells, heated)
+    return heated

@@ -10,7 +10,7 @@ from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.dual import solve_duals
-from orchestrator.method.delivery.flux import cells_of, lifted, rims
+from orchestrator.method.delivery.flux import Carrier
 from orchestrator.method.delivery.measured import Measured
 from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import RESULTANT, Wanted
@@ -37,10 +37,10 @@ def check_sections(scene: Scene, asked: Collection[str]) -> None:
                 acted[scene.side_nodes(i, side)] = True
     for p in scene.probes:
         if p.name in asked and isinstance(p, Section):
-            behind, front = (copies.label[copies.cells[side]] for side in cells_of(p, copies))
+            behind, front = (copies.label[copies.cells[layer.tets]] for layer in Carrier(p, copies).layers)
             if acted[copies.node[np.isin(copies.label, np.intersect1d(behind, front))]].any():
                 raise Refusal("section that ends where something acts", name=p.name)
-        elif p.name in asked and p.quantity == RESULTANT and (others := rims(p, copies)):
+        elif p.name in asked and p.quantity == RESULTANT and (others := Carrier(p, copies).rims()):
             raise Refusal("accuracy beside a rim", name=p.name, interface=scene.interfaces[others[0].interface].name)
 
 
@@ -74,8 +74,8 @@ def quantities(scene: Scene, delivered: Delivered, wanted: Wanted, answers: np.n
     for duals, (name, value) in zip(answers.reshape(len(measured), scene.steps, -1, 3), _values(delivered, wanted).items()):
         jump, length = None, np.linalg.norm(value, axis=1)
         if name in wanted.forces:
-            tets, chi = lifted(next(p for p in scene.probes if p.name == name), copies)
-            jump = tets, np.einsum("tc,cknx->tknx", value / np.maximum(length, np.finfo(float).tiny)[:, None], chi)
+            carrier = Carrier(next(p for p in scene.probes if p.name == name), copies)
+            jump = carrier.tets, np.einsum("tc,cknx->tknx", value / np.maximum(length, np.finfo(float).tiny)[:, None], carrier.lifted())
         cells, norms = errors(estimator, moved, duals, jump)
         found.append(Quantity(name, asked[name], length, _most(measured[name], delivered.continuous), cells, bound.relative * size * norms))
     return found

@@ -82,7 +82,8 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
         for known in (names, bodies, volumes):
             known.append(one.name)
     whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume), volumes=volumes)
-    cut = Partition(np.concatenate(subdomain), names, bodies)
+    here = None if partition.here is None else np.append(partition.here, np.ones(len(wanted), dtype=bool))
+    cut = Partition(np.concatenate(subdomain), names, bodies, here)
     numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
     faces = faces_of(whole.cells[:, :4], len(whole.nodes))
     faces = faces if whole.cells.shape[1] == 4 else faces_of_six(faces, whole.cells)

@@ -12,7 +12,6 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.config.probes import PathProbe, PointProbe
 from orchestrator.errors import Problems, some, wrong
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
@@ -20,7 +19,7 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.boundary import faces_meant
-from orchestrator.scene.conditions.probes import Finder
+from orchestrator.scene.conditions.finder import AT_POINTS, Finder, of_all
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
@@ -40,10 +39,9 @@ Source = Boxes | Dealt
 def source_of(config: Config, team: Team = ALONE) -> Source | None:
     """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
     plain = not (config.bolts or config.tools or config.refines or config.output.mesh_bound)
-    watched = all(isinstance(one, PointProbe | PathProbe) and not one.certified for one in config.output.probes)
     told = all(e.tool is None and not (e.found or e.follows or LAWS[e.law].axial) for e in config.interfaces)
     codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
-    if not (plain and watched and told and codes) or config.method.tolerance.error == "auto":
+    if not (plain and told and codes) or config.method.tolerance.error == "auto":
         return None
     return Boxes.of(config.mesh, config.subdomains) or dealt(config, team)
 
@@ -119,11 +117,13 @@ class Local:
 
 def _watched(config: Config, part: Scene, team: Team) -> Scene | None:
     """The part with its probes, which have the numbers of the whole; None, on all ranks, where something is wrong with one."""
-    problems, of = Problems(), part.cell_subdomain
-    part.probes = Finder(part.mesh, None, of, [s.body or s.name for s in part.subdomains], part.interfaces, problems, part.cell_number,
-                         part.overview.rank_of[of] == team.rank, team).find(config.output.named_probes)
+    problems, of, asked = Problems(), part.cell_subdomain, config.output.named_probes
+    points = Finder(part.mesh, None, of, [s.body or s.name for s in part.subdomains], part.interfaces, problems, part.cell_number,
+                    part.overview.rank_of[of] == team.rank, team).find(asked, AT_POINTS)
+    found = {p.name: p for p in [*points, *(of_all(p, asked[p.name], part, team) for p in part.probes)] if p is not None}
+    part.probes = [found[name] for name in asked if name in found]
     part.overview.cautions.extend(problems.warnings)
-    return None if problems.found else part
+    return part if len(found) == len(asked) else None
 
 
 def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
