@@ -24,8 +24,8 @@ from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.pieces.make import make
 
-# whether any face is bent is told of own ones; of neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
-ELSEWHERE = (".loads", ".bent", ".rank_of")
+# nobody asks for numbers of nodes and cells of faces to slide on once operators are made; whether any face is bent is told of own ones; of neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
+ELSEWHERE = (".loads", ".bent", ".rank_of", *(f".surfaces.{name}[{side}]" for name in ("nodes", "cells") for side in (0, 1)))
 
 
 def differing(ours, other, place=""):
@@ -88,16 +88,12 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
 
 
 def as_known(part, mine):
-    """A part with what is asked of others alone: of interfaces elsewhere the least and largest gap, of neighbours areas on its interfaces."""
+    """A part with what is asked of others alone: of interfaces elsewhere the least and largest gap."""
     for i in part.interfaces:
         here = mine[list(i.subdomains)]
         if not here.any() and np.ndim(i.law.distance):
             i.law = replace(i.law, gap=np.array([i.law.gap.min(), i.law.gap.max()]))
             i.law_at_steps = [replace(law, gap=np.array([law.gap.min(), law.gap.max()])) for law in i.law_at_steps]
-    for s in part.subdomains:
-        if not mine[s.index]:
-            met = [i.nodes[i.subdomains.index(s.index)] for i in part.interfaces if s.index in i.subdomains and mine[list(i.subdomains)].any()]
-            s.contact_area = s.contact_area[np.unique(np.concatenate([[], *met]).astype(int))]
     return part
 
 
@@ -217,7 +213,9 @@ FIVE = [_block("one", [0, 0, 0]), _block("two", [1, 0, 0]), _block("three", [1, 
 
 
 @pytest.mark.parametrize("interfaces", [{}, {"interfaces": [{"law": "perfect"}]}, {"interfaces": [
-    {"law": "contact", "gap": -0.001}, {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]}])
+    {"law": "contact", "gap": -0.001}, {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]},
+    {"interfaces": [{"law": "contact", "between": "auto", "exclude": [["one", "four"]]}, {"law": "perfect", "between": ["two", "three"]}]},
+    ])
 def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
     """With supports that hold some of them by what they are bonded to."""
     config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
@@ -226,8 +224,31 @@ def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
     same_as_one(config, 3)
 
 
+def test_blocks_far_apart_that_an_entry_reaches():
+    """Farther than two elements, beyond which nothing is looked for otherwise."""
+    row = [_block(f"block {k}", [1.8 * k, 0, 0], (4, 4, 4)) for k in range(4)]
+    config = config_from({"name": "row", "parts": row, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "interfaces": [{"law": "contact", "gap": "geometry", "within": 1.0}],
+                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
+    assert len(build_scene(config).interfaces) == 3
+    same_as_one(config, 4)
+
+
+@pytest.mark.parametrize("element", ["P1", late("P2")])
+def test_blocks_that_slide_on(element):
+    """Each on a face of its own, one across an edge of the base beneath."""
+    sliding = [_block(f"block {k}", [at, 0, 0.5], (3, 3, 2)) for k, at in enumerate((0.25, 3.5, 7.25))]
+    base = {"name": "base", "mesh": {"box": {"size": [8, 1, 0.5], "cells": [16, 2, 1]}}}
+    config = config_from({"name": "slides", "parts": [base, *sliding], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow", "slave": "block*"}],
+                          "blackbox": {"element": element},
+                          "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
+                                       *({"on": f"{block['name']}/zmax", "displacement": [[0.3, 0, -0.005], [0.6, 0.1, -0.005]]} for block in sliding)]})
+    same_as_one(config, 2)
+    same_as_one(config, 4)
+
+
 @pytest.mark.parametrize("change", [
-    {"interfaces": [{"law": "contact", "between": "auto"}]}, {"interfaces": [{"law": "contact", "pairing": "follow"}]},
     {"interfaces": [{"law": "contact", "exclude": [["one", "nobody"]]}]}, {"interfaces": [{"law": "contact", "slave": "nobody"}]},
     {"interfaces": [{"law": "perfect"}, {"law": "contact", "between": ["one", "three"]}]},  # which meet in an edge
     {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks

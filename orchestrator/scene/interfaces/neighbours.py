@@ -191,7 +191,9 @@ def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, 
         return
     paired = np.unique(piece[np.concatenate(links)]) if links else np.empty(0, dtype=int)
     known = {v for pair in told for v in pair}
-    for number in np.setdiff1d(np.unique(piece), paired):
+    here = search.partition.here  # other pieces of the mesh may have pairs elsewhere
+    mine = piece if here is None else piece[here[search.partition.subdomain]]
+    for number in np.setdiff1d(mine, paired):
         own = [int(v) for v in np.unique(mesh.volume[piece == number])]
         others = [(b, c) for b in search.bodies if b.volume in own for c in search.bodies if c.volume not in own
                   and not laws.excluded(search.known(b), search.known(c))]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -66,7 +66,7 @@ class Boxes:
         place = [int(i) for i in np.unravel_index(index, self._blocks)]
         return block_name(*place) if self._sliced < 0 else slice_name(place[self._sliced])
 
-    def deal(self, rank_of: np.ndarray, team: Team) -> None:
+    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], team: Team) -> None:
         """Nothing: every rank makes its own."""
 
     def piece(self, mine: np.ndarray) -> Piece:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -55,9 +57,9 @@ class Dealt:
         pairs, common = met(np.tile(place[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
         return nodes, pairs[common > 2], common[common > 2]
 
-    def deal(self, rank_of: np.ndarray, team: Team) -> None:
+    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], team: Team) -> None:
         """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's: cells that touch them, and those behind
-        outer faces that are near outer faces of theirs."""
+        outer faces that are near outer faces of theirs, as far as ``entries`` of ``interfaces`` reach."""
         share, self._share = self._share, None
         home = rank_of[share.mesh.volume]
         share = share.handed_on([np.flatnonzero(home == rank) for rank in range(team.size)], team)
@@ -69,7 +71,7 @@ class Dealt:
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        around = [np.union1d(some, near) for some, near in zip(around, _near(share.mesh, outer, team))]
+        around = [np.union1d(some, near) for some, near in zip(around, _near(share.mesh, outer, entries, team))]
         self._share = share.handed_on(around, team)
 
     def piece(self, mine: np.ndarray) -> Piece:
@@ -100,11 +102,12 @@ def _touching(share: Share, team: Team) -> list[np.ndarray]:
     return found
 
 
-def _near(mesh: Mesh, outer: np.ndarray, team: Team) -> list[np.ndarray]:
+def _near(mesh: Mesh, outer: np.ndarray, entries: Sequence[Any], team: Team) -> list[np.ndarray]:
     """For every rank cells of this one's volumes that have outer faces (k, 3) within reach of such of its: those behind all outer faces,
-    which tell of a pair what the whole would, and those that touch outer faces within reach of the box around its."""
-    bodies = _bodies(mesh, outer)
-    boxes = np.array([[*np.concatenate(body.box), REACH * body.size.max()] for body in bodies]).reshape(-1, 7)
+    which tell of a pair what the whole would, and those that touch outer faces within reach of the box around its, or, where sides may
+    slide on, any."""
+    bodies, farthest, slide = _bodies(mesh, outer), max((e.reach or 0.0 for e in entries), default=0.0), any(e.follows for e in entries)
+    boxes = np.array([[*np.concatenate(body.box), max(REACH * body.size.max(), farthest)] for body in bodies]).reshape(-1, 7)
     found = [np.empty(0, int)] * team.size
     for rank, theirs in enumerate(team.all_gather(boxes)):
         cells, met_there = [np.empty(0, int)], np.zeros(len(mesh.nodes), dtype=bool)
@@ -113,7 +116,7 @@ def _near(mesh: Mesh, outer: np.ndarray, team: Team) -> list[np.ndarray]:
             close = theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1)]
             cells += [body.cells] * bool(len(close))
             for box in close:
-                met_there[body.triangles[body.within((box[:3], box[3:6]), max(box[6], room))]] = True
+                met_there[body.triangles[body.within((box[:3], box[3:6]), np.inf if slide else max(box[6], room))]] = True
         found[rank] = np.union1d(np.concatenate(cells), np.flatnonzero(met_there[mesh.cells].any(axis=1)))
     return found
 

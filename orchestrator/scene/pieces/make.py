@@ -13,6 +13,7 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import Problems, some, wrong
+from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
@@ -39,7 +40,7 @@ Source = Boxes | Dealt
 def source_of(config: Config, team: Team = ALONE) -> Source | None:
     """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
     plain = not (config.bolts or config.tools or config.refines or config.output.mesh_bound)
-    told = all(e.tool is None and not (e.found or e.follows or LAWS[e.law].axial) for e in config.interfaces)
+    told = all(e.tool is None and not LAWS[e.law].axial for e in config.interfaces)
     codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
     if not (plain and told and codes) or config.method.tolerance.error == "auto":
         return None
@@ -58,7 +59,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return None
-    source.deal(rank_of, team)
+    source.deal(rank_of, config.interfaces, team)
     mine, extent = np.flatnonzero(rank_of == team.rank), source.extent
     made = [agreed(lambda: source.piece(mine), team)]
     if made[0] is not None and config.codes[0].element == "P2":
@@ -74,7 +75,10 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
     if (whole.faces == 0).any() or apart or whole.supports.free(np.zeros(len(whole.number), dtype=int)).any() or not _of_use(laws, whole):
         return None
-    return _watched(config, whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws), team)
+    part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
+    if not part.bonded:
+        _tell_areas(part, team)
+    return _watched(config, part, team)
 
 
 @dataclass
@@ -113,6 +117,17 @@ class Local:
         part = part_of(scene, own, None)
         part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
         return cls(part, present, Outline.of(scene, part, present, own))
+
+
+def _tell_areas(part: Scene, team: Team) -> None:
+    """Gives neighbours the areas of all their interfaces that are not perfect: some are with bodies that are not here."""
+    present = [s for s in part.subdomains if len(s.nodes)]
+    areas = np.concatenate([s.contact_area * (part.overview.rank_of[s.index] == team.rank) for s in present])
+    names = np.column_stack([np.repeat([s.index for s in present], [len(s.nodes) for s in present]),
+                             part.number[np.concatenate([s.nodes for s in present])]])
+    told = np.split(Borders(names, np.arange(len(names)), team)(areas), np.cumsum([len(s.nodes) for s in present])[:-1])
+    for s, area in zip(present, told):
+        s.contact_area = area
 
 
 def _watched(config: Config, part: Scene, team: Team) -> Scene | None:
