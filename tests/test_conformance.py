@@ -17,6 +17,7 @@ from orchestrator.blackbox.start import find_codes, make_blackbox
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BlackBoxError, InputError
+from orchestrator.registry import CODES
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = ROOT / "orchestrator" / "blackbox" / "codes" / "template.py"
@@ -178,8 +179,8 @@ def test_calculix_is_missing(monkeypatch):
 
 
 def test_scikit_fem_is_missing(monkeypatch):
-    monkeypatch.setattr("orchestrator.blackbox.codes.python_code._installed", lambda name: False)
-    with pytest.raises(InputError, match="pip install scikit-fem"):
+    monkeypatch.setattr(CODES["scikit-fem"], "package", "scikit-fem-that-is-nowhere")
+    with pytest.raises(InputError, match="pip install scikit-fem-that-is-nowhere"):
         make_blackbox(settings(code="scikit-fem"))
 
 

@@ -11,10 +11,9 @@ fit its stiffness is then tested by its own server.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -58,7 +57,7 @@ class GuardedCode(BlackBox):
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         answers = super().fields(forces)
         asked = [i for i, u in answers.items() if len(u) and self._known(self._models[i])]
-        for i, (left, node) in zip(asked, _at_once(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
+        for i, (left, node) in zip(asked, _threads().map(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
             model = self._models[i]
             if not left <= BALANCED:
                 raise BlackBoxError(f"guard: displacements that do not balance the forces: near {format_point(model.nodes[node])} a share of "
@@ -69,7 +68,7 @@ class GuardedCode(BlackBox):
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         matrices = super().stiffness(models)
         judged = [i for i, model in enumerate(models) if self._judges(model)]
-        for i, wrong in zip(judged, _at_once(lambda i: wrong_stiffness(models[i], matrices[i], not self._known(models[i])), judged)):
+        for i, wrong in zip(judged, _threads().map(lambda i: wrong_stiffness(models[i], matrices[i], not self._known(models[i])), judged)):
             if wrong:
                 raise BlackBoxError(f"guard: {wrong}", models[i].name)
         return matrices
@@ -82,14 +81,10 @@ class GuardedCode(BlackBox):
         return self._judges(model) and not self.inner.traits(model.code).own_matter
 
 
-def _at_once(judge: Callable[[int], Any], models: list[int]) -> list:
-    """Findings of each model, all at once: the codes' cores have nothing else to do meanwhile."""
-    return list(_judges().map(judge, models))
-
-
 @cache
-def _judges() -> ThreadPoolExecutor:
-    """Threads that stay: to start them costs more than to judge a small model."""
+def _threads() -> ThreadPoolExecutor:
+    """Threads that judge, since the codes' cores have nothing else to do meanwhile. They stay: to start them costs more than to judge a
+    small model."""
     return ThreadPoolExecutor(len(os.sched_getaffinity(0)), "guard")
 
 

@@ -161,7 +161,7 @@ class Pool(BlackBox):
         begin, united = time.perf_counter(), {}
         for done in as_completed([self._threads[number].submit(self.usage.timed, number, work, own) for number, own in tasks.items()]):
             united |= done.result()
-        self.usage.asked_for(time.perf_counter() - begin)
+        self.usage.asked += time.perf_counter() - begin
         return united
 
     def _asked_about(self, models: Sequence[Model], ask: Callable[[Worker, int, Model], Any]) -> list:

@@ -11,10 +11,7 @@ from pathlib import Path
 from typing import Any
 
 STAGES = ("start", "assemble", "factorise", "solve")  # of a code's own clock
-
-
 CLOCKS = (*STAGES, "messages", "waiting", "idle")  # of a worker; they make up the wall clock
-
 Activity = dict[str, float]  # of a worker, see ``Usage.activity``
 
 
@@ -62,10 +59,6 @@ class Usage:
         finally:
             worker.calls += 1
             worker.working += time.perf_counter() - begin
-
-    def asked_for(self, seconds: float) -> None:
-        """Somebody had a task for so long."""
-        self.asked += seconds
 
     def clock(self) -> dict[str, float]:
         """The codes' own CPU seconds, summed over workers, for each of ``STAGES``."""

@@ -110,9 +110,12 @@ class PythonCode(MessageCode):
         if self.settings.nonlinear and self.settings.transport != "pipe":
             raise _absent(f"{self.settings.transport} for a nonlinear solver", "a process that remembers load steps",
                           "write transport: pipe, or leave it out", "transport")
-        if self.package and not self.settings.python and not _installed(self.package):
-            raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
-                          f"{sys.executable} -m pip install {self.package}")
+        if self.package and not self.settings.python:
+            try:
+                metadata.version(self.package)
+            except metadata.PackageNotFoundError:
+                raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
+                              f"{sys.executable} -m pip install {self.package}") from None
         if where.endswith(".py"):
             if not Path(where).is_file():
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class", f"start from {TEMPLATE}")
@@ -217,14 +220,6 @@ def _importable(module: str) -> bool:
     """Whether the server will find a module, or the package it is in; the current folder counts."""
     package = module.partition(".")[0]
     return find_spec(package) is not None or PathFinder.find_spec(package, [os.getcwd()]) is not None
-
-
-def _installed(package: str) -> bool:
-    try:
-        metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return False
-    return True
 
 
 def _absent(found: str, expected: str, cure: str, key: str = "code") -> InputError:

@@ -56,38 +56,27 @@ def of_reals(arrays: Sequence[np.ndarray]) -> Buffers:
     return [head] + [a.data.cast("B") for a in arrays if a.size]
 
 
-def load(index: int, model: Model) -> Buffers:
-    """Assemble the mesh file of the model, clamp and factorise it."""
-    fixed = np.flatnonzero(model.fixed)
-    return _about(LOAD, index, model, [len(model.trace), len(fixed)], model.trace, fixed)
+def request(op: int, ints, reals: Sequence[np.ndarray]) -> Buffers:
+    """An operation with its whole numbers and reals."""
+    return [np.int64(op).tobytes(), of_ints(ints), *of_reals(reals)]
 
 
-def stiffness(index: int, model: Model) -> Buffers:
-    """Assemble the mesh file with nothing clamped and send the matrix."""
-    return _about(STIFFNESS, index, model)
-
-
-def own_loads(index: int, model: Model, steps: int) -> Buffers:
-    """Nodal forces of the loads that the code's own model has, at every load step."""
-    return _about(OWN_LOADS, index, model, [steps])
-
-
-def _about(op: int, index: int, model: Model, *more: Sequence[int] | np.ndarray) -> Buffers:
-    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size]
+def about(op: int, index: int, model: Model, *more: int) -> Buffers:
+    """Request about the model of a mesh file: LOAD, to clamp and factorise it; STIFFNESS, for the matrix with nothing clamped; OWN_LOADS,
+    for the nodal forces that the code's own model has at so many load steps as ``more`` says."""
+    head = [[index, ELEMENTS[model.cells.shape[1]], model.fixed.size], more]
+    if op == LOAD:
+        fixed = np.flatnonzero(model.fixed)
+        head += [len(model.trace), len(fixed)], model.trace, fixed
     # of ten-node tets the nodes' numbers, from which a code learns ours; of others they agree
     numbers = np.empty(0, int) if model.cells.shape[1] == 4 else model.cells[:, EDGE_ORDER].ravel()
-    return [np.int64(op).tobytes(), of_ints(np.concatenate([head, *more, numbers])), *of_reals(lame(*model.materials.T))]
+    return request(op, np.concatenate([np.asarray(part, int) for part in (*head, numbers)]), lame(*model.materials.T))
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
     """Back-substitutions of (model, (rhs, m) forces) pairs; ``op`` is TRACES or FIELDS."""
     head = [len(jobs)] + [value for index, forces in jobs for value in (index, len(forces))]
-    return [np.int64(op).tobytes(), of_ints(head), *of_reals([forces for _, forces in jobs])]
-
-
-def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
-    """True response of a nonlinear model to (3n,) forces, see ``protocol.BlackBox.advance``."""
-    return [np.int64(ADVANCE).tobytes(), of_ints([index, int(commit)]), *of_reals([forces])]
+    return request(op, head, [forces for _, forces in jobs])
 
 
 FAREWELL = np.int64(QUIT).tobytes()  # end of the conversation

@@ -24,7 +24,7 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
-from orchestrator.blackbox.transport.worker import Ended, Silence, Worker, ready
+from orchestrator.blackbox.transport.worker import Ended, Worker, ready
 
 _PIPE_SIZE = 1 << 20  # bytes the kernel keeps on the way; its default is 64 kB
 
@@ -57,7 +57,7 @@ class Pipes:
             try:
                 sent = os.writev(self._out, views[:64])
             except BlockingIOError:
-                _wait(self._out, select.POLLOUT, deadline)
+                ready(self._out, select.POLLOUT, deadline)
                 continue
             except BrokenPipeError:
                 raise Ended("it ended before it was asked") from None
@@ -83,7 +83,7 @@ class Pipes:
             try:
                 received = os.readv(self._in, [target])
             except BlockingIOError:
-                _wait(self._in, select.POLLIN, deadline)
+                ready(self._in, select.POLLIN, deadline)
                 continue
             if received == 0:
                 raise Ended("it ended before its answer was complete")
@@ -130,11 +130,6 @@ class Files:
         self._left = self._left[len(target) :]
 
 
-def _wait(fd: int, event: int, deadline: float) -> None:
-    if not ready(fd, event, deadline):
-        raise Silence()
-
-
 class MessageWorker(RunWorker):
     """A worker of a ``MessageCode``; how it talks to its processes is a setting of the code."""
 
@@ -171,15 +166,15 @@ class MessageWorker(RunWorker):
     def load(self, index: int, model: Model) -> None:
         """Load models; a code that ends after a run solves once for the check: a model that is not held is found now."""
         self.tallies[index] = Tally(model.name, len(model.trace))
-        self._about(index, model, messages.load, "loading failed", messages.check_load)
+        self._about(messages.LOAD, index, model, "loading failed", lambda reply: messages.check_load(reply, index))
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        return self._about(index, model, messages.stiffness, "the stiffness matrix was not obtained",
-                           lambda reply, index: messages.check_stiffness(reply, index, model.fixed.size))
+        return self._about(messages.STIFFNESS, index, model, "the stiffness matrix was not obtained",
+                           lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
 
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
-        return self._about(index, model, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
-                           lambda reply, index: messages.check_own_loads(reply, index, steps, model.fixed.size))
+        return self._about(messages.OWN_LOADS, index, model, "its own loads were not obtained",
+                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size), steps)
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         """Solve: through pipes all right-hand sides of all models travel in one message."""
@@ -206,7 +201,7 @@ class MessageWorker(RunWorker):
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
         with self.telling("a load step was not solved", name):
-            self.link.send(messages.advance(index, forces, commit))
+            self.link.send(messages.request(messages.ADVANCE, [index, int(commit)], [forces]))
             return self._counted(lambda reply: messages.check_solve(reply, index, 2, forces.size))
 
     def release(self) -> None:
@@ -220,17 +215,16 @@ class MessageWorker(RunWorker):
         self.count(reply.seconds)
         return answer
 
-    def _about(self, index: int, model: Model, ask: Callable[[int, Model], Buffers], purpose: str,
-               read: Callable[[Reply, int], Any]) -> Any:
+    def _about(self, op: int, index: int, model: Model, purpose: str, read: Callable[[Reply], Any], *more: int) -> Any:
         """The reply to a request about a model, as ``read`` makes it. For runs to come, mesh file and request are kept."""
-        told, kept = self.code.told(model), ask is messages.load and not self.keeps_models
-        path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), ask(index, told)
+        told, kept = self.code.told(model), op == messages.LOAD and not self.keeps_models
+        path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), messages.about(op, index, told, *more)
         if kept:
             self._load_requests[index] = request
         try:
             with self.telling(purpose, model.name):
                 self.link.send(request)
-                return self._counted(lambda reply: read(reply, index))
+                return self._counted(read)
         finally:
             if not kept:
                 path.unlink(missing_ok=True)

@@ -112,8 +112,7 @@ class Worker:
         """Exit code and CPU seconds of a process that runs once; raises Silence when it takes too long."""
         handle = os.pidfd_open(process.pid)
         try:
-            if not ready(handle, select.POLLIN, self.deadline()):
-                raise Silence()
+            ready(handle, select.POLLIN, self.deadline())
             # the process is a zombie now: its memory is in what waiting for it returns
             with self._lock:
                 _, status, usage = os.wait4(process.pid, 0)
@@ -192,8 +191,9 @@ class Worker:
         return os.pread(self.log.fileno(), LOG_TAIL, max(0, size - LOG_TAIL)).decode(errors="replace").strip()
 
 
-def ready(fd: int, event: int, deadline: float) -> bool:
-    """Wait until a descriptor can be read from or written to; False at the deadline."""
+def ready(fd: int, event: int, deadline: float) -> None:
+    """Wait until a descriptor can be read from or written to; raises Silence at the deadline."""
     poll = select.poll()
     poll.register(fd, event)
-    return bool(poll.poll(max(0.0, deadline - time.monotonic()) * 1000))
+    if not poll.poll(max(0.0, deadline - time.monotonic()) * 1000):
+        raise Silence()

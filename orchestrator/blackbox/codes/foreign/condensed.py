@@ -83,8 +83,6 @@ class Elimination:
         return moved
 
 
-# Relative. What two halves of a symmetric matrix may differ by: six digits, rounded apart.
-SYMMETRIC = 1e-6
 # Share of the entries' size that rounding leaves of rigid motions: above the first, digits are missing, and the error they
 # cause is told; above the second (four digits leave 1e-4) it is no rounding: nodes are mixed up, or supports hidden.
 DIGITS, WRONG = 1e-13, 3e-4
@@ -140,20 +138,17 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     loose : whether something inside may move by itself, see ``schur``
     Raises InputError: what is not on the joints can move by itself
     """
+    sample = _sample(K, rounding) if rounding else None
     if len(joint) == K.shape[0]:  # by whoever has made it
-        sample = _sample(sp.csr_array(K), rounding)[joint][:, joint].toarray() if rounding else None
-        return sp.csr_array(K)[joint][:, joint].toarray(), loads[:, joint].copy(), sample
+        return K[joint][:, joint].toarray(), loads[:, joint].copy(), None if sample is None else sample[joint][:, joint].toarray()
     try:
-        eliminated = Elimination(sp.csr_array(K), joint, loose)
+        eliminated = Elimination(K, joint, loose)
     except ZeroDivisionError as error:
         raise wrong(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
                     "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is attached to, for "
                     "pieces that nothing connects, and for joints on one line") from error
-    error = None
-    if rounding:
-        moved = eliminated.carried()
-        error = moved.T @ (_sample(sp.csr_array(K), rounding) @ moved)
-    return eliminated.complement, eliminated.loads(loads), error
+    moved = None if sample is None else eliminated.carried()
+    return eliminated.complement, eliminated.loads(loads), None if moved is None else moved.T @ (sample @ moved)
 
 
 def _sample(K: sp.csr_array, rounding: float) -> sp.csr_array:
@@ -166,22 +161,17 @@ def _sample(K: sp.csr_array, rounding: float) -> sp.csr_array:
 def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str, error: np.ndarray | None = None) -> Condensed:
     """The part, if it can be one.
 
-    S : (3n, 3n) as it has come; loads : (cases, 3n)
+    S : (3n, 3n) as it has come, symmetric but for rounding; loads : (cases, 3n)
     path : of what it was read from; name : of the part
     error : (3n, 3n) a sample of what S may be off by, where that is known from elsewhere
-    Raises InputError: S is not finite, symmetric or ≥ 0, or rigid motions cost what they cannot cost
+    Raises InputError: S is not finite or ≥ 0, or rigid motions cost what they cannot cost
     """
     free = np.flatnonzero(~joints.held)
     S, b = S.copy(), loads.copy()
     S[joints.held.ravel()] = S[:, joints.held.ravel()] = b[:, joints.held.ravel()] = 0.0
     if not (np.isfinite(S).all() and np.isfinite(b).all()):
         raise wrong(path, f"'{name}': numbers that are not finite", "numbers", "write the files again")
-    size = np.abs(S).max(initial=0.0)
-    apart = np.abs(S - S.T).max(initial=0.0)
-    if apart > SYMMETRIC * size:
-        raise wrong(path, f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a symmetric one",
-                     "write both halves, or the lower one with 'symmetric' in the file's head")
-    S = (S + S.T) / 2
+    size, S = np.abs(S).max(initial=0.0), (S + S.T) / 2
     share, motions, energies = _rigid(joints, S, free)
     if joints.left.shape[1] and share > WRONG:
         raise _not_rigid(joints, S, free, path, name, share, motions)

@@ -70,11 +70,7 @@ class DeckRuns:
                          for file in part.loads or [] for card, options, _ in headings(Path(file), path))
         self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(len(joints.ids))
         self._next = 1 + max(elements, default=0)
-        self._link()
-
-    def _link(self) -> None:
-        """The deck and its files by names of our own: files of two folders may have one name. And what they include, by names
-        beside them; CalculiX writes to files of its own names: nothing else."""
+        # by names of our own, as files of two folders may have one name; what they include by names beside them
         for i, file in enumerate(self._named):
             (self.folder / NAMED.format(i)).symlink_to(file.resolve())
         for file in self._named:
@@ -142,12 +138,8 @@ class DeckRuns:
 
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
-        parts, number = [], self._next
-        for dof in np.flatnonzero(k):
-            node, c = self.joints.ids[dof // 3], dof % 3 + 1
-            parts.append(f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{node}\n*SPRING,ELSET=ORCH{number}\n{c}\n{k[dof]:.13e}\n")
-            number += 1
-        return "".join(parts)
+        return "".join(f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{self.joints.ids[dof // 3]}\n*SPRING,ELSET=ORCH{number}\n"
+                       f"{dof % 3 + 1}\n{k[dof]:.13e}\n" for number, dof in enumerate(np.flatnonzero(k), self._next))
 
     def _forces(self, forces: np.ndarray) -> str:
         """Lines of *CLOAD; one of zero where there are none, since a step must load something."""

@@ -10,7 +10,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
-from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
+from orchestrator.blackbox.codes.foreign.condensed import Condensed, check_modulus, condense, judged
 from orchestrator.config.mesh import MatrixPart
 from orchestrator.errors import KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about, size_of
@@ -18,6 +18,7 @@ from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
 from orchestrator.scene.mesh.checks import check_memory
 
+SYMMETRIC = 1e-6  # relative: what two halves of a symmetric matrix may differ by, six digits, rounded apart
 ENTRY = 24  # bytes: two places and a value
 SAMPLE = 2000  # entries whose digits are counted
 # Of forces in a row, relative: what rigid motions leave where nothing is held.

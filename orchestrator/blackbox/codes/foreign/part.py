@@ -108,8 +108,10 @@ class ForeignCode(Code):
     def _kept(self) -> tuple[Condensed, float]:
         """The part condensed to its joints, and the CPU seconds that took; once per process for an entry and its files as they are."""
         part, settings = self.settings.part, self.settings
-        files = [name for key in part.files for name in as_list(getattr(part, key) or [])]
-        key = (type(self), part.model_dump_json(), settings.name, len(settings.factors), *map(_stamp, files))
+        key: tuple = (type(self), part.model_dump_json(), settings.name, len(settings.factors))
+        for file in (name for kind in part.files for name in as_list(getattr(part, kind) or [])):
+            with suppress(OSError):
+                key += file, os.stat(file).st_mtime_ns, os.stat(file).st_size
         if key not in _KEPT:
             begin = os.times()
             made, end = self.made(), os.times()
@@ -118,13 +120,6 @@ class ForeignCode(Code):
 
 
 _KEPT: dict[tuple, tuple[Condensed, float]] = {}
-
-
-def _stamp(file: str) -> str:
-    with suppress(OSError):
-        about = os.stat(file)
-        return f"{file} {about.st_mtime_ns} {about.st_size}"
-    return file
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,9 @@ class ProgramCode(ForeignCode):
         """Condense the program's part; every answer is judged on the way."""
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints, runs = read_joints(part, path, name), self.runs()
-        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * _face(joints))
+        corners = joints.points[joints.triangles]
+        side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * side)
         loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
         if self.settings.brings_loads:
             alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
@@ -115,7 +117,13 @@ class Answers:
         k = np.full(joints.points.size, spring)
         for _ in range(ATTEMPTS):
             compliance, asymmetry = _compliance(runs, joints, k)
-            answers = cls(k, compliance, _inverse(compliance, runs), asymmetry)
+            values, vectors = np.linalg.eigh(compliance)
+            if not values[0] > 0:
+                raise runs.wrong(f"a force moves its joint backwards: the least eigenvalue of its compliance is {values[0] / values[-1]:.1e} "
+                                 "of the largest", "a stiffness with the springs of springs.txt on its diagonal, which is positive",
+                                 "look for signs, for springs that are not added, and for joint nodes that are held inside: leave these "
+                                 "out of the joint")
+            answers = cls(k, compliance, (vectors / values) @ vectors.T, asymmetry)
             wanted = float(np.abs(np.diag(answers.stiffness)).mean()) or spring
             if SUITED[0] * wanted <= k[0] <= SUITED[1] * wanted:
                 break
@@ -159,27 +167,9 @@ def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.nd
     return (C + C.T) / 2, apart
 
 
-def _face(joints: Joints) -> float:
-    """A length: of the joints' faces."""
-    corners = joints.points[joints.triangles]
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-
-
 def _digits(values: np.ndarray) -> float:
     """Relative error of values that have been written with few digits: 0 with fifteen or more."""
     for digits in range(4, 15):
         if all(float(f"{value:.{digits - 1}e}") == value for value in values.ravel()[:200]):
             return 0.5 * 10.0 ** (1 - digits)
     return 0.0
-
-
-def _inverse(C: np.ndarray, runs: ProgramRuns) -> np.ndarray:
-    """C⁻¹; raises InputError where C is not positive."""
-    values, vectors = np.linalg.eigh(C)
-    if not values[0] > 0:
-        raise runs.wrong(f"a force moves its joint backwards: the least eigenvalue of its compliance is {values[0] / values[-1]:.1e} "
-                         "of the largest", "a stiffness with the springs of springs.txt on its diagonal, which is positive",
-                         "look for signs, for springs that are not added, and for joint nodes that are held inside: leave these "
-                         "out of the joint")
-    return (vectors / values) @ vectors.T
-
