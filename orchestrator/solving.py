@@ -20,7 +20,8 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.dual import check_duals
 from orchestrator.method.delivery.quantities import check_sections, quantities, unit_answers
 from orchestrator.method.delivery.wanted import Wanted
-from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
+from orchestrator.method.delivery.deliver import Delivered, deliver
+from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
@@ -199,7 +200,7 @@ class _Solving:
         delivered = delivered.without(self.wanted, lost)
         if not (self.apart or team.rank):
             with watch("output"):
-                delivered = on_whole(delivered, self.whole)
+                delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
                 fields = fields_of(self.whole, delivered, lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)

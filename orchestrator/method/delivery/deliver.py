@@ -15,7 +15,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, all_i
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.moved import Moved
-from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary, on_mesh,
+from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.slid import with_slides
 from orchestrator.method.delivery.shares import Shares, shares
@@ -27,7 +27,6 @@ from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.mesh_bound import MeshBound
 from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
-from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 
@@ -77,7 +76,7 @@ class Delivered:
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
             wanted: Wanted = Wanted(), gathered: bool = True) -> Delivered:
-    """Recover what is delivered, and judge it; ``on_whole`` completes it.
+    """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are rank 0's to add.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
     wanted : what is to be certified
@@ -140,8 +139,3 @@ def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful
     between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + on_boundary(
         d, repositioned(d, x.bound), len(x.bound.repositioned))) for x in parts] for step, parts in iterated.between.items()}
     return backward_error(Solved(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x), between)
-
-
-def on_whole(delivered: Delivered, whole: Scene) -> Delivered:
-    """The results with displacements on the nodes of the whole mesh, on rank 0."""
-    return replace(delivered, displacement=on_mesh(whole, delivered.continuous))

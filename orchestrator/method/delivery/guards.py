@@ -54,8 +54,10 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), allowed, lawful)
     if not iterated.converged:
         return found
-    if not d.all_perfect:  # where all are, it is part of the bound
-        found += _repeats(d, iterated, inside)
+    share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
+    if not d.all_perfect and share > BEYOND * max(iterated.last.target[1], ROUNDING):  # where all are, it is part of the bound
+        found.append(f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
+                     f"{share:.1e} can be claimed")
     if interfaces is not None:
         found += _laws(d, interfaces, length, lengths, allowed)
     return found + unbalanced
@@ -112,15 +114,6 @@ def noise(d: Decomposition, iterated: Iterated, parts: Parts) -> float:
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0)) / size) if size > 0 else 0.0
 
 
-def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str]:
-    """Require noise of the answers below the tolerance: with contact no bound holds it."""
-    share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
-    if share <= BEYOND * max(iterated.last.target[1], ROUNDING):
-        return []
-    return [f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
-            f"{share:.1e} can be claimed"]
-
-
 def _works(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior) -> list[str]:
     inner, outer, size = works(d, iterated, parts)
     # where nothing is strained, what rounding leaves of the soles' energy, and of what loads would do alone, is no work
@@ -172,7 +165,9 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
     worst: dict[str, float] = {}
     points = d.local.pairs.points
     stiff = d.space.team.max((points.stiff_n / points.area).max(initial=0.0))[0]
-    pressures = _pressures(d, interfaces, lengths.of_rest * stiff)
+    size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
+    largest = {str(law): size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0) for law in set(interfaces.laws)}
+    pressures = {law: max(value, lengths.of_rest * stiff) or 1.0 for law, value in _largest(d, largest).items()}
     for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
         nodes = lawful_nodes(i)
         nodes = nodes[np.isin(nodes, i.shown)]
@@ -188,14 +183,6 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
                 worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
             for what, value in _largest(d, worst).items() if not value <= allowed]
-
-
-def _pressures(d: Decomposition, interfaces: InterfaceFields, resting: float) -> dict[str, float]:
-    """Law → the largest pressure or shear on its interfaces, or ``resting``, what counts as next to nothing."""
-    size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
-    largest = {str(law): size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0)
-               for law in set(interfaces.laws)}
-    return {law: max(value, resting) or 1.0 for law, value in _largest(d, largest).items()}
 
 
 def _largest(d: Decomposition, own: dict[str, float]) -> dict[str, float]:

@@ -26,7 +26,8 @@ from orchestrator.scene.model import Interface, Scene
 
 def with_slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -> InterfaceFields:
     """The fields, which know how far sides have slid; ``interfaces`` : those that they are of."""
-    slip, far, amiss = _held_slip(scene, fields), np.full(len(interfaces), np.nan), np.full(len(interfaces), np.nan)
+    holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
+    slip, (far, amiss) = np.where(holds[..., None], fields.slip, 0.0), np.full((2, len(interfaces)), np.nan)
     for i, (k, own) in zip(interfaces, fields.each()):
         if i.law.follows or i.law.on_ground or i.tool is not None:
             continue
@@ -36,12 +37,6 @@ def with_slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interfac
         far[k] = float(np.linalg.norm(slip[:, own], axis=2).max(initial=0.0)) / size
         amiss[k] = _amiss(scene, i, fields, slip, own, facets) if far[k] > 0 else 0.0
     return replace(fields, slid=far, amiss=amiss)
-
-
-def _held_slip(scene: Scene, fields: InterfaceFields) -> np.ndarray:
-    """(T, N, 3) slip, zero where nothing holds."""
-    holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
-    return np.where(holds[..., None], fields.slip, 0.0)
 
 
 def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray, own: slice, facets: np.ndarray) -> float:

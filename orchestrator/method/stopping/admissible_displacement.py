@@ -106,7 +106,11 @@ class AdmissibleDisplacement:
         lawful, change = pairs.compliance(there - told.force), np.where(self.prices, told.force - force, 0.0)
         mean = mean - self.linked.moved(np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
         held, together = self._held(told, self.mine, lawful), self._together(told, lawful)
-        broken, charge = (partial(f, force, before=before, number=number) for f in (self._broken, self._charge))
+        broken = partial(self._broken, force, before=before, number=number)
+
+        def charge(jump: np.ndarray) -> np.ndarray:
+            return self.pairs.duality_gap(force, jump, before, number)
+
         laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal, scale, EXACT * scale,
                        FREE * self.linked.matrix.diagonal().max(initial=0.0))
         best, least = None, np.inf
@@ -125,10 +129,6 @@ class AdmissibleDisplacement:
                 break
             held = replace(held, soft=soft).and_then(more)
         return best
-
-    def _charge(self, force: np.ndarray, jump: np.ndarray, before: History, number: int) -> np.ndarray:
-        """(P,) γ of jumps (3, P) beside λ̂ (3, P)."""
-        return self.pairs.duality_gap(force, jump, before, number)
 
     def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: Held, joint: Held,
                  common: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -102,7 +102,9 @@ class Estimator:
             np.add.at(squares, (slice(None), cells), more)
             leapt += more.sum(axis=1)
         for t, u in enumerate(displacement):
-            alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
+            # what each corner, moved alone, would have about: rounding of a motion is no strain
+            square = np.einsum("nc,nc->n", u, u)[self.cells[:, :4]].sum(axis=1)
+            alone[t] = energies[t].sum() + square @ (np.cbrt(np.abs(self.volumes)) * (self.lame[:, 0] + 2 * self.lame[:, 1]))
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self.energies(u)
         work = self.work(sides, numbers)
@@ -138,15 +140,15 @@ class Estimator:
         cells : on the nodes of the displacement, if these are others
         """
         cells = self.cells if cells is None else cells
-
-        def elastic(at: np.ndarray) -> np.ndarray:
-            epsilon = strain(self.gradients, cells, displacement, at)
-            if self.thermal is not None and number is not None:
-                epsilon[:, :3] -= (self.thermal[number] @ at)[:, None]
-            return epsilon
-
         places = np.eye(4) if cells.shape[1] == 10 else [CENTRE]
-        return np.stack([stress(elastic(at), self.lame).T for at in places], axis=1)
+        return np.stack([stress(self.strain(displacement, at, number, cells), self.lame).T for at in places], axis=1)
+
+    def strain(self, displacement: np.ndarray, at: np.ndarray, number: int | None, cells: np.ndarray) -> np.ndarray:
+        """(m, 6) strain that has stress, at barycentric coordinates (4,); the rest as for ``stress``."""
+        epsilon = strain(self.gradients, cells, displacement, at)
+        if self.thermal is not None and number is not None:
+            epsilon[:, :3] -= (self.thermal[number] @ at)[:, None]
+        return epsilon
 
     def _errors(self, stresses: Sequence[np.ndarray], numbers: Sequence[int | None]) -> np.ndarray:
         """(T, m) η² of the cells, from their stresses (6, p, m) at some load steps.
@@ -167,12 +169,6 @@ def mean_square(values: np.ndarray) -> np.ndarray:
     if len(values) == 1:
         return values[0] ** 2
     return (np.einsum("pm,pm->m", values, values) + values.sum(axis=0) ** 2) / 20  # (1 + 1)/20 of a corner by itself, 1/20 of two
-
-
-def moved_alone(u: np.ndarray, cells: np.ndarray, volumes: np.ndarray, lame: np.ndarray) -> float:
-    """Energy that the displacements u (n, 3) of cells' corners would have about, each moved alone: rounding of a motion is no strain."""
-    square = np.einsum("nc,nc->n", u, u)[cells[:, :4]].sum(axis=1)
-    return float(square @ (np.cbrt(np.abs(volumes)) * (lame[:, 0] + 2 * lame[:, 1])))
 
 
 def exact_energy(energy: np.ndarray, errors: np.ndarray, work: np.ndarray) -> np.ndarray:

@@ -23,12 +23,11 @@ import numpy as np
 from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.method.stopping.stress_element import FACES, TENSOR
 from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
 
-FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # corners of the face opposite to each corner
 CHUNK = 300  # tets at once: some 15 kB each, which the processor keeps at hand
-_TENSOR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # which of a stress's six components stand where in the tensor
 _MIDDLE = np.zeros((4, 4), dtype=int)  # the node between two corners
 _MIDDLE[tuple(TET_EDGES.T)] = _MIDDLE[tuple(TET_EDGES[:, ::-1].T)] = np.arange(4, 10)
 
@@ -67,7 +66,7 @@ class ElementProblems(Estimator):
     def _load(self, sigma: np.ndarray, number: int | None) -> np.ndarray:
         """(m, 30) what the stress (6, 4, m) of a load step leaves of balance, on every tet's functions."""
         corners = np.take_along_axis(sigma.transpose(2, 1, 0), self.turn[:, :, None], 1)  # (m, 4, 6)
-        tensors = corners[:, :, _TENSOR]
+        tensors = corners[:, :, TENSOR]
         vectors = -3 * self.volumes[:, None, None] * self.slopes  # of the faces, outward, as long as their areas
         tractions = np.einsum("mfcij,mfj->mfci", tensors[:, FACES], vectors).reshape(-1, 9)
         leap = tractions + tractions[self.mate]

@@ -25,7 +25,7 @@ import numpy as np
 from orchestrator.errors import wrong
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.equilibrated import Balanced, Equilibration
-from orchestrator.method.stopping.pressed_faces import CLOSED, INSIDE, PressedFaces, alike, flat, touching
+from orchestrator.method.stopping.pressed_faces import CLOSED, INSIDE, PressedFaces, alike, flat
 from orchestrator.method.stopping.stress_element import FACES
 from orchestrator.scene.elasticity import strain, stress
 from orchestrator.scene.loads.temperature import thermal_loads
@@ -127,7 +127,7 @@ class MeshBounds:
         points = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         self.corners = e.cells[:, :4]
         self.balance = Equilibration(points, self.corners, self._meeting(), e.lame, e.gradients, e.volumes)
-        places = {i.index: self._faces(i.cells[:, 0], scene.side_nodes(i, 0)[i.triangles]) for i in touching(scene)}
+        places = {i.index: self._faces(i.cells[:, 0], scene.side_nodes(i, 0)[i.triangles]) for i in scene.interfaces if not i.law.perfect}
         for entry in scene.boundary:
             if not self.balance.outer[self._faces(entry.cells[:, 0], entry.triangles)[0]].all():
                 raise wrong(KEY, f"a bound of the mesh's error where {entry.name} acts on faces that another body meets", EXPECTED, CURE)
@@ -145,7 +145,7 @@ class MeshBounds:
         displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
         for t, u in enumerate(displacement):
-            sigma = self._turned(self._elastic(u, t, at) for at in np.eye(4))
+            sigma = self._turned(e.strain(u, at, t, e.cells) for at in np.eye(4))
             body = None if scene.body_force is None else scene.body_force[t].mean(axis=1)
             if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
                 return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
@@ -194,13 +194,6 @@ class MeshBounds:
     def _turned(self, strains: Iterable[np.ndarray]) -> np.ndarray:
         """(m, 4, 6) stresses at the corners, in the order of their labels, from strains (m, 6) at each of them."""
         return np.take_along_axis(np.stack([stress(one, self.estimator.lame) for one in strains], axis=1), self.balance.turn[:, :, None], 1)
-
-    def _elastic(self, u: np.ndarray, step: int, at: np.ndarray) -> np.ndarray:
-        e = self.estimator
-        epsilon = strain(e.gradients, e.cells, u, at)
-        if self.scene.thermal is not None:
-            epsilon[:, :3] -= (self.scene.thermal[step] @ at)[:, None]
-        return epsilon
 
     def _given(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """(f, 3) bool, components of tractions that are known, and (f, 3, 3) their moments at a load step."""

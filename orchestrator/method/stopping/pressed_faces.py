@@ -7,8 +7,6 @@ pull, its traction is cut off at zero, and what is left of the stress found agai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from orchestrator.method.stopping.equilibrated import Balanced, Equilibration
@@ -96,8 +94,3 @@ class PressedFaces:
         positive = np.maximum(pressure, 0.0)
         cut = (positive + positive.sum(axis=1, keepdims=True)) * self.areas[:, None] / 12
         return pulled, np.where(pulled[:, None], cut, moments)
-
-
-def touching(scene: Scene) -> Sequence[Interface]:
-    """The interfaces that are not bonds."""
-    return [i for i in scene.interfaces if not i.law.perfect]

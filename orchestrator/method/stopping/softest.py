@@ -66,10 +66,6 @@ def softest(stage: LinearStage, beside: BesideRigid) -> np.ndarray:
     matrices = np.zeros((len(of.starts), STEPS, STEPS))
     at = np.arange(STEPS)
     matrices[:, at, at], matrices[:, at[1:], at[:-1]] = alpha.T, beta[1:].T
-    before, now = (_softness(np.linalg.eigvalsh(matrices[:, :n, :n])[:, -1]) for n in (STEPS - BACK, STEPS))
+    # of eigenvalues 1/(1 + σ)
+    before, now = (1 / np.clip(np.linalg.eigvalsh(matrices[:, :n, :n])[:, -1], LEAST, 1 - LEAST) - 1 for n in (STEPS - BACK, STEPS))
     return SAFE * np.maximum(now * np.minimum(now / before, 1.0) ** 2, LEAST)
-
-
-def _softness(largest: np.ndarray) -> np.ndarray:
-    """σ of eigenvalues 1/(1 + σ)."""
-    return 1 / np.clip(largest, LEAST, 1 - LEAST) - 1
