@@ -41,17 +41,10 @@ def tightest(asked: Accuracy, done: Sequence[Pass], spent: float, enough: float)
         found.append(Limit(last.elements * (left / last.seconds) ** (1 / EXPONENT), f"{asked.seconds:g} seconds, of which {spent:.0f} are spent,",
                            f"about {enough:,.0f} elements, which take some {last.seconds * times:,.0f} s"))
     if asked.memory:
-        each = _bytes_each(done)
+        each = UNKNOWN_BYTES * 3 * last.nodes / last.elements  # bytes that an element more takes
+        if len(done) > 1 and last.elements > done[-2].elements:
+            each = max(each, (last.memory - done[-2].memory) / (last.elements - done[-2].elements))
         found.append(Limit(max(last.elements + (1e9 * asked.memory - last.memory) / each, 0.0),
                            f"{asked.memory:g} GB of memory, of which {last.memory / 1e9:.2g} were taken,", f"about {enough:,.0f} elements, "
                            f"which take some {(last.memory + each * (enough - last.elements)) / 1e9:.2g} GB"))
     return min(found, key=lambda limit: limit.elements)
-
-
-def _bytes_each(done: Sequence[Pass]) -> float:
-    """Bytes that an element more takes."""
-    *before, last = done
-    least = UNKNOWN_BYTES * 3 * last.nodes / last.elements
-    if before and last.elements > before[-1].elements:
-        return max(least, (last.memory - before[-1].memory) / (last.elements - before[-1].elements))
-    return least

@@ -14,7 +14,7 @@ from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, toge
 from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.mesher import mesher_for
-from orchestrator.accuracy.passes import Pass, Passes, drop, put_back, set_aside, set_aside_again
+from orchestrator.accuracy.passes import NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again
 from orchestrator.accuracy.peaks import growth, peak_of
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.config.load import Loaded
@@ -92,8 +92,8 @@ class _Refinement:
                 self.tolerance = Tolerance(error=self.passes.tolerance)
             set_aside_again(folder)
         else:
-            Passes.forget(self.path)
-            (self.path / FIRST).unlink(missing_ok=True)
+            for name in (PASSES, FIRST):
+                (self.path / name).unlink(missing_ok=True)
             drop(folder)
         while True:
             self.since = time.perf_counter()
@@ -218,16 +218,12 @@ class _Refinement:
         count = min(max(count / followed, least_count), limit.elements / followed)
         plan = wanted(self.config, mesh, together(every, self.follows), count, made.maps, least)
         if plan.refined:
-            self.plan = plan
-            self._tighten(every)
+            self.plan = plan  # solved so well that the iterations leave no more than their share of any quantity
+            much = max((one.iterations / (ITERATIONS * one.asked) for one in every if one.name and math.isfinite(one.iterations)), default=0.0)
+            if self.follows and much > 1:
+                self.tolerance = Tolerance(error=max(self.tolerance.error / much, LEAST))
         else:
             self.why = f"no elements may be smaller: smallest: {least:g}" if least else short
-
-    def _tighten(self, every: Sequence[Criterion]) -> None:
-        """Solve the next mesh so well that the iterations leave no more than their share of any quantity."""
-        much = max((one.iterations / (ITERATIONS * one.asked) for one in every if one.name and math.isfinite(one.iterations)), default=0.0)
-        if self.follows and much > 1:
-            self.tolerance = Tolerance(error=max(self.tolerance.error / much, LEAST))
 
     def _told(self, folder: ResultsFolder, why: str) -> dict[str, object]:
         """The summary, which says why the accuracy is not reached, where it is not; what was decided of its mesh is in it already."""

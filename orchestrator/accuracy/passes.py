@@ -112,10 +112,6 @@ class Passes:
         mesh = Wanted(maps, *(told[name] for name in OF_MESH))
         return cls([Pass(**one) for one in told["done"]], mesh, before, told["tolerance"], told["element"])
 
-    @staticmethod
-    def forget(folder: Path) -> None:
-        (folder / NAME).unlink(missing_ok=True)
-
 
 def set_aside(folder: ResultsFolder) -> None:
     """Keep a copy of the results that are in a folder, for ``put_back``; whole or not at all."""

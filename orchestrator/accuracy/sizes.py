@@ -99,8 +99,11 @@ def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: 
         local = local.reshape(-1, 4)
         beside = np.bincount(local.ravel(), minlength=len(used))
         at_nodes = np.exp(np.bincount(local.ravel(), np.repeat(np.log(size[own]), 4), len(used)) / beside)
-        factor = _source(config, key[0]).scale
-        maps[key] = SizeMap(_unmoved(config, key[0], mesh.nodes[used]) / factor, local, at_nodes / factor)
+        factor, points = _source(config, key[0]).scale, mesh.nodes[used]
+        if config.parts and (move := config.parts[key[0]].move) is not None:  # back to where they are in the part's own mesh
+            frame = moved(np.vstack([np.zeros(3), np.eye(3)]), move)
+            points = (points - frame[0]) @ (frame[1:] - frame[0]).T
+        maps[key] = SizeMap(points / factor, local, at_nodes / factor)
     return Wanted(maps, elements, refined, kept, float(had / (squares.sum() or 1.0)))
 
 
@@ -123,12 +126,3 @@ def _pieces(config: Config, mesh: Mesh) -> list[tuple[Key, np.ndarray, str]]:
         called = name if apart else config.parts[part].name if config.parts else config.name
         found.setdefault((part, inside if apart else WHOLE), ([], called))[0].append(volume)
     return [(key, np.flatnonzero(np.isin(mesh.volume, volumes)), name) for key, (volumes, name) in found.items()]
-
-
-def _unmoved(config: Config, part: int, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of the scene where they are in the part's own mesh."""
-    move = config.parts[part].move if config.parts else None
-    if move is None:
-        return points
-    frame = moved(np.vstack([np.zeros(3), np.eye(3)]), move)
-    return (points - frame[0]) @ (frame[1:] - frame[0]).T

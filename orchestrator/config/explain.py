@@ -51,7 +51,7 @@ def _explain(entry: Any, data: Any, root: type[Part]) -> Problem:
     if kind == UNKNOWN_NAME:
         return Problem(path, echo(entry["input"]), context["expected"], nearest(str(entry["input"]), context["known"], otherwise=hint))
     if kind == "literal_error" and not _tagged(entry):
-        options = [str(option).lower() if option is True else str(option) for option in _options(field)]
+        options = [str(option).lower() if option is True else str(option) for option in _options(field and field.annotation)]
         if len(options) == 1:  # no misspelling: it cannot be otherwise, and the description says why
             return Problem(path, echo(entry["input"]), options[0], hint)
         return Problem(path, echo(entry["input"]), "one of " + ", ".join(options), nearest(str(entry["input"]), options, otherwise=hint))
@@ -119,25 +119,15 @@ def _meet(path: KeyPath, data: Any, root: type[Part]) -> tuple[type[Part] | None
         end += end < len(path) and isinstance(path[end], int)
         found = [one for _, one in mappings(field.annotation, field.metadata)]
         chooser, value = next((one for one in found if isinstance(one, Chosen)), None), get(data, *path[:end])
-        model = chooser.model(value) if chooser else _fitting(found, value)
+        known = value.keys() if isinstance(value, dict) else ()  # of a union the first one that knows most of them
+        model = chooser.model(value) if chooser else max(
+            found, key=lambda one: sum(key in one.model_fields for key in known), default=None)
     return model, field, chooser
 
 
-def _fitting(models: list[type[Part]], value: Any) -> type[Part] | None:
-    """The model of a union, the first one that knows most of a mapping's keys."""
-    known = value.keys() if isinstance(value, dict) else ()
-    return max(models, key=lambda model: sum(key in model.model_fields for key in known), default=None)
-
-
-def _options(field: FieldInfo | None) -> list[Any]:
-    """The words a Literal accepts."""
-    def words(annotation: Any):
-        for part in get_args(annotation):
-            if isinstance(part, (str, bool)):
-                yield part
-            else:
-                yield from words(part)
-    return list(words(field.annotation)) if field else []
+def _options(annotation: Any) -> list[Any]:
+    """The words that the Literals in a type accept."""
+    return [word for part in get_args(annotation) for word in ([part] if isinstance(part, (str, bool)) else _options(part))]
 
 
 # ---- keys that other programs have and this one has not ------------------------------------------------------

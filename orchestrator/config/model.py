@@ -159,13 +159,13 @@ class Config(Part):
     def codes(self) -> list[CodeSettings]:
         """The black boxes, in the order of the YAML; then one for each part that is a model of another program's."""
         given = self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
-        foreign = [(i, part) for i, part in enumerate(self.parts or []) if part.foreign is not None]
-        return [*given, *(self._code_of(i, part) for i, part in foreign)]
-
-    def _code_of(self, index: int, part: OnePart) -> CodeSettings:
-        kind, matter = part.foreign.kind, [m for m in (part.material, *(self.materials or [])) if m is not None]
-        return FOREIGN[kind].Settings(code=kind, on=[part.name], part=part.foreign, name=part.name, place=("parts", index, kind),
-                                      factors=tuple(self.factors_of(part.foreign.history)), young=matter[0].young if matter else None)
+        found = list(given)
+        for i, part in enumerate(self.parts or []):
+            if (own := part.foreign) is not None:
+                young = next((m.young for m in (part.material, *(self.materials or [])) if m is not None), None)
+                found.append(FOREIGN[own.kind].Settings(code=own.kind, on=[part.name], part=own, name=part.name, young=young, place=(
+                    "parts", i, own.kind), factors=tuple(self.factors_of(own.history))))
+        return found
 
     @property
     def programs(self) -> list[OnePart]:

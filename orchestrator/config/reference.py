@@ -101,36 +101,22 @@ def takes(notes: list[Any]) -> str:
     inner, origin = get_args(kind), get_origin(kind)
     if origin is Annotated:
         return takes([*inner, *others])
-    if origin in (Union, types.UnionType):
-        return alternatives([part for part in inner if part is not type(None)])
+    if origin in (Union, types.UnionType):  # the sentence that its messages say, where it has one
+        tags = (note.tag for part in inner for note in get_args(part)[1:] if isinstance(note, Tag))
+        sentence = next((tag[len(TAG) + 1:] for tag in tags if tag.startswith(TAG)), "")
+        return sentence or " or ".join(dict.fromkeys(takes([part]) for part in inner if part is not type(None)))
     if origin is Literal:
         return " or ".join(f"`{str(word).lower() if isinstance(word, bool) else word}`" for word in inner)
-    if origin is list:
-        return listed(takes([inner[0]]), others)
+    if origin is list:  # and how long it is where that is fixed
+        least, most = (next((getattr(note, key) for note in flat(others) if hasattr(note, key)), 0) for key in ("min_length", "max_length"))
+        entry = takes([inner[0]])
+        return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace("a mapping", "mappings")
     if origin is dict:
         return f"a mapping of names to {takes([inner[1]])}"
     if isinstance(kind, type) and issubclass(kind, Part):
         return "a mapping"
-    return WORDS.get(kind, "anything") + bounds(others)
-
-
-def alternatives(parts: list[Any]) -> str:
-    """A union: the sentence that its messages say, where it has one."""
-    tags = (note.tag for part in parts for note in get_args(part)[1:] if isinstance(note, Tag))
-    sentence = next((tag[len(TAG) + 1:] for tag in tags if tag.startswith(TAG)), "")
-    return sentence or " or ".join(dict.fromkeys(takes([part]) for part in parts))
-
-
-def listed(entry: str, notes: list[Any]) -> str:
-    """A list, and how long it is where that is fixed."""
-    least, most = (next((getattr(note, key) for note in flat(notes) if hasattr(note, key)), 0) for key in ("min_length", "max_length"))
-    return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace("a mapping", "mappings")
-
-
-def bounds(notes: list[Any]) -> str:
-    """Bounds of a number, each once."""
-    told = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(notes) for key, sign in SIGNS.items() if hasattr(note, key))
-    return " " + ", ".join(told) if told else ""
+    bounds = dict.fromkeys(f"{sign} {getattr(note, key):g}" for note in flat(others) for key, sign in SIGNS.items() if hasattr(note, key))
+    return WORDS.get(kind, "anything") + (" " + ", ".join(bounds) if bounds else "")
 
 
 def flat(notes: list[Any]) -> list[Any]:

@@ -81,15 +81,13 @@ def belongs_to(data: Any) -> Iterator[Problem]:
             yield Problem((*path, key), *told)
 
 
-def sole_ratio(data: Any) -> Iterator[Problem]:
+def rounding(data: Any) -> Iterator[Problem]:
+    """Numbers of ``method`` with which rounding would spoil the result."""
     ratio, low, high = get(data, "method", "sole", "modulus_ratio"), *RATIO_RANGE
     extreme = get(data, "method", "sole", "allow_extreme") is True
     if is_number(ratio) and ratio > 0 and not low <= ratio <= high and not extreme:
         yield Problem(("method", "sole", "modulus_ratio"), f"{ratio:g}", f"a number from {low:g} to {high:g}",
                       "take 0.5; outside the range rounding spoils the result (allow_extreme: true permits it for studies)")
-
-
-def above_rounding(data: Any) -> Iterator[Problem]:
     error = get(data, "method", "tolerance", "error")
     if is_number(error) and 0 < error <= ROUNDING:
         yield Problem(("method", "tolerance", "error"), f"{error:g}", f"a number > {ROUNDING:g}: rounding alone leaves as much",
@@ -109,18 +107,14 @@ def following(data: Any) -> Iterator[Problem]:
                       "have slid to decides who meets next", "leave increment out")
 
 
-def acceleration_fits(data: Any) -> Iterator[Problem]:
-    if get(data, "method", "acceleration") == "gmres" and not all_perfect(data):
-        yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
-                      "a linear problem for gmres", "use anderson")
-
-
 def heeded(data: Any) -> Iterator[Problem]:
     """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
     if get(data, "method", "tolerance", "law") is not None and all_perfect(data):
         yield Problem(("method", "tolerance", "law"), "law where all interfaces are perfect", "error: there the energy error is bounded",
                       "write error in its place")
     acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
+    if acceleration == "gmres" and not all_perfect(data):
+        yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect", "a linear problem for gmres", "use anderson")
     if acceleration not in (None, "anderson") and memory not in (None, "auto"):
         why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation has none"
         yield Problem(("method", "memory"), f"memory: {shown(memory)} beside acceleration: {acceleration}",
@@ -219,9 +213,9 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
                                   "write element: P1, with a finer mesh; the part's own elements may be quadratic")
 
 
-RULES = [following, magnitudes, above_rounding, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
-         what_histories_multiply, acceleration_fits, heeded, accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts,
-         directions, probes_fit, planes_have_points, certified_fits, tools_fit]
+RULES = [following, magnitudes, rounding, exactly_one, belongs_to, places, acting, load_steps, what_histories_multiply, heeded,
+         accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit, planes_have_points, certified_fits,
+         tools_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -37,7 +37,8 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, names):
         _panel(axes, name, across, found)
-        axes.set_title(_label(name, units), fontsize=9.5)
+        unit = next((units.get(kind, "") for end, kind in _UNITS.items() if name.endswith(end)), "")
+        axes.set_title(heading(name) + (unit and "," + unit), fontsize=9.5)
         tidy(axes)
     for axes in panels[len(names):]:
         axes.set_visible(False)
@@ -73,8 +74,3 @@ def _panel(axes: Any, name: str, across: str, found: Found) -> None:
             axes.plot([shown(place) for place in places], values, color=colour, marker="o", linestyle="none", label=others)
     axes.set_xlabel(across, fontsize=8.5)
     axes.tick_params(labelsize=8)
-
-
-def _label(name: str, units: Mapping[str, str]) -> str:
-    unit = next((units.get(kind, "") for end, kind in _UNITS.items() if name.endswith(end)), "")
-    return heading(name) + (unit and "," + unit)

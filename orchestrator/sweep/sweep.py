@@ -17,7 +17,7 @@ from orchestrator.accuracy.loop import run
 from orchestrator.blackbox.kept import KeptCodes
 from orchestrator.config.load import Loaded, load_config, located
 from orchestrator.config.model import Config
-from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem, Problems
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problems
 from orchestrator.optional import absent
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.fingerprint import digest_of, problem_of
@@ -81,7 +81,10 @@ class Sweep:
         Returns exit code: 0 all converged, else the largest of theirs
         """
         with locked(self.folder):
-            before = _notes(self.folder.path) if resume else {}
+            before: dict[str, Outcome] = {}
+            with suppress(OSError, ValueError, KeyError, TypeError):  # notes of an earlier sweep, where there are any that can be read
+                for one in json.loads((self.folder / NOTES).read_bytes())["variants"] if resume else ():
+                    before[one["name"]] = Outcome(one["exit_code"], fingerprint=one["fingerprint"])
             screen = Screen(self.variants, self.quiet)
             try:
                 for variant, loaded in zip(self.variants, self._loaded):
@@ -110,7 +113,10 @@ class Sweep:
                 outcome.exit_code = run(loaded, output=path, resume=same and saved(ResultsFolder(path)), quiet=True, means=means)
         except OrchestratorError as error:
             self._codes.end()
-            outcome.exit_code, outcome.why = error.exit_code, _in_a_line(_in_file(error, loaded))
+            outcome.exit_code, outcome.why = error.exit_code, (str(error).splitlines() or [type(error).__name__])[0]
+            if isinstance(error, InputError):  # the first in the file
+                first = (located(error, loaded) if isinstance(loaded, Loaded) else error).problems[0]
+                outcome.why = ": ".join(filter(None, (".".join(map(str, first.path)), first.found)))
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(GO_ON) from error
         if outcome.exit_code in (CONVERGED, NOT_CONVERGED) and (summary := _summary(path)):
@@ -153,28 +159,8 @@ def _loaded(config: Path, overrides: list[str]) -> Loaded | InputError:
         return error
 
 
-def _in_file(error: OrchestratorError, loaded: Loaded | InputError) -> OrchestratorError:
-    """An error, with the place in the file where it is one of the input's."""
-    return located(error, loaded) if isinstance(error, InputError) and isinstance(loaded, Loaded) else error
-
-
-def _in_a_line(error: OrchestratorError) -> str:
-    if isinstance(error, InputError):
-        first: Problem = error.problems[0]
-        return ": ".join(text for text in (".".join(map(str, first.path)), first.found) if text)
-    return (str(error).splitlines() or [type(error).__name__])[0]
-
-
 def _summary(path: Path) -> dict[str, object] | None:
     try:
         return read_summary(path)
     except InputError:
         return None
-
-
-def _notes(folder: Path) -> dict[str, Outcome]:
-    """Notes of an earlier sweep in its folder; nothing where there is none that can be read."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        return {one["name"]: Outcome(one["exit_code"], fingerprint=one["fingerprint"])
-                for one in json.loads((folder / NOTES).read_bytes())["variants"]}
-    return {}

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from math import prod
 from typing import Any
 
 from orchestrator.config.paths import BadOverride, parse, shown
@@ -62,21 +63,14 @@ def variants_of(asked: Sequence[str], zipped: bool = False) -> list[Variant]:
     if zipped and len(set(counts.values())) > 1:
         raise wrong((), "--zip with " + ", ".join(f"{count} values of {key}" for key, count in counts.items()), "as many values of each",
                     "leave --zip out for every combination")
-    sets = list(zip(*varied.values()) if zipped else _combined(list(varied.values())))
+    if not zipped and (count := prod(counts.values())) > MOST:
+        raise wrong((), f"{count:,} combinations", f"at most {MOST:,}", "vary fewer values, or together, by --zip")
+    sets = list(zip(*varied.values()) if zipped else product(*varied.values()))
     names = _named([dict(zip(_labels(list(varied)), values)) for values in sets])
     found = [Variant(name, dict(zip(varied, values))) for name, values in zip(names, sets)]
     if twice := [variant.title for i, variant in enumerate(found) if any(variant.values == other.values for other in found[:i])]:
         raise wrong((), f"twice {twice[0]}", "every variant once", "leave one of them out")
     return found
-
-
-def _combined(lists: list[list[Any]]) -> list[tuple[Any, ...]]:
-    count = 1
-    for values in lists:
-        count *= len(values)
-    if count > MOST:
-        raise wrong((), f"{count:,} combinations", f"at most {MOST:,}", "vary fewer values, or together, by --zip")
-    return list(product(*lists))
 
 
 def _read(text: str) -> tuple[str, list[Any]]:

@@ -48,7 +48,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     points = deck.places(ids)
     faces, joint, remarks = [], [], []
     for i, own in enumerate(members):
-        tables = deck.faces_between(own)
+        tables = [outer[np.isin(outer, own).all(axis=1)] for outer in deck.outer_faces]
         if not any(len(table) for table in tables):
             raise wrong((*path, "joints", i), f"the node set {part.joints[i]} of '{name}' holds no face of an element",
                         "all nodes of the faces that the part meets others on, those in the middle of edges too",
@@ -110,10 +110,6 @@ class Deck(Model):
             raise wrong(self.path, f"{self.file}: node {ids[self.ids[at] != ids][0]} of a joint is not there", "nodes that "
                         "*NODE gives", "mend the node set")
         return self.points[at]
-
-    def faces_between(self, ids: np.ndarray) -> list[np.ndarray]:
-        """Outer faces whose nodes are all among the given ones."""
-        return [outer[np.isin(outer, ids).all(axis=1)] for outer in self.outer_faces]
 
     @cached_property
     def outer_faces(self) -> list[np.ndarray]:

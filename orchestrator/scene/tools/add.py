@@ -95,18 +95,14 @@ def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.
     added, entries = add_layers(mesh, partition, cell_material, layers), []
     for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
         for interface in interfaces:
-            _in_contact(interface, one, added.mesh.nodes[interface.global_nodes])
+            points = added.mesh.nodes[interface.global_nodes]
+            gaps, interface.normals = one.tool.gaps(points)
+            laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
+            interface.law = max(laws, key=lambda law: law.imposed)
+            interface.law_at_steps = laws if (gaps != gaps[:1]).any() else []
+            interface.entry, interface.tool = one.index, one.tool
         entries.append(_driven(added, one, nodes, len(np.unique(layer.triangles)), first + number))
     return added, [interface for own in added.interfaces for interface in own], entries
-
-
-def _in_contact(interface: Interface, one: Pressed, points: np.ndarray) -> None:
-    """Give an interface with a tool, at nodes (n, 3), its law, the tool's gaps and normals."""
-    gaps, interface.normals = one.tool.gaps(points)
-    laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
-    interface.law = max(laws, key=lambda law: law.imposed)
-    interface.law_at_steps = laws if (gaps != gaps[:1]).any() else []
-    interface.entry, interface.tool = one.index, one.tool
 
 
 def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:

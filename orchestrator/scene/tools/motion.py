@@ -84,17 +84,6 @@ class Driven(Ground):
         return np.einsum("tm,mnc->tnc", self.moves, SixMotions(self.about).at(points))
 
 
-def placed(surface: Surface, about: np.ndarray, move: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances (n,) and normals (n, 3), as of ``Surface``, at points (n, 3) from a surface that has moved by (6,) about a point."""
-    if not move[3:].any():
-        return surface.at(points - move[:3])
-    from scipy.spatial.transform import Rotation  # for this alone
-
-    turn = Rotation.from_rotvec(move[3:])
-    distance, normal = surface.at(turn.inv().apply(points - move[:3] - about) + about)
-    return distance, turn.apply(normal)
-
-
 @dataclass(frozen=True)
 class Rigid:
     """A tool in its place.
@@ -109,7 +98,13 @@ class Rigid:
 
     def at(self, move: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (n,) and normals (n, 3) out of the tool at points (n, 3), where it has moved by (6,)."""
-        return placed(self.surface, self.driven.about, move, points)
+        if not move[3:].any():
+            return self.surface.at(points - move[:3])
+        from scipy.spatial.transform import Rotation  # for this alone
+
+        turn, about = Rotation.from_rotvec(move[3:]), self.driven.about
+        distance, normal = self.surface.at(turn.inv().apply(points - move[:3] - about) + about)
+        return distance, turn.apply(normal)
 
     def gaps(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(steps, n) g at nodes (n, 3), and (n, 3) their unit normals towards the tool."""
