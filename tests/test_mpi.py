@@ -277,7 +277,7 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     iterating(run, results, len(iterations) + 1)
     ranks = list(processes(run, settings).values())
     shared = [path for pid in ranks for path in Path(SHARED).glob(f"orchestrator-*-{pid}-*")]
-    assert len(shared) == len(ranks) == 2, "what they share is in folders of theirs"
+    assert len(shared) == len(ranks) == 2 and all(list(path.glob("*segment*")) for path in shared), "what they share is in folders of theirs"
     theirs = [*ranks, *(child for pid in ranks for child in children(pid))]  # codes hold the folders' locks until they have ended
     for pid in [run.pid, *ranks]:
         os.kill(pid, signal.SIGKILL)

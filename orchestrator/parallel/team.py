@@ -116,8 +116,8 @@ ALONE = Team()
 # Slurm with PMIx, which sets PMIX_RANK in the processes of a parallel step only.
 _VARIABLES = (("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("PMI_SIZE", "PMI_RANK"),
               ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "PMIX_RANK"))
-# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere.
-SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_sm_backing_directory"
+# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name alone, 5 by it too.
+SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
 def launched(environment: Mapping[str, str] = os.environ) -> tuple[int, int]:
@@ -154,7 +154,7 @@ def join() -> Team:
 
 def _share_memory() -> None:
     """A folder of this rank's own for what Open MPI shares with others of its host, swept like all others where it is killed."""
-    if BACKING in os.environ or not os.access(SHARED, os.W_OK):
+    if {BACKING, BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
         return
     folder = folders.make(SHARED)
     os.environ[BACKING] = str(folder)

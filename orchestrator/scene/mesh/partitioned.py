@@ -20,8 +20,7 @@ from orchestrator.scene.mesh.checks import bad_file
 
 # not for who merely asks whether a file is in partitions
 meshio, common, kinds = Late("meshio"), Late("meshio._common"), Late("meshio.gmsh.common")
-REMARK = ("the mesh is in partitions: each is a volume of its own, and what joins two of them is an interface as all others; subdomains: "
-          "groups takes them as they are")
+REMARK = "the mesh is in partitions: each is a volume, and with subdomains: groups a subdomain; what joins two is an interface as all others"
 TAG = "tag"  # of cells, among the data
 SHORT, LONG, REAL = np.int32, np.int64, np.float64  # gmsh's int, size_t and double
 
