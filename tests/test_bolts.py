@@ -163,6 +163,18 @@ def test_histories_multiply_jumps_and_gaps():
     assert solution.interfaces.gap == pytest.approx(0, abs=1e-10)
 
 
+def test_what_slides_off_a_bolt_that_is_held_is_told():
+    """Both halves of the bolt are held, so that no rigid motion reaches its cut."""
+    block = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}}
+    solution = solve(config_from({
+        "name": "off", "parts": [{"name": "bolt", **block}, {"name": "block", **block, "move": {"translate": [0, 0, 1]}}],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.1}],
+        "boundary": [*({"on": f"bolt/{face}", "displacement": [0, 0, 0]} for face in ("xmin", "xmax")),
+                     {"on": "block/zmax", "traction": [8, 0, -10]}],
+        "bolts": [{"on": "bolt", "cut": {"plane": "x", "at": 0.5}, "force": 10.0}], "blackbox": IN_PROCESS}))
+    assert solution.stop_reason == "limit load" and solution.summary["limit_load"][0]["motions"][0]["body"] == "block"
+
+
 WRONG = {
     "no volume": ({"bolts": [{"on": "bolt_7", "force": 1.0}]}, ("bolts", 0, "on"), "no volume is called 'bolt_7'"),
     "no force": ({"bolts": [{"on": "*", "force": 0.0}]}, ("bolts", 0, "force"), "> 0"),

@@ -169,5 +169,5 @@ class PairFields:
         result, bounds = np.empty((len(self.chosen), 3, 2 * self.size)), self.pairs.bounds
         for a, b, row, m, place in zip(bounds[:-1], bounds[1:], self.rows, self.shapes, self.places):
             phi = self.phi[place + m * self.chosen[a:b, None] + np.arange(m)]
-            result[a:b] = np.einsum("pm,imf->pif", phi, self.A[row : row + 3 * m].reshape(3, m, -1))
+            result[a:b] = np.einsum("pm,imf->pif", phi, self.A[row : row + 3 * m].reshape(3, m, 2 * self.size))
         return result
