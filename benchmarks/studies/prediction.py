@@ -42,6 +42,7 @@ from orchestrator.parallel.placement import Placement, owners
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.answers import InterfaceTable
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.pieces.make import Local, source_of
 from orchestrator.scene.pieces.outline import Outline
 from orchestrator.scene.soles.make import make_soles
@@ -146,18 +147,18 @@ class Pieces(NamedTuple):
 def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> Pieces:
     """What scenes in pieces cost; parameters as of ``Costs.of``."""
     config, begin = cubes((4, 4, 4), elements), time.process_time()
-    Local.of(config, [source_of(config).piece(_eight(4)[1])], _eight(4)[1])
+    Local.of(config, [source_of(config).piece(_eight(4)[1])], _eight(4)[1], {})
     piece, config = (time.process_time() - begin) / 8, cubes((OF_OTHERS,) * 3, 1)
     source, ranks = source_of(config), (OF_OTHERS // 2) ** 3
     rank_of = np.empty(OF_OTHERS**3, dtype=int)
     for rank, mine in enumerate(_eight(OF_OTHERS)):
         rank_of[mine] = rank
-    made = [Local.of(config, [source.piece(mine)], mine) for mine in _eight(OF_OTHERS)]
+    made = [Local.of(config, [source.piece(mine)], mine, {}) for mine in _eight(OF_OTHERS)]
     told, local, begin = [pickle.dumps(each.outline) for each in made], made[0], time.process_time()
     nodes, pairs, common = source.sizes()
     owners(predicted_cost(3 * nodes), pairs, 3 * common, ranks)
     whole = Outline.joined([pickle.loads(each) for each in told])
-    part = whole.around(local.part, local.present, whole.overview(local.part, source.extent, rank_of))
+    part = whole.around(local.part, local.present, whole.overview(local.part, source.extent, rank_of), Laws(config.interfaces, whole.names, []))
     Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
     make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
     done, none = time.process_time(), np.zeros((part.steps, len(part.interfaces), 3))
