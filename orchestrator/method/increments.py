@@ -23,7 +23,7 @@ from orchestrator.method.halving import Increment, increments_of, may_be_halved,
 from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, Evaluation, monitors_of
-from orchestrator.method.monitors.ending import DIVERGED, HELD
+from orchestrator.method.monitors.ending import HELD
 from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.timing import Stopwatch
 
@@ -134,7 +134,7 @@ class _Run:
             return UNSETTLED
         # in smaller parts springs would carry less, but a number for them is what it is
         asked = reason == HELD and len(self.increments[number]) == 1 and self.method.contact.stabilisation != "auto"
-        return reason if reason in (HELD, DIVERGED) and not asked else ""
+        return reason if now.verdict.led and not asked else ""
 
     def _parts(self, number: int) -> list[Increment]:
         """Parts in which an increment would be solved again; nothing where the way to a load does not count."""

@@ -31,6 +31,7 @@ class Verdict:
 
     met : whether the stopping criterion holds; None: no word on it
     reason : why this iteration is the last one; empty where another follows
+    led : whether that is so of the state that the way here has led to, and another way, of smaller load steps, may lead elsewhere
     changes : names of the monitors that change the problem before the next iteration
     anew : the acceleration begins anew with this iteration's state
     excess : the error over what springs may leave of it, where it stands still while the laws come to hold; 0: it does not
@@ -44,6 +45,7 @@ class Verdict:
 
     met: bool | None = None
     reason: str = ""
+    led: bool = False
     changes: tuple[str, ...] = ()
     anew: bool = False
     excess: float = 0.0
@@ -57,8 +59,8 @@ class Verdict:
 
     def and_then(self, later: Verdict) -> Verdict:
         """Both together; of what both speak of, the later word counts."""
-        return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.changes + later.changes,
-            self.anew or later.anew, max(self.excess, later.excess), self.measure if math.isnan(later.measure) else later.measure,
+        return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.led or later.led,
+            self.changes + later.changes, self.anew or later.anew, max(self.excess, later.excess), self.measure if math.isnan(later.measure) else later.measure,
             later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
             {**self.told, **later.told}, self.warnings + later.warnings)
 

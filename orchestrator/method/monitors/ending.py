@@ -49,9 +49,9 @@ class Ending(Monitor):
         if verdict.met:
             return Verdict(reason="converged")
         if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
-            return Verdict(reason=DIVERGED)
+            return Verdict(reason=DIVERGED, led=True)
         if not verdict.changes and verdict.laws is not None and verdict.laws.held_by_springs(verdict.told["target"][1]):
-            return Verdict(reason=HELD)
+            return Verdict(reason=HELD, led=True)
         if self._stalled():
             return Verdict(reason="stagnated at rounding")
         return Verdict(reason="max_iterations" if now.last else "")

@@ -76,14 +76,16 @@ class LimitLoadMonitor(Monitor):
             self.limits = self.at_pressures(now, lost)
             if self.shown and now.problem.path_dependent:  # what is there may be what no way leads to
                 self.limits = []
-                return Verdict(False, HELD)
+                return Verdict(False, HELD, led=True)
         told, still = self.restless(now)
         if not self.limits and not verdict.met and (now.last or held or (still and now.number % OFTEN == 0)):
             self.limits = [way for t in range(now.problem.steps) if (way := self.making_way(now, t)) is not None]
             ends = bool(self.limits)
         # load steps before the first one that has no balance have one, which is worth to be found
         worthless = any(limit.load_step == math.ceil(pairs.numbers[0]) + 1 for limit in self.limits)
-        return Verdict(False, LIMIT) if self.limits and (ends or worthless) else Verdict(warnings=told)
+        if self.limits and (ends or worthless):
+            return Verdict(False, LIMIT, led=any(limit.pressures for limit in self.limits))
+        return Verdict(warnings=told)
 
     def restless(self, now: Evaluation) -> tuple[tuple[str, ...], bool]:
         """Whether solves of the coarse contact problem have found no rest in this iteration; and where they do so for the first time, that
