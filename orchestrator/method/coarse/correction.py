@@ -45,12 +45,12 @@ for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _STRAINS[3 * (1 + _turn) + _turn, _turn] = 1.0
 _RIGID = np.hstack([np.eye(AFFINE, 3), _TURNS])
 FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID, _STRAINS]))}
-# Longest move of a loose body in one Newton step, over the largest displacement at the start. How far others go their supports say.
+# Longest move of a loose body in one Newton step, over the largest displacement at the start, where no springs stabilise contacts. How far
+# others go their supports say.
 REACH = 0.3
 # Fields of a body, and unknowns of all, up to which points have fields of their own. An iteration of 27 grains then takes two to six times
 # as long.
 MOST, UNKNOWNS = 72, 2000
-FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are
 
 
 class CoarseCorrection:
@@ -144,11 +144,11 @@ class CoarseCorrection:
 
         fields : result of a linear stage
         """
-        if not self.radius:
+        if not self.radius and self.pairs.stabilisation is None:
             moved = max(self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
             if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
                 moved = self.stage.space.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
-            self.radius = (REACH if self.pairs.stabilisation is None else FAR) * moved
+            self.radius = REACH * moved
         (y, from_y), r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
@@ -169,13 +169,13 @@ class CoarseCorrection:
         y, from_y = np.zeros((2, len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         before, at = self.predict.before, self.pairs.traces(*fields.extended)
-        F0, radius = at.predicted(), np.where(self.loose, self.radius, np.inf)
+        F0, radius = at.predicted(), None if self.radius is None else np.where(self.loose, self.radius, np.inf)
         for t, number in enumerate(self.predict.pairs.numbers):
-            given = t, number, F0[t], resultant[t], before, radius
+            given = t, number, F0[t], resultant[t], before
             if self.anew:
                 y[t], F, anchor, from_y[t] = self.problem.rest(*given, at.jump[t])
             else:
-                (y[t], F), anchor = self.problem.solve(*given), before.jump
+                (y[t], F), anchor = self.problem.solve(*given, radius), before.jump
             answer = self.pairs.force(F, before, number)
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y, from_y

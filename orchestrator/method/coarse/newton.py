@@ -28,14 +28,15 @@ class Newton:
     """The iterates.
 
     at : the load step
-    clipped : step (bodies, n) → the same, no longer than allowed
     farthest : fields (bodies, n) → how far any body moves in them at most
+    clipped : step (bodies, n) → the same, no longer than allowed; None: any is
     y, rho, size : (bodies, n) the fields, ρ and ‖ρ‖; start : ‖ρ‖ at the start
     change : (bodies, n) the last step; None before the first
     """
 
-    def __init__(self, at: LoadStep, y: np.ndarray, clipped: Callable[[np.ndarray], np.ndarray], farthest: Callable[[np.ndarray], float]):
-        self.at, self.y, self.clipped, self.farthest = at, y, clipped, farthest
+    def __init__(self, at: LoadStep, y: np.ndarray, farthest: Callable[[np.ndarray], float],
+                 clipped: Callable[[np.ndarray], np.ndarray] | None = None):
+        self.at, self.y, self.farthest, self.clipped = at, y, farthest, clipped
         self.rho = at.residual(y)
         self.start = self.size = np.linalg.norm(self.rho)
         self.change: np.ndarray | None = None
@@ -77,7 +78,8 @@ class Newton:
         matrix, shift = self.at.matrix(), LEAST
         while True:
             self._factors = self.at.factors(matrix, shift)
-            dy = self.clipped(-self._factors.solve(self.rho))
+            dy = -self._factors.solve(self.rho)
+            dy = dy if self.clipped is None else self.clipped(dy)
             work = np.vdot(dy, self.rho)
             if work < 0:
                 break

@@ -2,9 +2,10 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-``newton`` solves it. Where contacts are stabilised every body has a place, and it finds that, the last ones in steps of their own
-(``cluster``). Elsewhere a body that hardly anything holds moves no further than the radius in a step: such bodies come to rest over
-several iterations of the method.
+``newton`` solves it. Where contacts are stabilised every body has a place, however far, and it finds that, the last ones in steps of
+their own (``cluster``). No step is cut there: bodies that lean on each other, as the stones of an arch, find no place where each is
+held back by itself. Elsewhere a body that hardly anything holds moves no further than the radius in a step: such bodies come to rest
+over several iterations of the method.
 
 Springs that begin anew hold a body where it is, whatever pushes it. ``rest`` solves the problem with stiff ones, begins anew with weaker
 ones where bodies have come to rest, and so on: proximal points yⱼ₊₁ of the true laws,
@@ -19,9 +20,10 @@ Among ranks, what belongs to a body is formed by its rank, and interfaces are de
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -68,21 +70,21 @@ class CoarseProblem:
         self.left: dict[int, float] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-              radius: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+              radius: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
         resultant : (bodies, n) Uᵀf
         before : what the load step before has left
-        radius : longest move of a body in one Newton step; (bodies,) or of all
+        radius : (bodies,) longest move of each in one Newton step; None: any
         """
         at = LoadStep(self.bodies, number, F0, resultant, before)
-        run, end = self._newton(at, np.zeros((self.fields.count, self.fields.size)), radius, self.goal)
+        run, end = self._newton(at, np.zeros((self.fields.count, self.fields.size)), self.goal, radius)
         self._ended(step, end, run.size, run.start)
         return run.y, at.forces(run.y)
 
-    def rest(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History, radius: float | np.ndarray,
+    def rest(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
              anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The same where springs begin anew, and where they carried nothing in the end: the jumps (3, P), and the fields (bodies, n).
 
@@ -94,7 +96,7 @@ class CoarseProblem:
             at = LoadStep(bodies, number, F0, resultant, before, stays)
             if start and bodies is not self.bodies and np.linalg.norm(at.residual(y)) <= goal:
                 continue  # nothing moves for these springs: the weakest ones show who is at rest
-            run, end = self._newton(at, y, radius, goal)
+            run, end = self._newton(at, y, goal)
             if start and end != "tolerance":  # bodies are at rest with the springs before
                 break
             if not start:
@@ -123,32 +125,27 @@ class CoarseProblem:
         other.stiffer = other._with_stiffer(pairs) if self.stiffer else []
         return other
 
-    def _newton(self, at: LoadStep, y: np.ndarray, radius: float | np.ndarray, goal: float) -> tuple[Newton, str]:
+    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, radius: np.ndarray | None = None) -> tuple[Newton, str]:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
-        farthest = np.broadcast_to(radius, self.fields.count)
-
-        def clipped(dy: np.ndarray) -> np.ndarray:
-            return self._clipped(dy, farthest)
-
-        run, end = Newton(at, y, clipped, self._farthest), ""
+        run, end = Newton(at, y, self._farthest, None if radius is None else partial(self._clipped, radius)), ""
         for number in range(MOST_STEPS + 1):
             if run.solved(self.reduction, goal):
                 end = "tolerance"
             if end or number == MOST_STEPS:
                 break
             if number and at.bodies.springs is not None:  # every body has a place
-                self._settle(run, clipped, goal)
+                self._settle(run, goal)
             self.newton_steps += 1
             end = run.step()
         return run, end or "steps"
 
-    def _settle(self, run: Newton, clipped: Callable[[np.ndarray], np.ndarray], goal: float) -> None:
+    def _settle(self, run: Newton, goal: float) -> None:
         """Let bodies that still move find their places among the others, where few that touch each other do."""
         moving = self.farthest * np.linalg.norm(run.change, axis=1) > SHORT * self._farthest(run.y)
         found = clusters(run.at, moving)
         y = run.y.copy()
         for members in found:
-            own = Newton(Cluster(run.at, run.rho, run.y, members), run.y, clipped, self._farthest)
+            own = Newton(Cluster(run.at, run.rho, run.y, members), run.y, self._farthest)
             for _ in range(MOST_STEPS):
                 if own.step() or own.solved(self.reduction, goal):
                     break
@@ -156,7 +153,7 @@ class CoarseProblem:
         if found:
             run.go_on_from(y)
 
-    def _clipped(self, dy: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    def _clipped(self, radius: np.ndarray, dy: np.ndarray) -> np.ndarray:
         """(bodies, n) the step. A body that nothing touches has no stiffness to stop it: none moves further than
         its radius (bodies,)."""
         move = self.farthest * np.linalg.norm(dy, axis=1)
