@@ -90,6 +90,13 @@ class Evaluation:
     measures: Measures | None = None
     verdict: Verdict = Verdict()
 
+    @property
+    def held(self) -> bool:
+        """Whether all has settled, and springs of stabilisation that stay where they are carry more than the tolerance."""
+        verdict, coarse = self.verdict, self.problem.coarse
+        on_the_way = coarse is not None and coarse.anew
+        return verdict.laws is not None and not on_the_way and verdict.laws.held_by_springs(verdict.told["target"][1])
+
 
 @dataclass
 class Case:

@@ -50,7 +50,7 @@ class Ending(Monitor):
             return Verdict(reason="converged")
         if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
             return Verdict(reason=DIVERGED, led=True)
-        if not verdict.changes and verdict.laws is not None and verdict.laws.held_by_springs(verdict.told["target"][1]):
+        if not verdict.changes and now.held:
             return Verdict(reason=HELD, led=True)
         if self._stalled():
             return Verdict(reason="stagnated at rounding")

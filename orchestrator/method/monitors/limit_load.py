@@ -65,7 +65,7 @@ class LimitLoadMonitor(Monitor):
         if now.problem.following is not None and pairs.transfer is not self.meeting:
             self.meeting, self.known, self.way = pairs.transfer, {}, {}
         value = verdict.told["target"][1]
-        held = verdict.laws.held_by_springs(value)
+        held = now.held
         ends = verdict.met or held or now.last
         if ends or now.number % OFTEN == 0:
             lost = [t for t in range(now.problem.steps) if self.missing(now, t) > value]
