@@ -116,6 +116,18 @@ def trim() -> None:
         ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
+AT_ONCE, REUSED = 1 << 18, 1 << 25  # bytes of a block from which it goes back to the system as soon as it is free
+_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # of mallopt
+
+
+def give_back(size: int) -> None:
+    """Have blocks of this size and larger given back as soon as they are free: each use of them anew has fresh pages, which cost time."""
+    with suppress(OSError, AttributeError):
+        library = ctypes.CDLL("libc.so.6")
+        library.mallopt(_MMAP_THRESHOLD, size)
+        library.mallopt(_TRIM_THRESHOLD, 2 * size)
+
+
 NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffers of BLAS take on two cores, however small the problem
 
 
