@@ -24,7 +24,7 @@ class Assembly:
 
     def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
         self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
-        self._wants, self._gives, self.sums = {}, {}, self.pattern.sums
+        self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
         if team.size == 1:
             return
         owner, starts, rank = self.pattern.elimination.owner, np.cumsum([0, *counts]), team.rank
@@ -37,10 +37,10 @@ class Assembly:
         where = np.searchsorted(wanted[rank], starts)  # of each rank's interfaces among those that this one wants
         self._wants = {other: slice(a, b) for other, (a, b) in enumerate(zip(where[:-1], where[1:])) if b > a}
         self.count = len(wanted[rank])
-        self.sums = _of_some(self.pattern.sums, np.repeat(4 * wanted[rank], 4) + np.tile(np.arange(4), self.count))
+        self.sums = _of_some(self.sums, np.repeat(4 * wanted[rank], 4) + np.tile(np.arange(4), self.count))
 
-    def __call__(self, slopes: np.ndarray) -> np.ndarray | None:
-        """(n, size, size) sums, block row after block row, of the fronts of this rank; None where it has none.
+    def __call__(self, slopes: np.ndarray) -> np.ndarray:
+        """(k, size, size) sums, of the blocks that enter fronts of this rank.
 
         slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
         """
@@ -52,20 +52,12 @@ class Assembly:
             self.team.exchange({other: slopes[mine] for other, mine in self._gives.items() if other != rank},
                                {other: everyones[at] for other, at in self._wants.items() if other != rank})
             slopes = everyones
-        if not self.has_fronts:
-            return None
         return (self.sums @ slopes.reshape(-1, size**2)).reshape(-1, size, size)
 
-    @property
-    def has_fronts(self) -> bool:
-        """Whether this rank eliminates any."""
-        return self.team.rank == 0 or len(self.pattern.elimination.shared.own(self.team.rank)) > 0
-
-    def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray | None:
+    def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray:
         """The same with the bodies' own blocks (bodies, size, size)."""
-        result = self(slopes)
-        if result is not None:
-            result[self.pattern.diagonal] += own
+        result, (place, bodies) = self(slopes), self.pattern.own
+        result[place] += own[bodies]
         return result
 
 

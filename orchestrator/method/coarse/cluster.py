@@ -50,11 +50,10 @@ class Cluster(LoadStep):
 
     def _affine(self, place: np.ndarray) -> np.ndarray:
         """(k n, k n) K₀ − ΣTᵀε L."""
-        bodies, pattern = self.bodies, self.bodies.pattern
-        own = np.flatnonzero((place[pattern.rows] < len(self.members)) & (place[pattern.indices] < len(self.members)) & pattern.entered)
-        blocks = np.zeros((0, *2 * (self.fields.size,))) if bodies.affine is None else bodies.affine[own]
-        own = own[: len(blocks)]  # none where this rank has no fronts
-        return self._square(place[pattern.rows[own]], place[pattern.indices[own]], blocks)
+        pattern = self.bodies.pattern
+        rows, columns = place[pattern.rows[pattern.entering]], place[pattern.indices[pattern.entering]]
+        own = np.flatnonzero((rows < len(self.members)) & (columns < len(self.members)))
+        return self._square(rows[own], columns[own], self.bodies.affine[own])
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ, zero at all others."""

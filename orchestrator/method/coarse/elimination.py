@@ -37,6 +37,7 @@ class Elimination:
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
     shared : which are whose
+    entered : (n,) bool, the blocks that enter this rank's fronts; each enters one
     operations : of an elimination
     """
 
@@ -64,14 +65,11 @@ class Elimination:
         self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]
         self.owner = np.empty(count, dtype=int)
         self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
+        enter = self.layout.enter
+        self.entered = np.zeros(len(enter), dtype=bool)
+        self.entered[enter[:, 0]] = np.repeat(rank == team.rank, np.diff(self.layout.enters))
+        enter[:, 0] = np.cumsum(self.entered)[enter[:, 0]] - 1  # of those that this rank has
         self._work: np.ndarray | None = None
-
-    def entered(self, rank: int) -> np.ndarray:
-        """(n,) bool, the blocks that enter a rank's fronts; each enters one."""
-        enter, enters = self.layout.enter[:, 0], self.layout.enters
-        result = np.zeros(len(enter), dtype=bool)
-        result[enter] = np.repeat(self.shared.rank == rank, np.diff(enters))
-        return result
 
     def _left(self, front: int) -> slice:
         """Where what a front leaves is in what is worked on."""
@@ -88,16 +86,16 @@ class Elimination:
         """Whether other ranks than rank 0 have fronts."""
         return self.shared.ranks[1] < self.shared.ranks[-1]
 
-    def factors(self, blocks: np.ndarray | None, instead: Factors | None = None) -> Factors:
+    def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
         """Factorise a matrix; each rank its own fronts, all at the same time.
 
-        blocks : (n, size, size) in the order of the pattern, of this rank's fronts; None where it has none
+        blocks : (k, size, size) those ``entered`` into this rank's fronts, in the order of the pattern
         instead : earlier factors whose place these may take
         Raises ZeroDivisionError: a pivot vanishes
         """
         from orchestrator.method.coarse.fronts import PRODUCT, eliminate
 
-        if blocks is None:
+        if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))
         order, bounds, ranks = self.shared
         (a, m), result, mine = self.layout.sizes.T, instead, ranks[self.team.rank : self.team.rank + 2]

@@ -38,7 +38,7 @@ class Bodies:
     assembly : of the Newton matrices
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern; None where this rank has no fronts
+    affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, of the blocks that enter this rank's fronts
     """
 
     team: Team
@@ -49,7 +49,7 @@ class Bodies:
     assembly: Assembly
     weight: np.ndarray
     springs: sp.sparray | None
-    affine: np.ndarray | None
+    affine: np.ndarray
 
     @property
     def pattern(self) -> BlockPattern:
@@ -146,14 +146,13 @@ class LoadStep:
         """(bodies, n) ρ where forces and springs of all ranks do that in the fields."""
         return self.resultant + self.stiff - carried
 
-    def matrix(self) -> np.ndarray | None:
-        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: blocks of this rank's fronts; None where it has none."""
+    def matrix(self) -> np.ndarray:
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this rank's fronts."""
         bodies = self.bodies
         slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
-        sums = bodies.assembly(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
-        return None if sums is None else bodies.affine - sums
+        return bodies.affine - bodies.assembly(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
 
-    def factors(self, matrix: np.ndarray | None, shift: float) -> Factors | RigidFirst:
+    def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
         """Of (matrix + shift), what solves with it."""
         return self.bodies.pattern.factors(matrix, shift)
 

@@ -60,31 +60,24 @@ class BlockPattern:
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        return self._matrix(self.shifted(values, shift))
+        return _matrix(_shifted(values, self.diagonal, shift), self.indices, self.indptr, self.bodies)
 
-    def _matrix(self, blocks: np.ndarray) -> sp.bsr_array:
-        rows, columns = blocks.shape[1:]
-        return sp.bsr_array((blocks, self.indices, self.indptr), shape=(rows * self.bodies, columns * self.bodies))
+    def factors(self, values: np.ndarray, shift: float) -> Factors | RigidFirst:
+        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it.
 
-    def factors(self, values: np.ndarray | None, shift: float) -> Factors | RigidFirst:
-        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
-        blocks, first = None if values is None else self.shifted(values, shift), self.first
-        eliminated = None if blocks is None else np.ascontiguousarray(blocks[:, :first, :first])  # the same array where that is all
+        values : (k, size, size) of the blocks that are ``entering``
+        """
+        (place, bodies), first = self.own, self.first
+        blocks = _shifted(values, place, shift)
+        eliminated = np.ascontiguousarray(blocks[:, :first, :first])  # the same array where that is all
         self._factors = self.elimination.factors(eliminated, self._factors)
         if first == self.size:
             return self._factors
-        if blocks is None:
-            blocks = np.zeros((len(self.indices), self.size, self.size))
-        elif self.team.size > 1:  # of others' fronts a rank has parts
-            blocks *= self.entered[:, None, None]
         parts = [np.ascontiguousarray(x) for x in (blocks[:, :first, first:], blocks[:, first:, :first], blocks[:, first:, first:])]
-        return RigidFirst(self._factors, tuple(map(self._matrix, parts)), parts[2][self.diagonal], self.team)
-
-    def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
-        """Its blocks with a shift of its diagonal."""
-        result = values.copy()
-        result[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
-        return result
+        own, starts = np.zeros((self.bodies, *parts[2].shape[1:])), np.searchsorted(self.entering, self.indptr)
+        own[bodies] = parts[2][place]
+        matrices = (_matrix(part, self.indices[self.entering], starts, self.bodies) for part in parts)
+        return RigidFirst(self._factors, tuple(matrices), own, self.team)
 
     @cached_property
     def elimination(self) -> Elimination:
@@ -92,11 +85,30 @@ class BlockPattern:
         return Elimination(self.indptr, self.indices, self.size, self.team, self._rigid)
 
     @cached_property
-    def entered(self) -> np.ndarray:
-        """(n,) bool, the blocks that enter this rank's fronts; each enters those of one."""
-        return self.elimination.entered(self.team.rank)
+    def entering(self) -> np.ndarray:
+        """(k,) int, ascending, the blocks that enter this rank's fronts; each enters those of one."""
+        return np.flatnonzero(self.elimination.entered)
+
+    @cached_property
+    def own(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which of these are blocks of a body with itself, and of which bodies, (b,) int each."""
+        place = np.flatnonzero(self.rows[self.entering] == self.indices[self.entering])
+        return place, self.rows[self.entering[place]]
 
     @property
     def first(self) -> int:
         """Rows of a block that are eliminated."""
         return self.elimination.size
+
+
+def _shifted(values: np.ndarray, diagonal: np.ndarray, shift: float) -> np.ndarray:
+    """Blocks with a shift of the matrix's diagonal, which is in some (b,) of them."""
+    result = values.copy()
+    result[diagonal] += (shift * np.eye(values.shape[1])).astype(values.dtype)
+    return result
+
+
+def _matrix(blocks: np.ndarray, indices: np.ndarray, indptr: np.ndarray, count: int) -> sp.bsr_array:
+    """Of ``count`` block rows and columns."""
+    rows, columns = blocks.shape[1:]
+    return sp.bsr_array((blocks, indices, indptr), shape=(rows * count, columns * count))
