@@ -311,9 +311,6 @@ class _Solving:
     def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
         """Add the mesh's estimated error; a rank's piece of the fields learns it."""
         team, wanted = self.ranks.team, self._follows_mesh or self.config.output.fields
-        # what stands for something else has no moduli in fields
-        if team.rank == 0 and wanted and (team.size == 1 or self.whole.stand_ins.any()):
-            delivered = replace(delivered, discretisation=estimate.estimator(delivered.continuous))
-        if team.size > 1 and (found := piece.estimate(wanted, delivered.discretisation, not self.apart)):
-            delivered = replace(delivered, discretisation=found)
-        return delivered
+        if team.size > 1:
+            return replace(delivered, discretisation=piece.estimate(wanted, gathered=not self.apart))
+        return replace(delivered, discretisation=estimate.estimator(delivered.continuous)) if wanted else delivered

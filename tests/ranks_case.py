@@ -65,6 +65,16 @@ CASES = {
         "loads": [{"gravity": [0, 0, -1], "history": "up"}, {"temperature": {"at": [0, 0, 1], "gradient": [2, 1, 3]}, "history": "down"}],
         "blackbox": IN_PROCESS, "output": {"probes": WATCHED},
     },
+    # springs below several blocks, a frame that holds two sides of others, a point that a face of one block follows, another in the mean
+    "grounds": {
+        "mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]}, "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "histories": {"up": [1, 0.5]},
+        "boundary": [{"on": "zmin", "foundation": {"normal": 1e5, "tangential": 3e4}}, {"on": "ymax", "traction": [[0, 30, 20], [10, 10, -20]]},
+                     {"on": "ymin", "displacement": [0, None, None], "frame": {"axis": [0, 1, 1], "at": [1.5, 9, 1]}},
+                     {"on": {"box": [[3, 0, 1], [3, 1, 2]]}, "coupling": {"about": [4, 0.5, 1.5], "force": [5, 0, -10], "moment": [1, 2, 3]}, "history": "up"},
+                     {"on": {"box": [[0, 1, 1], [0, 2, 2]]}, "coupling": {"kind": "distributed", "displacement": [1e-3, None, 0]}}],
+        "output": {"probes": [{"on": "zmin", "quantity": "resultant"}, {"on": "zmin"}, {"at": [1, 1, 0]}, {"section": {"plane": "z", "at": 0.5}}]},
+    },
     # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
     "partitions": {
         "mesh": {"file": str(Path(__file__).parent / "meshes/bar_*.msh"), "scale": 2.0}, "subdomains": "groups",

@@ -79,7 +79,7 @@ def write_groups(folder):
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
 @pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
-                                  "parts apart", "parts in contact", "weaker springs", "contact on ten nodes", "loose grains"])
+                                  "parts apart", "parts in contact", "weaker springs", "contact on ten nodes", "loose grains", "grounds"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
@@ -94,6 +94,8 @@ def as_known(part, mine):
         if not here.any() and np.ndim(i.law.distance):
             i.law = replace(i.law, gap=np.array([i.law.gap.min(), i.law.gap.max()]))
             i.law_at_steps = [replace(law, gap=np.array([law.gap.min(), law.gap.max()])) for law in i.law_at_steps]
+        if not here.any() and i.law.on_ground:
+            i.law, i.law_at_steps = i.law.elsewhere(), [law.elsewhere() for law in i.law_at_steps]
     return part
 
 
@@ -132,7 +134,8 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"boundary": [BLOCK["boundary"][0], {"on": "xmax", "displacement": [0.1, 0, 0]},
                   {"on": {"plane": "x", "at": 4}, "displacement": [0.2, None, None]}]},  # which contradict each other
     {"subdomains": {"slices": {"axis": "x", "count": 100}}},  # some of them empty
-    {"boundary": [*BLOCK["boundary"], {"on": "ymin", "foundation": {"normal": 1.0}}]},  # a ground
+    {"boundary": [{"on": "ymin", "foundation": {"normal": 1.0}}, BLOCK["boundary"][1]]},  # which holds across it alone
+    {"boundary": [*BLOCK["boundary"], {"on": "ymin", "coupling": {"force": [0, 0, 1]}}]},  # of what several subdomains share
     {"interfaces": [{"law": "contact"}, {"law": "pretension", "between": ["slice 0", "slice 1"], "force": 1.0}]},
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
     {"output": {"probes": [{"at": [1, 2, 0.5]}]}}, {"output": {"probes": [{"at": [1, 2, 0.5], "part": "slice 3"}]}},

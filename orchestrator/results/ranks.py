@@ -39,6 +39,7 @@ class Piece:
     copy : (n,) int, ascending, where bodies have nodes of their own: which of all these nodes its are; None where they have not
     probes : of the scene, those over faces with what is on its cells
     counts : (subdomains,) int, how many each subdomain of the scene has
+    lame : (k, 2) of its matter; ours : (k,) bool, cells that stand for nothing else
     leaps : some of its cells and their η² of leaps between bonded sides that do not match, see ``stopping.leaps``
     """
 
@@ -47,6 +48,8 @@ class Piece:
     team: Team
     body_force: np.ndarray | None
     loads: np.ndarray
+    lame: np.ndarray
+    ours: np.ndarray
     leaps: list[tuple[np.ndarray, np.ndarray]]
     number: np.ndarray
     copy: np.ndarray | None
@@ -84,8 +87,8 @@ class Piece:
                         thermal=None if scene.thermal is None else scene.thermal[:, chosen], meeting=meeting)
         found = [(np.searchsorted(chosen, cells), squares) for cells, squares in _leaps(scene, own, continuous, meeting.team)]
         probes = [replace(p, cells=np.searchsorted(chosen, p.cells)) if isinstance(p, Surface) else p for p in scene.probes]
-        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, found,
-                   scene.number[nodes], copy, counts, probes)
+        return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, scene.lame[chosen],
+                   ~scene.stand_ins[scene.cell_subdomain[chosen]], found, scene.number[nodes], copy, counts, probes)
 
     def estimate(self, wanted: bool, known: Estimate | None = None, gathered: bool = True) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted, with the shares of this rank's cells.
@@ -101,7 +104,8 @@ class Piece:
         if not wanted:
             return None
         f = self.fields
-        estimator = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, f.lame, f.thermal, self.body_force, [self.loads])
+        estimator = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, self.lame, f.thermal, self.body_force, [self.loads])
+        estimator.ours = self.ours
         estimator.leaps = lambda _: self.leaps
         found = estimator([f.displacement])
         self._know(discretisation_error=found.cells)

@@ -52,14 +52,14 @@ class Joints:
     """Where subdomains meet.
 
     near : see ``Scene``
-    grounds : those of the interfaces that are with a ground
-    stands : per entry of ``boundary`` that stands on one, the nodes of its ground
+    grounds : those of the interfaces that are with a ground, and the entry of ``boundary`` that each is of
+    stands : per entry of ``boundary`` that stands on one, the nodes of its grounds
     """
 
     interfaces: list[Interface]
     near: dict[tuple[int, int], str]
     bolts: list[PlacedBolt]
-    grounds: list[Interface] = field(default_factory=list)
+    grounds: list[tuple[int, Interface]] = field(default_factory=list)
     stands: dict[int, slice] = field(default_factory=dict)
 
 
@@ -192,7 +192,7 @@ def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry
     """Adds a ground behind every entry that stands on one: cells, subdomains, interfaces."""
     added, joints.grounds, joints.stands = add_grounds(body.mesh, cut.partition, body.material, boundary, problems)
     body.mesh, body.material, cut.partition, cut.numbering = added.mesh, added.material, added.partition, added.numbering
-    joints.interfaces = joints.interfaces + joints.grounds
+    joints.interfaces = joints.interfaces + [i for _, i in joints.grounds]
 
 
 def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
@@ -233,9 +233,7 @@ def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: l
     label = moving_as_one(numbering, joints.interfaces)
     held = prescribe(body.mesh, boundary, cut.partition.subdomain, numbering, label, config.steps, problems)
     if not problems.found:
-        of_entries = [(entry, i) for i in grounds for entry, at in joints.stands.items()
-                      if at.start <= numbering.nodes[numbering.offsets[i.subdomains[1]]] < at.stop]
-        check_agreement(held, joints.interfaces, of_entries, problems)
+        check_agreement(held, joints.interfaces, grounds, problems)
         check_sides(held, joints.interfaces[:len(joints.interfaces) - len(grounds)], problems)
     for entry, nodes in joints.stands.items():  # what a ground carries is the reaction of its entry
         held.by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
@@ -246,17 +244,17 @@ def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, pro
     """Takes out of the interfaces what is prescribed on both sides."""
     joints.interfaces = leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed, config.interfaces, problems)
     joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
-    within_free(joints.grounds, held, problems)
+    within_free([i for _, i in joints.grounds], held, problems)
 
 
 def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
     """Adds a problem for bodies that can move as rigid ones."""
     mesh = plain.mesh
-    between = [i for i in joints.interfaces if not any(i is g for g in joints.grounds)]
+    between = [i for i in joints.interfaces if not i.law.on_ground]
     links, hinges = joins(mesh, cut.partition, between)
     links = links + mesh.one_body
     check_held(mesh, plain.faces, held.on_mesh()[0][: len(mesh.nodes)], problems, np.concatenate(links) if links else None,
-               held_rows(joints.grounds, mesh), hinges)
+               held_rows([i for _, i in joints.grounds], mesh), hinges)
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
@@ -314,7 +312,7 @@ def _subdomains(config: Config, mesh: Mesh, cut: Cut, joints: Joints, fields: _F
             foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]), contact_area=np.zeros(own.stop - own.start),
             heated=fields.thermal is not None and bool(fields.thermal[:, cells].any())))
     grounded = {i.subdomains[1]: i.subdomains[0] for i in joints.interfaces if i.tool is not None}
-    grounded |= {i.subdomains[1]: i.subdomains[0] for i in joints.grounds}
+    grounded |= {i.subdomains[1]: i.subdomains[0] for _, i in joints.grounds}
     assign_codes(mesh, [s for s in made if s.index not in grounded], config.codes)
     for e, body in grounded.items():
         made[e].code = made[body].code

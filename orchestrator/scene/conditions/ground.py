@@ -1,13 +1,14 @@
 """A rigid ground behind surfaces that stand on it: springs, directions that are held, points that surfaces follow.
 
 A ground is a body of its own, a thin layer of tets outside the surface whose nodes are all held, and its law an interface's:
-matter's own stiffness still vanishes on rigid motions, and nothing of the method has to know of supports that give. The layer
-comes last in the mesh; what the ground exerts is the reaction of its entry of ``boundary``.
+matter's own stiffness still vanishes on rigid motions, and nothing of the method has to know of supports that give. Behind each subdomain
+it is a subdomain of its own, which no other one touches. The layers come last in the mesh; what they exert is the reaction of their entry
+of ``boundary``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,13 +31,14 @@ THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone
 class Layer:
     """Layer to lie behind some faces.
 
-    name : of the body that it is
+    name : of the subdomain that it is; body : of its body, and of its volume
     triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each
     whole : it is one interface with each body, in however many patches
     thickness : over the size of its faces
     """
 
     name: str
+    body: str
     triangles: np.ndarray
     cells: np.ndarray
     whole: bool = False
@@ -62,7 +64,7 @@ class Added:
 
 
 def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, wanted: Sequence[Layer]) -> Added:
-    """A thin layer of tets behind faces each, a body of its own with nodes of its own."""
+    """A thin layer of tets behind faces each, a subdomain of its own with nodes of its own."""
     from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
     from orchestrator.scene.soles.make import prisms
 
@@ -76,13 +78,16 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
         nodes.append(slice(first, first + len(layers[-1])))
-        volume.append(np.full(len(layer.cells), len(volumes)))
+        if one.body not in volumes:
+            volumes.append(one.body)
+        volume.append(np.full(len(layer.cells), volumes.index(one.body)))
         subdomain.append(np.full(len(layer.cells), len(names)))
         material.append(np.repeat(cell_material[one.cells], 3))
-        for known in (names, bodies, volumes):
-            known.append(one.name)
+        names.append(one.name)
+        bodies.append(one.body)
     whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume), volumes=volumes)
-    here = None if partition.here is None else np.append(partition.here, np.ones(len(wanted), dtype=bool))
+    here = None if partition.here is None else np.append(partition.here, [bool(partition.here[partition.subdomain[one.cells]].any())
+                                                                          for one in wanted])
     cut = Partition(np.concatenate(subdomain), names, bodies, here)
     numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
     faces = faces_of(whole.cells[:, :4], len(whole.nodes))
@@ -112,32 +117,45 @@ def _interfaces(partition: Partition, numbering: SplitNumbering, faces: Faces, f
         mine, e = np.unique(local[chosen]), int(owner[chosen[0]])
         own = tuple(numbering.find(np.int64(part), ids) - numbering.offsets[part] for part, ids in ((e, at[mine]), (ground, first + mine)))
         cells = np.c_[layer.cells[chosen], faces.owner[faces.find(local[chosen, :3] + first)]]
-        found.append(Interface(-1, f"{partition.names[e]} | {partition.names[ground]}", (e, ground), at[mine], own,
+        found.append(Interface(-1, f"{partition.names[e]} | {layer.body}", (e, ground), at[mine], own,
                                np.searchsorted(mine, local[chosen]), cells, np.ones((len(mine), 3), dtype=bool)))
     return found
 
 
 def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems,
-                ) -> tuple[Added, list[Interface], dict[int, slice]]:
+                ) -> tuple[Added, list[tuple[int, Interface]], dict[int, slice]]:
     """The scene with a ground behind every entry that stands on one.
 
     boundary : resolved entries
-    Returns the interfaces with grounds as well, with their laws; per entry, the nodes of its ground
+    Returns the interfaces with grounds as well, with their laws, and the entry of each; per entry, the nodes of its grounds
     """
-    standing = [entry for entry in boundary if entry.ground and len(entry.triangles)]
-    added = add_layers(mesh, partition, cell_material, [
-        Layer(f"ground of {entry.name}", entry.triangles, entry.cells[:, 0], entry.ground.whole) for entry in standing])
-    interfaces = []
-    for entry, found in zip(standing, added.interfaces):
-        if entry.ground.whole and len(found) > 1:
-            problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {len(found)} subdomains share",
+    standing = [entry for entry in boundary if entry.ground]
+    layers = {entry.index: list(_behind(entry, partition)) for entry in standing}
+    mesh = replace(mesh, volumes=[*mesh.volumes, *(f"ground of {entry.name}" for entry in standing)])  # on pieces of a mesh, too
+    added = add_layers(mesh, partition, cell_material, [layer for own in layers.values() for layer in own])
+    interfaces, stands, count = [], {}, 0
+    for entry in standing:
+        own = slice(count, count + len(layers[entry.index]))
+        count = own.stop
+        if entry.ground.whole and count - own.start > 1:
+            problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {count - own.start} subdomains share",
                          "a surface of one subdomain, that moves as one",
                          "leave its body whole: write subdomains: groups, without split_above or with a larger one")
             continue
-        for interface in found:
+        for interface in (interface for found in added.interfaces[own] for interface in found):
             _govern(interface, entry.ground.laws(added.mesh.nodes[interface.global_nodes], interface.triangles))
-        interfaces += found
-    return added, interfaces, {entry.index: own for entry, own in zip(standing, added.nodes)}
+            interfaces.append((entry.index, interface))
+        if own.stop > own.start:
+            stands[entry.index] = slice(added.nodes[own.start].start, added.nodes[own.stop - 1].stop)
+    return added, interfaces, stands
+
+
+def _behind(entry: BoundaryEntry, partition: Partition) -> Iterator[Layer]:
+    """One layer behind each subdomain that has faces of an entry."""
+    owner, body = partition.subdomain[entry.cells[:, 0]], f"ground of {entry.name}"
+    for e in np.unique(owner):
+        own = owner == e
+        yield Layer(f"{body} behind {partition.names[e]}", body, entry.triangles[own], entry.cells[own, 0], entry.ground.whole)
 
 
 def _govern(interface: Interface, laws: list) -> None:

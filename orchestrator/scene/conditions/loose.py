@@ -10,7 +10,7 @@ from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about
 from orchestrator.scene.conditions.supports import ORIGIN, Supports
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface, Scene, ends_of
+from orchestrator.scene.model import Interface, Scene, Subdomain, ends_of
 from orchestrator.scene.partition import Partition
 
 
@@ -22,11 +22,16 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     """
     if scene.overview is not None:
         return scene.overview.loose
+    return with_grounds(scene, scene.subdomains).loose(ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground))
+
+
+def with_grounds(scene: Scene, own: Sequence[Subdomain]) -> Supports:
+    """What supports and grounds keep subdomains from, whose nodes are all there."""
     kept: dict[int, list[np.ndarray]] = {}
     for i in scene.interfaces:
         if i.law.on_ground:
             kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], *ORIGIN)))
-    return Supports.of(scene, scene.subdomains, kept).loose(ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground))
+    return Supports.of(scene, own, kept)
 
 
 SHARED = "an edge that bodies share is a hinge, and a corner less"

@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import Problems, some, wrong
+from orchestrator.errors import Problems, wrong
 from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
@@ -22,6 +22,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.boundary import faces_meant
 from orchestrator.scene.conditions.finder import AT_POINTS, Finder, of_all
 from orchestrator.scene.conditions.selection import assign_materials
+from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
 from orchestrator.scene.model import Scene
@@ -29,7 +30,7 @@ from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.boxes import Boxes
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import Outline
-from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.pieces.piece import Extent, Piece
 from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
 
@@ -67,13 +68,21 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
         made, extent = [piece], replace(extent, nodes=nodes)
         del piece
     surfaces = {} if made[0] is None else gathered(config, made[0], team)
-    local = None if made[0] is None else agreed(lambda: Local.of(config, made, mine, surfaces), team)
+    local = None if made[0] is None else agreed(lambda: Local.of(config, made, source.count, surfaces), team)
     if local is None:
         return None
-    whole = Outline.joined(team.all_gather(local.outline))
-    apart = components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[0] > 1
+    every = team.all_gather(local.outline)
+    whole = Outline.joined(every)
+    number = np.concatenate([x.number for x in every])
+    rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
+    order = np.sort(number)
+    extent = local.numbered(whole, order, source.count, extent, team)
+    apart = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[0] > 1
+    bodies = np.flatnonzero(order < source.count)
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
-    if (whole.faces == 0).any() or apart or whole.supports.free(np.zeros(len(whole.number), dtype=int)).any() or not _of_use(laws, whole):
+    parted = any(entry.ground and entry.ground.whole and (order // source.count == 1 + entry.index).sum() > 1 for entry in local.part.boundary)
+    free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
+    if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted:
         return None
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -86,37 +95,65 @@ class Local:
     """A rank's subdomains, in the numbers of the piece that it has made.
 
     part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
-    present : (subdomains,) int, which of the whole scene's those of the part are
+    present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered``, of grounds, which come
+        after all others, entry by entry, a number that only puts them in their order
+    given : how many nodes and cells of the part are the mesh's
     """
 
     part: Scene
     present: np.ndarray
     outline: Outline
+    given: tuple[int, int]
 
     @classmethod
-    def of(cls, config: Config, made: list[Piece], mine: np.ndarray, surfaces: Mapping[int, np.ndarray]) -> Local:
-        """Of some subdomains, ascending.
+    def of(cls, config: Config, made: list[Piece], count: int, surfaces: Mapping[int, np.ndarray]) -> Local:
+        """Of the subdomains that are all there, and the grounds behind them.
 
         made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
+        count : of the subdomains of the whole mesh
         surfaces : as of ``Body``
         Raises InputError: whatever is wrong with it
         """
-        present, number, cell_number = made[0].present, made[0].number, made[0].cell_number
+        present, number, cell_number, here = made[0].present, made[0].number, made[0].cell_number, made[0].partition.here
 
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
             piece = made.pop()
             return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition,
                         surfaces=surfaces)
 
-        scene, own = build_scene(config, meshed=meshed), np.searchsorted(present, mine)
-        if grounds := [entry.name for entry in scene.boundary if entry.ground]:
-            raise wrong(("boundary",), f"grounds of {some(grounds)}", "supports that add no subdomain")
-        near = [pair for pair in scene.near if np.isin(pair, mine).any()]
+        scene = build_scene(config, meshed=meshed)
+        grounds = [i.subdomains for i in scene.interfaces if i.law.on_ground]
+        body_of = {ground: body for body, ground in grounds}
+        entry_of = [int(scene.subdomains[ground].held_by.max()) for ground in range(len(present), len(scene.subdomains))]
+        bodies = np.array([body_of[ground] for ground in range(len(present), len(scene.subdomains))], dtype=int)
+        own = np.flatnonzero(np.concatenate([here, here[bodies]]))
+        present = np.concatenate([present, (1 + np.array(entry_of, dtype=int)) * count + present[bodies]])
+        near = [pair for pair in scene.near if np.isin(pair, present[own]).any()]
         if near:
             raise wrong(("interfaces",), "faces that are near each other", "faces that are joined, or far apart")
         part = part_of(scene, own, None)
-        part.number, part.cell_number = number[part.number], cell_number[part.cell_number]
-        return cls(part, present, Outline.of(scene, part, present, own))
+        given = np.searchsorted(part.number, len(number)), np.searchsorted(part.cell_number, len(cell_number))
+        part.number, part.cell_number = (np.pad(of[at[:end]], (0, len(at) - end)) for of, at, end in (
+            (number, part.number, given[0]), (cell_number, part.cell_number, given[1])))
+        return cls(part, present, Outline.of(scene, part, present, own), given)
+
+    def numbered(self, whole: Outline, order: np.ndarray, count: int, extent: Extent, team: Team) -> Extent:
+        """Gives what has been added to the mesh its numbers; and what is around all of it. All ranks ask together.
+
+        whole : of all; order : (subdomains,) ascending, the numbers that have put its subdomains in their order
+        count : of the mesh's subdomains; extent : of the mesh
+        """
+        self.present, part = np.searchsorted(order, self.present), self.part
+        added = order >= count
+        for of, what, every, begin in ((part.number, "nodes", whole.nodes, extent.nodes),
+                                       (part.cell_number, "cells", whole.cells, int(whole.cells[~added].sum()))):
+            starts = begin + np.cumsum(every * added) - every
+            for e, s in zip(self.present.tolist(), part.subdomains):
+                if added[e] and len(s.nodes):
+                    of[getattr(s, what)] = starts[e] + np.arange(every[e])
+        points = part.mesh.nodes[self.given[0]:]
+        low, high = np.reshape(team.max(*-points.min(axis=0, initial=np.inf), *points.max(axis=0, initial=-np.inf)), (2, 3))
+        return Extent(extent.nodes + int(whole.nodes[added].sum()), np.stack([np.minimum(extent.box[0], -low), np.maximum(extent.box[1], high)]))
 
 
 def _tell_areas(part: Scene, team: Team) -> None:
@@ -134,7 +171,7 @@ def _watched(config: Config, part: Scene, team: Team) -> Scene | None:
     """The part with its probes, which have the numbers of the whole; None, on all ranks, where something is wrong with one."""
     problems, of, asked = Problems(), part.cell_subdomain, config.output.named_probes
     points = Finder(part.mesh, None, of, [s.body or s.name for s in part.subdomains], part.interfaces, problems, part.cell_number,
-                    part.overview.rank_of[of] == team.rank, team).find(asked, AT_POINTS)
+                    (part.overview.rank_of[of] == team.rank) & ~part.stand_ins[of], team).find(asked, AT_POINTS)
     found = {p.name: p for p in [*points, *(of_all(p, asked[p.name], part, team) for p in part.probes)] if p is not None}
     part.probes = [found[name] for name in asked if name in found]
     part.overview.cautions.extend(problems.warnings)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from orchestrator.scene.cautions import Acting, locking, noted, ratios
+from orchestrator.scene.conditions.loose import with_grounds
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.mesh import Mesh
@@ -16,20 +17,23 @@ from orchestrator.scene.part import overview, without_nodes
 from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
-OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "mixed", "matched", "met")
+OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "laws", "mixed", "matched", "met")
+GROUND = 3  # among kinds of interfaces
 
 
 @dataclass
 class Outline:
     """Of some subdomains and of the interfaces whose first side they are, in the order of the whole scene.
 
-    number : (s,) int, which of the scene's subdomains; names, bodies : theirs; code : (s,) int; heated : (s,) bool
+    number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
+    names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
-    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone; and its place among those of its pair
+    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a ground; and its place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
+    laws : of grounds, at every load step; None of others, which ``entry`` tells of
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
-    supports : theirs; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
+    supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
     acting : what acts on them
     """
 
@@ -38,6 +42,7 @@ class Outline:
     bodies: list[str]
     code: np.ndarray
     heated: np.ndarray
+    cells: np.ndarray
     sizes: np.ndarray
     hard: np.ndarray
     soft: np.ndarray
@@ -49,11 +54,13 @@ class Outline:
     order: np.ndarray
     joins: np.ndarray
     apart: np.ndarray
+    laws: list
     mixed: np.ndarray
     matched: np.ndarray
     met: np.ndarray
     faces: np.ndarray
     supports: Supports
+    kept: Supports
     used: np.ndarray
     ratio: np.ndarray
     told: list[str]
@@ -75,26 +82,31 @@ class Outline:
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
-                   np.array([s.heated for s in subdomains], dtype=bool),
+                   np.array([s.heated for s in subdomains], dtype=bool), np.array([len(s.cells) for s in subdomains]),
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
+                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if i.law.on_ground else None for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
-                   np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
+                   with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
 
     @classmethod
     def joined(cls, several: Sequence[Outline]) -> Outline:
         """Of all ranks'."""
-        own = np.argsort(np.concatenate([x.number for x in several]))
-        key = np.column_stack([np.concatenate([x.order for x in several]), np.sort(np.concatenate([x.sides for x in several]), axis=1)])
-        pairs = np.lexsort((key[:, 1], key[:, 3], key[:, 2], key[:, 0]))
+        number = np.concatenate([x.number for x in several])
+        own, order, sides = np.argsort(number), *(np.concatenate([getattr(x, name) for x in several]) for name in ("order", "sides"))
+        sides = np.searchsorted(number[own], sides)
+        first, last = np.where(order[:, :1] == GROUND, sides[:, ::-1], np.sort(sides, axis=1)).T  # grounds follow each other
+        pairs = np.lexsort((order[:, 1], last, first, order[:, 0]))
 
         def sorted_(name: str) -> object:
             values = [getattr(x, name) for x in several]
+            if name in ("number", "sides"):
+                return np.arange(len(own)) if name == "number" else sides[pairs]
             if name == "acting":
                 return Acting.joined(values)
-            if name == "supports":
+            if name in ("supports", "kept"):
                 return Supports.joined(values, own)
             if name == "told":
                 return list(dict.fromkeys(sentence for told in values for sentence in told))
@@ -102,9 +114,9 @@ class Outline:
                 return np.max(values, axis=0)
             if name in ("faces", "used"):
                 return np.sum(values, axis=0).astype(values[0].dtype)
-            if name in ("names", "bodies"):
+            if name in ("names", "bodies", "laws"):
                 every = [word for words in values for word in words]
-                return [every[i] for i in own]
+                return [every[i] for i in (pairs if name in OF_INTERFACES else own)]
             return np.concatenate(values)[pairs if name in OF_INTERFACES else own]
 
         return cls(**{f.name: sorted_(f.name) for f in fields(cls)})
@@ -114,14 +126,16 @@ class Outline:
         """The interfaces' names."""
         pair, count = np.unique(self.sides, axis=0, return_inverse=True, return_counts=True)[1:]
         several, seen, titles = count[pair.ravel()] > 1, {}, []
-        for (one, two), more in zip(self.sides.tolist(), several.tolist()):
+        for (one, two), more, kind in zip(self.sides.tolist(), several.tolist(), self.order[:, 0].tolist()):
             seen[one, two] = seen.get((one, two), 0) + 1
-            titles.append(f"{self.names[one]} | {self.names[two]}" + f" (patch {seen[one, two]})" * more)
+            other = self.bodies[two] if kind == GROUND else self.names[two]
+            titles.append(f"{self.names[one]} | {other}" + f" (patch {seen[one, two]})" * more)
         return titles
 
     def overview(self, part: Scene, extent: Extent, rank_of: np.ndarray) -> Overview:
         """What every part has to know; ``part`` is any of them."""
-        loose = np.zeros(len(self.number), dtype=bool) if self.joins.all() else self.supports.loose(self.sides[self.joins])
+        joined = self.sides[self.joins & (self.order[:, 0] != GROUND)]
+        loose = np.zeros(len(self.number), dtype=bool) if self.joins.all() else self.kept.loose(joined)
         return Overview(self.sizes, loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
                         self.met, self.used, self.supports, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
                         extent.box, self.prints, rank_of)
@@ -146,6 +160,8 @@ class Outline:
             at = np.arange(2)  # of all nodes those that the sides are least and farthest apart at
             own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool))
             laws.apply(entry, own, (self.names[pair[0]],), self.apart[k])
+            if self.laws[k] is not None:
+                own.law, *own.law_at_steps = self.laws[k]
             interfaces.append(without_nodes(own))
         return replace(part, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
 
@@ -157,7 +173,7 @@ class Outline:
 def _order(scene: Scene) -> np.ndarray:
     """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
     made = scene.interfaces
-    kind = np.array([2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
+    kind = np.array([GROUND if i.law.on_ground else 2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
                      for i in made], dtype=int)
     pairs = np.sort(ends_of(made), axis=1)
     changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)

@@ -91,7 +91,7 @@ def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.
     first : how many entries ``boundary`` has already
     Returns the interfaces with the tools as well, with their laws, and what moves or loads each
     """
-    layers = [Layer(one.tool.name, faces.triangles[one.faces], faces.owner[one.faces], thickness=THIN) for one in pressed]
+    layers = [Layer(one.tool.name, one.tool.name, faces.triangles[one.faces], faces.owner[one.faces], thickness=THIN) for one in pressed]
     added, entries = add_layers(mesh, partition, cell_material, layers), []
     for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
         for interface in interfaces:
