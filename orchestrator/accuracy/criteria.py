@@ -60,10 +60,7 @@ class Criterion:
         return bool(self._with_iterations(self.estimated / (self.share or TRUSTED) ** self.power) <= self.asked)
 
     def goal(self, follows: bool) -> float:
-        """What may be estimated on the next mesh.
-
-        follows : whether the tolerance of the iterations does
-        """
+        """What may be estimated on the next mesh; ``follows``: whether the tolerance of the iterations does."""
         left = self.error - self.mesh
         return (AIM * self.asked - (min(left, ITERATIONS * self.asked) if follows else left)) * self.foreseen**self.power
 

@@ -156,10 +156,7 @@ class InterfaceTable:
 
 
 def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, I) W and D of the interfaces that are not perfect.
-
-    rubs : (I,) bool, whether what acts along the interface is friction
-    """
+    """(T, I) W and D of the interfaces that are not perfect; ``rubs``: (I,) bool, whether what acts along the interface is friction."""
     i = interfaces
     push, opening = i.pressure * i.areas, i.gap - i.initial_gap
     drag = i.friction_traction * i.areas[:, :, None]

@@ -155,10 +155,7 @@ class ResultsFolder:
 
 
 def read_table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
-    """Rows of a table that has these columns; none where there is no such file.
-
-    Raises InputError: it cannot be read, or is not whole
-    """
+    """Rows of a table that has these columns; none where there is no such file; raises InputError: it cannot be read, or is not whole."""
     if not path.is_file():
         return []
     try:

@@ -38,10 +38,7 @@ SWEEPS = 8  # of inverse iteration for these
 
 
 def reach(d: Decomposition, bodies: Bodies, iterated: Iterated, error: np.ndarray) -> np.ndarray:
-    """(bodies, T) lengths; infinite for a body that nothing holds.
-
-    error : (T,) ρ, an energy norm
-    """
+    """(bodies, T) lengths; infinite for a body that nothing holds; ``error``: (T,) ρ, an energy norm."""
     space = d.space
     moved, = space.extended(space.trace(space.side_by_side(dict(enumerate(bodies.motions)), RIGID)))
     stiffness = _per_node(d, bodies)

@@ -81,10 +81,7 @@ class Continuity:
         return self.constrained(self.rows)
 
     def constrained(self, rows: sp.csr_array) -> Constraint:
-        """What holds C w where it is asked for; all ranks have to ask.
-
-        rows : C (r, D + G), this rank's
-        """
+        """What holds C w where it is asked for; all ranks have to ask; ``rows``: C (r, D + G), this rank's."""
         space, team = self.space, self.space.team
         number, weight, mobile = self._traces
         row, dof = sp.coo_array(rows).coords

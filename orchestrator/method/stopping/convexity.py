@@ -18,10 +18,7 @@ ROUNDED = 1e-9  # of the product, what rounding may leave below zero
 
 
 def check_convex(pairs: Pairs, team: Team) -> None:
-    """Try the laws that say they are convex, at all points.
-
-    Raises Refusal: one is not, on all ranks
-    """
+    """Try the laws that say they are convex, at all points; raises Refusal: one is not, on all ranks."""
     if found := next(filter(None, team.all_gather(_not_convex(pairs))), ""):
         raise Refusal("not convex", law=found)
 

@@ -59,10 +59,7 @@ class Friction:
         self.read, self.weight = self._reading()
 
     def factor(self, softness: np.ndarray) -> float:
-        """1/√(1 − q²), nan where q is not below 1 or cannot be known.
-
-        softness : (S,) σ of the own subdomains, see ``softest``
-        """
+        """1/√(1 − q²), nan where q is not below 1 or cannot be known; ``softness``: (S,) σ of the own subdomains, see ``softest``."""
         rubs = self.coefficient > 0
         rubbing, unread = self.space.team.max(float(rubs.any()), float(np.isinf(self.weight[rubs]).any()))
         if not rubbing:

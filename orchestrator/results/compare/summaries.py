@@ -94,10 +94,7 @@ def grids_of(folder: Path) -> list[str]:
 
 
 def of_grid(folder: Path, name: str) -> tuple[list[Quantity], np.ndarray]:
-    """Arrays of a grid, and its points (n, 3), whose places differences are told by.
-
-    Raises InputError: it cannot be read
-    """
+    """Arrays of a grid, and its points (n, 3), whose places differences are told by; raises InputError: it cannot be read."""
     path = folder / "fields" / name
     try:
         grid = meshio.vtu.read(path)

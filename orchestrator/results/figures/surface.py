@@ -92,10 +92,7 @@ def drawn_cells(fields: Fields, look: Look) -> np.ndarray:
 
 
 def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -> Skin:
-    """The surface of a solution, to be drawn.
-
-    toward : (3,) from the structure to the eye: what a cut takes away is there
-    """
+    """The surface of a solution, to be drawn; ``toward``: (3,) from the structure to the eye: what a cut takes away is there."""
     drawn, (node, cells), kept = fields.opened, fields.nodal.split, drawn_cells(fields, look)
     stress = {step: fields.nodal.von_mises(step) for step in steps}
     places = np.unique(cells[kept])  # those with a stress in what is drawn

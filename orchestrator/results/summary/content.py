@@ -94,10 +94,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
 
 
 def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object] | None:
-    """Least and greatest values; None where nothing is to be certified.
-
-    names : of the entries of ``boundary``
-    """
+    """Least and greatest values; None where nothing is to be certified; ``names``: of the entries of ``boundary``."""
     probes = {name: probe for name, probe in config.output.named_probes.items() if probe.certified}
     if not (probes or config.output.certified):
         return None
@@ -197,10 +194,7 @@ def _backward(found: Backward | None) -> dict[str, object] | None:
 
 
 def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object]:
-    """State of interfaces that are not perfect; empty where all are.
-
-    names : of the entries of ``boundary``
-    """
+    """State of interfaces that are not perfect; empty where all are; ``names``: of the entries of ``boundary``."""
     interfaces = delivered.interfaces
     if interfaces is None:
         return {}

@@ -50,10 +50,7 @@ def tools_moved(scene: Scene, sides: Sequence[np.ndarray]) -> list[dict[str, Any
 
 
 def tool_cautions(scene: Scene, sides: Sequence[np.ndarray], fields: InterfaceFields) -> Iterator[str]:
-    """A sentence on each tool whose contact is not that with its surface.
-
-    sides : as for ``tools_moved``
-    """
+    """A sentence on each tool whose contact is not that with its surface; ``sides``: as for ``tools_moved``."""
     numbers = {str(name): k for k, name in enumerate(fields.names)}
     for name, (interfaces, tool, moved) in _placed(scene, sides).items():
         apart, turned = 0.0, np.zeros((2, scene.steps))

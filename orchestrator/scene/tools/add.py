@@ -106,10 +106,7 @@ def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.
 
 
 def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
-    """Motion of a layer: on all its faces, or on those of its back where it is loaded.
-
-    front : how many of its nodes lie on the part
-    """
+    """Motion of a layer: on all its faces, or on those of its back where it is loaded; ``front``: how many of its nodes lie on the part."""
     outer = added.faces.outer
     own = outer[(added.faces.triangles[outer] >= nodes.start).all(axis=1) & (added.faces.triangles[outer] < nodes.stop).all(axis=1)]
     does = one.tool.driven.told
