@@ -138,7 +138,11 @@ class SharedModels(BlackBox):
             return solve(rows)
         keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}
         known = {model: self._last.get(model, {}) if remember else {} for model in rows}
-        first = {model: _new(r, keys[model], known[model]) for model, r in rows.items()}
+        first: dict[int, dict[bytes, int]] = {model: {} for model in rows}  # key → the first row that has it, neither zero nor known
+        for model, r in rows.items():
+            for row, (key, loaded) in enumerate(zip(keys[model], r.any(axis=1).tolist())):
+                if loaded and key not in known[model]:
+                    first[model].setdefault(key, row)
         asked = {model: r[list(first[model].values())] for model, r in rows.items() if first[model]}
         answers = solve(asked) if asked else {}
         for model, r in rows.items():
@@ -150,12 +154,3 @@ class SharedModels(BlackBox):
             self._last |= {model: dict(zip(keys[model], answers[model])) for model in rows}
         self.savings.add("repeated", "back-substitutions", again + sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
         return answers
-
-
-def _new(rows: np.ndarray, keys: Sequence[bytes], known: Mapping[bytes, np.ndarray]) -> dict[bytes, int]:
-    """Key → the first row that has it, of those that are neither zero nor known."""
-    first: dict[bytes, int] = {}
-    for row, (key, loaded) in enumerate(zip(keys, rows.any(axis=1).tolist())):
-        if loaded and key not in known:
-            first.setdefault(key, row)
-    return first

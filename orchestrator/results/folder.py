@@ -224,7 +224,11 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
         try:
             lock.acquire()
         except Timeout:
-            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
+            holder = "a process that has just begun"
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                other = json.loads((folder / HOLDER).read_bytes())
+                holder = f"process {other['pid']} on {other['host']}, since {other['since']}"
+            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {holder}", "a folder of its own for every run",
                         "wait for that run, end it, or choose another folder with --output") from None
     try:
         with suppress(OSError):  # a full disk still locks; nothing is written through a link
@@ -235,11 +239,3 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
         with suppress(OSError):
             (folder / HOLDER).unlink()
         lock.release()
-
-
-def _holder(folder: ResultsFolder) -> str:
-    try:
-        about = json.loads((folder / HOLDER).read_bytes())
-        return f"process {about['pid']} on {about['host']}, since {about['since']}"
-    except (OSError, ValueError, KeyError, TypeError):
-        return "a process that has just begun"

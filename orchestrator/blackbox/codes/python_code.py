@@ -120,7 +120,8 @@ class PythonCode(MessageCode):
             if not Path(where).is_file():
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class", f"start from {TEMPLATE}")
             code = str(Path(where).resolve()) + code[len(where):]
-        elif not self.settings.python and not _importable(where):
+        elif not self.settings.python and not (  # the server looks in the current folder too
+                find_spec(top := where.partition(".")[0]) or PathFinder.find_spec(top, [os.getcwd()])):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
                           "install it in this environment, or add its folder to PYTHONPATH")
         self._code = code
@@ -214,12 +215,6 @@ def _ask(python: str, package: str) -> str:
         raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
                       "name another interpreter", "python")
     return rest[0] if rest else ""
-
-
-def _importable(module: str) -> bool:
-    """Whether the server will find a module, or the package it is in; the current folder counts."""
-    package = module.partition(".")[0]
-    return find_spec(package) is not None or PathFinder.find_spec(package, [os.getcwd()]) is not None
 
 
 def _absent(found: str, expected: str, cure: str, key: str = "code") -> InputError:

@@ -116,7 +116,11 @@ def whole_model(scene: Scene) -> Model:
 
 def _model(name: str, nodes: np.ndarray, cells: np.ndarray, matter: np.ndarray, **more) -> Model:
     """A model of tets whose (E, ν) are ``matter`` (m, 2); nothing clamped and no traces unless said otherwise."""
-    region, materials = _regions(matter)
+    if len(matter) and (matter == matter[0]).all():
+        region, materials = np.zeros(len(matter), dtype=int), matter[:1].copy()
+    else:  # as complex numbers: sorting rows is ten times slower
+        materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(), return_inverse=True)
+        materials = materials.view(float).reshape(-1, 2)
     return Model(name, nodes, cells, region, materials, **{"fixed": np.zeros((len(nodes), 3), bool), "trace": np.empty(0, int), **more})
 
 
@@ -127,12 +131,3 @@ def _origin(scene: Scene, nodes: np.ndarray, cells: np.ndarray) -> Origin:
 def _moduli(scene: Scene, material: np.ndarray) -> np.ndarray:
     """(m, 2) E and ν of tets of these materials (m,)."""
     return np.array([[m.young, m.poisson] for m in scene.materials])[material].reshape(-1, 2)
-
-
-def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Region of each cell and the table of different (E, ν) they refer to."""
-    if len(matter) and (matter == matter[0]).all():
-        return np.zeros(len(matter), dtype=int), matter[:1].copy()
-    # as complex numbers: sorting rows is ten times slower
-    materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(), return_inverse=True)
-    return region, materials.view(float).reshape(-1, 2)

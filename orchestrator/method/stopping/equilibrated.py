@@ -93,7 +93,9 @@ class Equilibration:
         body_force : (m, 3) in each cell, None where there is none
         known : (f, 3) bool, components of tractions on faces that are given; given : (f, 3, 3) moments of these
         """
-        x = np.where(known[:, None], given, self._sum(self._tractions(sigma)) / self._onto(np.ones_like(self.sign))[:, None, None])
+        corners = (sigma[..., TENSOR][:, FACES] @ self.normals[:, :, None, :, None])[..., 0]
+        moments = (corners + corners.sum(axis=2, keepdims=True)) / 12  # of the tractions of the given stress
+        x = np.where(known[:, None], given, self._sum(moments) / self._onto(np.ones_like(self.sign))[:, None, None])
         loads = np.zeros((len(sigma), 6))
         if body_force is not None:
             loads[:, :3] = self.volumes[:, None] * body_force
@@ -110,11 +112,6 @@ class Equilibration:
         left = np.abs(self.forces @ x.ravel() + loads.ravel()).max() / max(np.abs(x).max(), np.finfo(float).tiny)
         moments = self._of_cells(x)
         return Balanced(self.elements.products(moments, sigma)[1], float(left), moments, x)
-
-    def _tractions(self, sigma: np.ndarray) -> np.ndarray:
-        """(m, 4, 3, 3) moments of the tractions of a stress (m, 4, 6)."""
-        corners = (sigma[..., TENSOR][:, FACES] @ self.normals[:, :, None, :, None])[..., 0]
-        return (corners + corners.sum(axis=2, keepdims=True)) / 12
 
     def _lowered(self, x: np.ndarray, sigma: np.ndarray, within: _Within) -> np.ndarray:
         """Tractions x with less energy, in as good a balance."""

@@ -35,7 +35,6 @@ from orchestrator.laws.base import Stages
 from orchestrator.laws.points import norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.bodies import Bodies, FREE, RIGID
 from orchestrator.parallel.team import Team
@@ -196,22 +195,20 @@ def _measured(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, bef
     top, bottom, unbalanced = at.squares(local.force)
     stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
     here = {run.law: run for run in pairs.runs}
-    for law in pairs.laws:
-        largest += _of_law(pairs, here[law], at, local, before) if law in here else [0.0] * (2 + len(law.measures))
+    for law in pairs.laws:  # stiffness over area, pressure and measures of its pairs
+        if law not in here:
+            largest += [0.0] * (2 + len(law.measures))
+            continue
+        part, own = here[law].part, here[law].points
+        stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part], local.status[:, part],
+                        {v.name: local.own[v.name][:, part] for v in law.variables})
+        each = [(own, stages)] if not own.stepped else [(own.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
+        told = [(pressure, *(values[measure.name] for measure in law.measures)) for pressure, values in (law.residuals(*x) for x in each)]
+        largest += [_largest(own.stiff_n / own.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
     if pairs.stabilisation is not None:
         tractions = (norm(x) / points.area for x in (local.force - local.lawful, local.lawful))
         largest += [*map(_largest, tractions), _largest(points.stiff_n / points.area)]
     return np.array([top, bottom, unbalanced, stiff]), largest
-
-
-def _of_law(pairs: Pairs, run, at: PointTraces, local: LocalState, before: History) -> list[float]:
-    """Largest stiffness over area, pressure and measures of the pairs of one law."""
-    law, part, points = run.law, run.part, run.points
-    stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part], local.status[:, part],
-                    {v.name: local.own[v.name][:, part] for v in law.variables})
-    each = [(points, stages)] if not points.stepped else [(points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
-    told = [(pressure, *(values[measure.name] for measure in law.measures)) for pressure, values in (law.residuals(*own) for own in each)]
-    return [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
 
 
 def _largest(values: np.ndarray) -> float:

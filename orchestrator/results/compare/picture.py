@@ -25,7 +25,8 @@ def draw_difference(folder: ResultsFolder, one: Path, other: Path) -> str:
     fields = [Solution.read(path).fields for path in (one, other)]
     if None in fields:
         return "no fields"
-    if not _same_mesh(*fields):
+    shapes = [(f.displacement.shape, f.sides and [u.shape for u in f.sides]) for f in fields]
+    if shapes[0] != shapes[1] or not np.array_equal(*(f.cells for f in fields)):
         return "other meshes, parts or load steps"
     between = difference(*fields)
     if not between.displacement.any() and not any(u.any() for u in between.sides or ()):
@@ -42,11 +43,6 @@ def difference(one: Fields, other: Fields) -> Fields:
     sides = None if one.sides is None else [u - v for u, v in zip(other.sides, one.sides)]
     return replace(one, displacement=other.displacement - one.displacement, sides=sides, interfaces=None, discretisation_error=None,
                    thermal=None)
-
-
-def _same_mesh(one: Fields, other: Fields) -> bool:
-    sides = [None if f.sides is None else [u.shape for u in f.sides] for f in (one, other)]
-    return one.displacement.shape == other.displacement.shape and np.array_equal(one.cells, other.cells) and sides[0] == sides[1]
 
 
 def _draw(folder: ResultsFolder, between: Fields, title: str) -> None:

@@ -41,7 +41,10 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if laws else (0.1, 0.12, 0.86, 0.78))
     x = np.asarray(history["iteration"])
     every = max(1, len(x) // 12)
-    for column, label, colour, marker in [*_CURVES[:3], *_of_laws(history), *_CURVES[3:]]:
+    own = [name for name in history if name not in HISTORY_COLUMNS and history[name].dtype.kind == "f"]  # the scene's laws' measures
+    labels = {measure.name: measure.label for law in LAWS.values() for measure in law.measures} if own else {}
+    curves = [(name, labels.get(name, name.replace("_", " ")), *_OF_LAWS[k % len(_OF_LAWS)]) for k, name in enumerate(own)]
+    for column, label, colour, marker in [*_CURVES[:3], *curves, *_CURVES[3:]]:
         y = np.array(history.get(column, np.full(len(x), np.nan)), float)
         known = np.isfinite(y) & (y > _FLOOR)
         if laws and column == "displacement_jump":  # interfaces that open are meant to jump
@@ -67,18 +70,11 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
     place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if laws else {"loc": "best"}
-    if not axes.get_legend_handles_labels()[0]:  # one subdomain, say
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
+    else:  # one subdomain, say
         axes.text(0.5, 0.7, "all of it is zero, or rounding", transform=axes.transAxes, ha="center", color=GREY)
-        return figure
-    axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
     return figure
-
-
-def _of_laws(history: Mapping[str, np.ndarray]) -> list[tuple[str, str, str, str]]:
-    """Column, label, colour and marker of the measures that the laws of the scene have."""
-    found = [name for name in history if name not in HISTORY_COLUMNS and history[name].dtype.kind == "f"]
-    labels = {measure.name: measure.label for law in LAWS.values() for measure in law.measures} if found else {}
-    return [(name, labels.get(name, name.replace("_", " ")), *_OF_LAWS[k % len(_OF_LAWS)]) for k, name in enumerate(found)]
 
 
 def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:

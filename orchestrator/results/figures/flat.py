@@ -48,7 +48,9 @@ def laid_flat(nodes: np.ndarray, i: InterfaceFields, length: str = "") -> Flat:
         flat, how = _flat(points[i.triangles[mine] - own.start], points, normal)
         flat -= flat.reshape(-1, 2).min(axis=0, initial=np.inf)
         true = flat.reshape(-1, 2).max(axis=0, initial=0.0)
-        names.append((_shortened(str(i.names[k])), f"{short(true[0])} × {short(true[1])}{length}{how}"))
+        name = " | ".join(body.rpartition("/")[2] for body in str(i.names[k]).split(" | "))  # without the parts that solids are of
+        name = name if len(name) <= LONGEST else name[:LONGEST - 1] + "…"
+        names.append((name, f"{short(true[0])} × {short(true[1])}{length}{how}"))
         shown = np.maximum(true, _SLIMMEST * true.max())
         shown = np.where(true > 0, shown, 1.0) / np.sqrt(max(shown.max(), 1e-300))  # nine times as large is drawn three times as large
         corners[mine, :, :2] = flat / np.where(true > 0, true, 1.0) * shown
@@ -59,13 +61,9 @@ def laid_flat(nodes: np.ndarray, i: InterfaceFields, length: str = "") -> Flat:
     corners[:, :, :2] += places[i.owner][:, None]
     middles = np.column_stack([places[:, 0] + 0.5 * scale * sizes[:, 0], places[:, 1], np.zeros(len(sizes))])
     frame = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, height, 0.0], [0.0, height, 0.0]])
-    return Flat(corners, _rims(i.triangles, corners), [(place, "\n".join(lines)) for place, lines in zip(middles, names)], frame)
-
-
-def _shortened(name: str) -> str:
-    """The name without the parts that solids are of."""
-    name = " | ".join(body.rpartition("/")[2] for body in name.split(" | "))
-    return name if len(name) <= LONGEST else name[:LONGEST - 1] + "…"
+    edge = edges_of(i.triangles, TRIANGLE_EDGES)[1]
+    rims = corners[:, TRIANGLE_EDGES][np.bincount(edge.ravel())[edge] == 1]
+    return Flat(corners, rims, [(place, "\n".join(lines)) for place, lines in zip(middles, names)], frame)
 
 
 def _flat(corners: np.ndarray, points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, str]:
@@ -126,11 +124,6 @@ def _packed(sizes: np.ndarray, wide: np.ndarray) -> tuple[float, np.ndarray, flo
     spare = 1.0 - (left + box - _GAP).max()  # what the longest row leaves, half on either side
     middle = left + 0.5 * (box - _GAP - scale * sizes[:, 0] + spare)
     return scale, np.column_stack([middle, height - top - scale * sizes[:, 1]]), height
-
-
-def _rims(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    edge = edges_of(triangles, TRIANGLE_EDGES)[1]
-    return corners[:, TRIANGLE_EDGES][np.bincount(edge.ravel())[edge] == 1]
 
 
 def shares(corners: np.ndarray) -> np.ndarray:

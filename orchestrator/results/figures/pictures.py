@@ -162,7 +162,13 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     flat = laid_flat(fields.nodes, i, look.units["length"])
     camera = Camera.framing(flat.frame, np.array([0.0, 0.0, 1.0]), 0.01)
     shared = {"camera": camera, "lines": flat.rims, "shaded": False}
-    name, pressure, ends, extremes = _pressure(i, steps, imposed)
+    # at corners of triangles, nan where open
+    parted = np.isin(i.status, i.kinds[i.kind_names == COUNTED[0]])[steps][:, i.triangles].all(axis=2)
+    pressure = np.where(parted[:, :, None], np.nan, (-i.pressure if imposed else i.pressure)[steps][:, i.triangles])
+    area = np.bincount(i.triangles.ravel(), np.ones(i.triangles.size), minlength=len(i.nodes))  # a node counts once
+    weight = (i.area / np.maximum(area, 1.0))[i.triangles]
+    (low, high), extremes = colour_limits(pressure.ravel(), np.tile(weight.ravel(), len(steps)))
+    name, ends = "tension" if imposed else "pressure", (min(low, 0.0), max(high, 0.0))
     pieces, corners = shares(flat.corners).reshape(-1, 3), flat.corners.reshape(-1, 3)
     pushed = [View(corners, np.arange(len(corners)).reshape(-1, 3), values.ravel(), limits=ends, extremes=extremes, palette=viridis(),
                    names=flat.names * (k == 0), **shared) for k, values in enumerate(pressure)]
@@ -192,13 +198,3 @@ def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:
     if given.any() and not given.all():
         return type(i).joined([i], np.flatnonzero(given == imposed))
     return None if imposed else i
-
-
-def _pressure(i: InterfaceFields, steps: list[int], imposed: bool) -> tuple[str, np.ndarray, tuple[float, float], tuple[float, float]]:
-    """Pressures to draw, (steps, triangles, 3) its values at corners, nan where open; ends of the scale, zero on it; lowest and highest."""
-    parted = np.isin(i.status, i.kinds[i.kind_names == COUNTED[0]])[steps][:, i.triangles].all(axis=2)
-    values = np.where(parted[:, :, None], np.nan, (-i.pressure if imposed else i.pressure)[steps][:, i.triangles])
-    area = np.bincount(i.triangles.ravel(), np.ones(i.triangles.size), minlength=len(i.nodes))  # a node counts once
-    weight = (i.area / np.maximum(area, 1.0))[i.triangles]
-    (low, high), extremes = colour_limits(values.ravel(), np.tile(weight.ravel(), len(steps)))
-    return "tension" if imposed else "pressure", values, (min(low, 0.0), max(high, 0.0)), extremes

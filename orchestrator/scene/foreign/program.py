@@ -38,8 +38,11 @@ class ProgramRuns:
 
     def __init__(self, part: ProgramPart, path: KeyPath, name: str):
         self.part, self.path, self.name = part, path, name
-        if missing := _interpreter(part.run):
-            raise self.wrong(f"{part.run} cannot be started: there is no {missing}", "a program, or a script whose first line is #! and an "
+        with open(part.run, "rb") as script:
+            first = script.readline(256)
+        interpreter = os.fsdecode((first[2:].split() or [b""])[0]) if first.startswith(b"#!") else ""
+        if interpreter and not os.path.exists(interpreter):
+            raise self.wrong(f"{part.run} cannot be started: there is no {interpreter}", "a program, or a script whose first line is #! and an "
                              "interpreter that is there", "look at its first line")
         if not os.access(part.run, os.X_OK):
             raise self.wrong(f"{part.run} may not be executed", "a program, or a script that begins with #!", f"chmod +x {part.run}")
@@ -138,14 +141,6 @@ class ProgramRuns:
     def wrong(self, found: str, expected: str, cure: str = "") -> InputError:
         """The error to raise."""
         return wrong((*self.path, "run"), f"'{self.name}': {found}", expected, cure)
-
-
-def _interpreter(file: str) -> str:
-    """The interpreter that a script's first line names, if it is not there; else empty."""
-    with open(file, "rb") as script:
-        first = script.readline(256)
-    name = os.fsdecode((first[2:].split() or [b""])[0]) if first.startswith(b"#!") else ""
-    return "" if os.path.exists(name) else name
 
 
 def _numbers(words: Sequence[str]) -> bool:

@@ -95,7 +95,11 @@ def _loads(part: MatrixPart, ids: np.ndarray, steps: int, path: KeyPath, name: s
     columns, size = [], 3 * len(ids)
     for i, file in enumerate(part.loads):
         at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
-        found = _matrix(file, at, name).toarray() if _is_matrix(file) else forces_of(file, ids, at)
+        listed = not file.endswith((".gz", ".bz2")) and Path(file).is_file()  # else MatrixMarket's, or not there
+        if listed:
+            with Path(file).open(errors="replace") as lines:
+                listed = not lines.readline().lower().startswith("%%matrixmarket")
+        found = forces_of(file, ids, at) if listed else _matrix(file, at, name).toarray()
         if found.shape[0] != size:
             raise wrong(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has",
                         "write forces on just the matrix's dofs")
@@ -105,14 +109,6 @@ def _loads(part: MatrixPart, ids: np.ndarray, steps: int, path: KeyPath, name: s
         raise wrong((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
                     "one column for all load steps, or one for each", "let history multiply a single column")
     return loads
-
-
-def _is_matrix(file: str) -> bool:
-    """Whether a file is MatrixMarket's, or is not there; else it is a table of nodes and forces."""
-    if file.endswith((".gz", ".bz2")) or not Path(file).is_file():
-        return True
-    with Path(file).open(errors="replace") as lines:
-        return lines.readline().lower().startswith("%%matrixmarket")
 
 
 def _rounding(file: Path) -> float:
