@@ -161,11 +161,11 @@ def run(config: ConfigFile, overrides: Overrides = None,
         verbose: Annotated[bool, typer.Option("--verbose", help="print all of the summary, not only what most look for")] = False,
         ) -> int | None:
     """Solve a problem and write its results."""
-    from orchestrator.processes import AT_ONCE, check_addresses, give_back
+    from orchestrator.processes import check_addresses, spare_memory
     from orchestrator.parallel.team import join
 
     check_addresses()
-    give_back(AT_ONCE)
+    spare_memory()
     team = join()
     try:
         with team.together():

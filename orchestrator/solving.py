@@ -33,7 +33,7 @@ from orchestrator.optional import check_there
 from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.processes import AT_ONCE, give_back, REUSED, trim
+from orchestrator.processes import reusing, trim
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.registry import LAWS
 from orchestrator.results.ranks import OnRanks, Piece
@@ -269,7 +269,6 @@ class _Solving:
                 check_duals(d)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
-            give_back(REUSED)
             workload.end("set_up")
             chosen = self.cases.part_of(d)
             true_error = TrueError(chosen, self.whole, self.cases, self.exact, watch) if self.reference else None
@@ -280,7 +279,6 @@ class _Solving:
                             sum(math.isnan(event.error_bound) for event in iterated.history))
             workload.end("iterations")
             trim()
-            give_back(AT_ONCE)
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
@@ -296,8 +294,9 @@ class _Solving:
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """Iterate from where the run begins; ``monitors``: what some of them are given."""
         told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
-        return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
-                       [int(step) + 1 for step in self.cases.chosen], monitors)
+        with reusing():
+            return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
+                           [int(step) + 1 for step in self.cases.chosen], monitors)
 
     def _placing(self, d: Decomposition) -> Placing:
         """The monitor of the ranks' balance."""
