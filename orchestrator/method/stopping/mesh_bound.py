@@ -144,24 +144,20 @@ class MeshBounds:
         """The bound of displacements, per subdomain (T, n_E, 3); infinite where they are not continuous over bonds, or miss supports."""
         displacement, scene, e = np.concatenate(sides, axis=1), self.scene, self.estimator
         errors, sizes, works, gaps, unbalanced = *np.zeros((4, len(displacement))), 0.0
+        count = np.maximum(np.bincount(e.joined), 1)
         for t, u in enumerate(displacement):
             sigma = self._turned(e.strain(u, at, t, e.cells) for at in np.eye(4))
             body = None if scene.body_force is None else scene.body_force[t].mean(axis=1)
-            if self._astray(u, t) > KNOWN * np.abs(u).max(initial=0.0):
+            mean = np.stack([np.bincount(e.joined, one) / count for one in u.T], axis=1)[e.joined]  # continuous over bonds
+            fixed, given = (np.concatenate(x) for x in zip(*((s.fixed, s.prescribed[t]) for s in scene.subdomains)))
+            astray = max(np.abs(u - mean).max(initial=0.0), np.abs(u - given)[fixed].max(initial=0.0))
+            if astray > KNOWN * np.abs(u).max(initial=0.0):
                 return MeshBound(np.full(len(displacement), np.inf), np.inf, unbalanced)
             found, gaps[t] = self._nearest(sigma, body, u, t)
             errors[t], sizes[t] = np.sqrt(found.energies.sum() + 2 * gaps[t]), np.sqrt(e.energies(u).sum())
             works[t] = self._work(u, t, found.moments, sizes[t] ** 2)
             unbalanced = max(unbalanced, found.unbalanced)
         return MeshBound(errors, np.inf if unbalanced > BALANCED else relative(errors, sizes, works, gaps), unbalanced)
-
-    def _astray(self, u: np.ndarray, step: int) -> float:
-        """How far displacements are from being continuous over bonds and from what is prescribed."""
-        joined, scene = self.estimator.joined, self.scene
-        count = np.bincount(joined)
-        mean = np.stack([np.bincount(joined, one) / np.maximum(count, 1) for one in u.T], axis=1)[joined]
-        fixed, given = (np.concatenate(x) for x in zip(*((s.fixed, s.prescribed[step]) for s in scene.subdomains)))
-        return float(max(np.abs(u - mean).max(initial=0.0), np.abs(u - given)[fixed].max(initial=0.0)))
 
     def _nearest(self, sigma: np.ndarray, body: np.ndarray | None, u: np.ndarray, step: int) -> tuple[Balanced, float]:
         """The stress in balance, and ∫ p g(v); infinite where sides are inside each other, or every stress found would pull."""

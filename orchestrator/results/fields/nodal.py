@@ -70,15 +70,8 @@ class Nodal:
 
     def stress(self, step: int) -> np.ndarray:
         """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
-        if self._latest[0] != step:  # by all ranks alike: who forms it speaks to the others
-            self._latest = step, self._averaged(step)
-        return self._latest[1]
-
-    def von_mises(self, step: int) -> np.ndarray:
-        """(K + e,) von Mises stress at the places of ``split``."""
-        return von_mises(self.everywhere(self.stress(step)))
-
-    def _averaged(self, step: int) -> np.ndarray:
+        if self._latest[0] == step:  # by all ranks alike: who forms it speaks to the others
+            return self._latest[1]
         fields, volumes = self.fields, self.fields.volumes
         linear = fields.cells.shape[1] == 4
         sigma = fields.stress(step) if linear else fields.corner_stress(step)
@@ -90,7 +83,12 @@ class Nodal:
             result[:, self.corner[~fields.believed]] = np.nan
         self._borders(result)
         result /= self._around()
-        return result.T
+        self._latest = step, result.T
+        return self._latest[1]
+
+    def von_mises(self, step: int) -> np.ndarray:
+        """(K + e,) von Mises stress at the places of ``split``."""
+        return von_mises(self.everywhere(self.stress(step)))
 
     @cached_property
     def _edges(self) -> tuple[np.ndarray, np.ndarray]:

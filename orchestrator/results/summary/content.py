@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import islice
 
@@ -55,11 +55,15 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact, met = iterated.last, _contact(scene, delivered, reaction_names(config)), delivered.contact
     spent = total(ranks, scene)
-    if foreign := _foreign_matter(spent["codes"]):
-        estimated = None
+    own, foreign = list(dict.fromkeys(str(entry["code"]) for entry in spent["codes"] if entry["own_matter"])), []
+    if own:
+        foreign, estimated = [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its "
+            "own: there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "
+            "meant: nothing shows that it is"], None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     flowing = [s.name for s in scene.subdomains if s.remembers]  # each was asked once an iteration, and at each load step's end once more
-    nonlinear = {"nonlinear": {"subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps), "off": OFF}} if flowing else {}
+    nonlinear: dict[str, object] = {"nonlinear": {
+        "subdomains": flowing, "answers": len(flowing) * (iterated.iterations + scene.steps), "off": OFF}} if flowing else {}
     factor, kind = getattr(iterated.bound, "factor", 1.0), None
     if math.isfinite(iterated.bound.relative):
         kind = "guaranteed" if getattr(iterated.bound, "guaranteed", True) else "estimated"
@@ -209,11 +213,3 @@ def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[s
         "detached": detached, "weakly_held": weakly_held, **unbalanced,
         "contact_faces": contact_faces(scene, interfaces, names, delivered.reactions),
         **({"bolts": bolt_forces(scene, interfaces, delivered.resultants)} if scene.bolts else {})}
-
-
-def _foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
-    """Caution where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
-    own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
-    return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
-            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is "
-            "meant: nothing shows that it is"] if own else []

@@ -31,7 +31,7 @@ def told_by_code(summary: Mapping[str, object]) -> bool:
     return len(codes) > 1 or any(entry["compliances"] for entry in codes)
 
 
-def code_sentences(summary: Mapping[str, object]) -> str:
+def code_sentences(summary: Mapping[str, object]) -> list[str]:
     """Seconds in each code and in the orchestrator."""
     rows = []
     for entry in summary["codes"] if told_by_code(summary) else ():
@@ -41,7 +41,7 @@ def code_sentences(summary: Mapping[str, object]) -> str:
             f"{sum(note['seconds'] for note in asked):.2f} s), cheaper than a run per iteration" if asked else ""))
     if rows and (own := summary.get("orchestrator_seconds")) is not None:
         rows.append(f"orchestrator: {own:.2f} s of wall clock, between requests")
-    return "\n".join(rows)
+    return rows
 
 
 def worker_sentence(summary: Mapping[str, object]) -> str:

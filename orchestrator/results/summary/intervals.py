@@ -12,13 +12,11 @@ from orchestrator.results.summary.summary import units_of
 SHOWN = 12  # on screen
 
 
-def sentences(summary: Mapping[str, object]) -> str:
+def sentences(summary: Mapping[str, object]) -> list[str]:
     """Sentences on what is certified at the last load step."""
     found, units = summary.get("intervals"), units_of(summary)
-    if not found:
-        return ""
-    if not found["kind"]:
-        return str(found["why"])
+    if not found or not found["kind"]:
+        return [str(found["why"])] if found else []
     texts, lost = [], {}
     for probe in found["probes"]:
         if why := probe.get("why"):
@@ -38,7 +36,7 @@ def sentences(summary: Mapping[str, object]) -> str:
             texts.append(text + (f"; {_row('m', one['moment'])}{units['moment']}" if "moment" in one and "why" not in one["moment"] else ""))
     more = [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN)
     lost = [f"{some(names)}: {why}" for why, names in lost.items()]
-    return "\n".join([f"{found['kind']}, of the solution of this mesh:", *texts[:SHOWN], *more, *lost])
+    return [f"{found['kind']}, of the solution of this mesh:", *texts[:SHOWN], *more, *lost]
 
 
 def _row(letter: str, ends: Mapping[str, object]) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from math import hypot
 
 from orchestrator.errors import some
@@ -21,8 +22,8 @@ ROUNDED = 1e-10  # of the largest of them: shown as zero
 def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     """Label and text of each line of the short summary; what is not known is left out."""
     found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {"config": summary.get("config") or {}}
-    rows = [(label, told(found) if callable(told) else _numbers(found, *told)) for label, told in _LINES]
-    return [(label, text) for label, text in rows if text]
+    rows = [(label, told(found) or "" if callable(told) else _numbers(found, *told)) for label, told in _LINES]
+    return [(label, text) for label, told in rows if (text := told if isinstance(told, str) else "\n".join(told))]
 
 
 def _numbers(summary: Mapping[str, object], key: str, form: str) -> str:
@@ -31,10 +32,6 @@ def _numbers(summary: Mapping[str, object], key: str, form: str) -> str:
     for name in key.split("."):
         value = value.get(name) if isinstance(value, Mapping) else None
     return "" if value is None else form.format(value)
-
-
-def _sentences(key: str) -> Callable[[Mapping[str, object]], str]:
-    return lambda summary: "\n".join(summary.get(key) or ())
 
 
 def _result(summary: Mapping[str, object]) -> str:
@@ -62,43 +59,37 @@ def _backward(summary: Mapping[str, object]) -> str:
     return f"exact for surfaces shifted by at most {normal} along the normal, {tangential} across it"
 
 
-def _peak(key: str, what: str, unit: str) -> Callable[[Mapping[str, object]], str]:
+def _peak(key: str, what: str, unit: str, summary: Mapping[str, object]) -> str:
     """A largest value with its place."""
-    def told(summary: Mapping[str, object]) -> str:
-        if not (found := summary.get(key)):
-            return ""
-        part = f" of {found['part']}" if found["part"] else ""
-        when = f", load step {found['load_step']}" if (summary.get("load_steps") or 1) > 1 else ""
-        at = _vector(found["at"], ROUNDED * max(map(abs, found["at"])))
-        grows = found.get("grows")
-        endless = f"\nsingular: from mesh to mesh it grows as h^-{grows:.2f}, h the size of elements there, without limit" if grows else ""
-        return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {at}{part}{when}){endless}"
-
-    return told
+    if not (found := summary.get(key)):
+        return ""
+    part = f" of {found['part']}" if found["part"] else ""
+    when = f", load step {found['load_step']}" if (summary.get("load_steps") or 1) > 1 else ""
+    at = _vector(found["at"], ROUNDED * max(map(abs, found["at"])))
+    grows = found.get("grows")
+    endless = f"\nsingular: from mesh to mesh it grows as h^-{grows:.2f}, h the size of elements there, without limit" if grows else ""
+    return f"{found['value']:.5g}{units_of(summary)[unit]}  ({what}at {at}{part}{when}){endless}"
 
 
-def _forces(loads: bool) -> Callable[[Mapping[str, object]], str]:
-    """Sentences on the forces of supports, or the sum of loads, at the last load step."""
-    def told(summary: Mapping[str, object]) -> str:
-        names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
-        kinds = summary.get("reaction_kinds") or ["support"] * len(names)
-        largest = max((abs(x) for steps in reactions for force in steps or () for x in force if x is not None), default=0.0)
-        texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}"
-                 for name, steps, kind in zip(names, reactions, kinds) if steps and (kind == "load") == loads]
-        count = summary.get("load_steps") or 1
-        if texts and count > 1:
-            texts[0] += f"  (load step {count} of {count})"
-        return "\n".join(texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN))
-
-    return told
+def _forces(which: str, summary: Mapping[str, object]) -> list[str]:
+    """Sentences on the forces of supports, or the sum of loads, at the last load step; ``which``: support, or load."""
+    names, reactions = summary.get("reaction_names") or [], summary.get("reactions") or []
+    kinds = summary.get("reaction_kinds") or ["support"] * len(names)
+    largest = max((abs(x) for steps in reactions for force in steps or () for x in force if x is not None), default=0.0)
+    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units_of(summary)['force']}"
+             for name, steps, kind in zip(names, reactions, kinds) if steps and (kind == "load") == (which == "load")]
+    count = summary.get("load_steps") or 1
+    if texts and count > 1:
+        texts[0] += f"  (load step {count} of {count})"
+    return texts[:SHOWN] + [f"… and {len(texts) - SHOWN} more in summary.json"] * (len(texts) > SHOWN)
 
 
-def _tools(summary: Mapping[str, object]) -> str:
+def _tools(summary: Mapping[str, object]) -> list[str]:
     """Sentences on each tool's place at the last load step."""
     units = units_of(summary)
-    return "\n".join(f"{tool['name']}: {_vector(move := tool['displacement'][-1], ROUNDED * max(map(abs, move)))}{units['length']}"
-                     + (f", turned by {_vector(turn, ROUNDED * max(map(abs, turn)))}°" if any(turn := tool["rotation"][-1]) else "")
-                     for tool in summary.get("tools") or ())
+    return [f"{tool['name']}: {_vector(move := tool['displacement'][-1], ROUNDED * max(map(abs, move)))}{units['length']}"
+            + (f", turned by {_vector(turn, ROUNDED * max(map(abs, turn)))}°" if any(turn := tool["rotation"][-1]) else "")
+            for tool in summary.get("tools") or ()]
 
 
 def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
@@ -110,7 +101,7 @@ def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
             f"iterations' {beside})")
 
 
-def _probes(summary: Mapping[str, object]) -> str:
+def _probes(summary: Mapping[str, object]) -> list[str]:
     """Values of probes at the last load step."""
     units, texts = units_of(summary), []
     for probe in summary.get("probes") or ():
@@ -121,7 +112,7 @@ def _probes(summary: Mapping[str, object]) -> str:
             f"{name} {values[-1] if abs(values[-1]) > least else 0.0:.5g}" for name, values in probe["values"].items()) + unit))
         if told := probe.get("accuracy"):
             texts.append(quantity_text(probe["name"], told, unit or units["force"]) + f", asked: {told['asked']:.2%}")
-    return "\n".join(texts)
+    return texts
 
 
 def _vector(values: Sequence[float | None], least: float = 0.0) -> str:
@@ -191,11 +182,11 @@ def _nonlinear(summary: Mapping[str, object]) -> str:
             f"one; no error bound is claimed, residuals are; off: {', '.join(found['off'])}") if found else ""
 
 
-def _bolts(summary: Mapping[str, object]) -> str:
+def _bolts(summary: Mapping[str, object]) -> list[str]:
     """Sentences on the bolts' forces at the last load step."""
-    return "\n".join(f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}" + (
+    return [f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}" + (
         f"; shear {bolt['shear'][-1]:.3g}, bending {bolt['bending'][-1]:.3g}" if bolt.get("shear") else "")
-        for bolt in summary.get("bolts") or ())
+        for bolt in summary.get("bolts") or ()]
 
 
 def _size(summary: Mapping[str, object]) -> str:
@@ -203,23 +194,18 @@ def _size(summary: Mapping[str, object]) -> str:
     return ", ".join(f"{summary[key]:,} {word}{'s' * (summary[key] != 1)}" for key, word in words.items() if summary.get(key) is not None)
 
 
-# label → a function of the summary, or a key of it and the format of what is there
+# label → a function of the summary, for a text or several, or a key of it and the format of what is there
 _LINES: tuple[tuple[str, object], ...] = (
-    ("run", ("name", "{}")), ("result", _result), ("verdict", lambda summary: "\n".join(verdict(summary))),
-    ("peak stress", _peak("peak_stress", "von Mises, ", "stress")),
-    ("peak displ.", _peak("peak_displacement", "", "length")), ("reactions", _forces(loads=False)),
-    ("tools", _tools), ("loads", _forces(loads=True)), ("probes", _probes), ("certified", intervals),
-    ("what to do", _sentences("advice")), ("iterations", _iterations),
-    ("load path", lambda summary: "\n".join(found["sentence"] for found in summary.get("load_path") or ())),
+    ("run", ("name", "{}")), ("result", _result), ("verdict", verdict),
+    ("peak stress", partial(_peak, "peak_stress", "von Mises, ", "stress")),
+    ("peak displ.", partial(_peak, "peak_displacement", "", "length")), ("reactions", partial(_forces, "support")), ("tools", _tools),
+    ("loads", partial(_forces, "load")), ("probes", _probes), ("certified", intervals), ("what to do", lambda summary: summary.get("advice")),
+    ("iterations", _iterations), ("load path", lambda summary: [found["sentence"] for found in summary.get("load_path") or ()]),
     ("error bound", _error), ("own errors", own_errors), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
-    ("no balance", lambda summary: "\n".join(balance_sentences(summary))),
-    ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off),
-    ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts),
-    ("stabilised", lambda summary: "\n".join(stabilised_sentences(summary, brief=True))),
-    ("places", lambda summary: "\n".join(place_sentences(summary))),
-    ("not held", lambda summary: "\n".join(hold_sentences(summary, brief=True))), ("warning", _sentences("warnings")), ("size", _size),
-    ("element", ("element", "{}")), ("time", time_sentences), ("codes", code_sentences), ("workers", worker_sentence),
-    ("ranks", rank_sentence), ("skipped", skipped_sentence),
-    ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))
+    ("no balance", balance_sentences), ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off),
+    ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts), ("stabilised", partial(stabilised_sentences, brief=True)),
+    ("places", place_sentences), ("not held", partial(hold_sentences, brief=True)), ("warning", lambda summary: summary.get("warnings")),
+    ("size", _size), ("element", ("element", "{}")), ("time", time_sentences), ("codes", code_sentences), ("workers", worker_sentence),
+    ("ranks", rank_sentence), ("skipped", skipped_sentence), ("memory", ("memory_peak_mb", "{:,.0f} MB at the peak")))

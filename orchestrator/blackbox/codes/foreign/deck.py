@@ -55,25 +55,20 @@ class DeckCode(ForeignCode):
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
         k = springs_of(S, free)
         M = S + np.diag(k)
-        self._check_steps()
+        steps = len(self.settings.factors)
+        if part.loads and part.nonlinear and set(self.settings.factors) != {1.0}:
+            raise self.wrong("history", f"'{name}': a history of loads that act on matter that flows",
+                             "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]")
+        if part.loads and len(part.loads) not in (1, steps):
+            raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps", "one file for all load steps, or one "
+                             "for each", "write one for each" if part.nonlinear else "let history multiply a single one")
         if part.nonlinear:
             return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
-        steps = len(self.settings.factors)
         b = np.array([M @ runs.static(k, case) for case in runs.cases(steps)]) if part.loads else np.zeros((1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
         for own, case in zip(b, runs.cases(steps) or [None]):
             self._probe(runs, M, k, own, case)
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
-
-    def _check_steps(self) -> None:
-        """Raises InputError for loads of which no load step can be told."""
-        part, steps = self.settings.part, len(self.settings.factors)
-        if part.loads and part.nonlinear and set(self.settings.factors) != {1.0}:
-            raise self.wrong("history", f"'{self.settings.name}': a history of loads that act on matter that flows",
-                             "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]")
-        if part.loads and len(part.loads) not in (1, steps):
-            raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps", "one file for all load steps, or one "
-                             "for each", "write one for each" if part.nonlinear else "let history multiply a single one")
 
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
