@@ -26,6 +26,7 @@ from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.ranks import Piece
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
+from orchestrator.results.whole import tell
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.scene.body import Meshed
@@ -110,7 +111,7 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: 
     made : the scene or a part of it, taken out of the list so that nobody else holds it
     """
     start, placed, whole = record.start, [], None if record.scene.overview else record.scene
-    ranks = replace(ranks, may_stop=record.keeps, whole=not config.output.fields)  # pictures alone are of the whole
+    ranks = replace(ranks, may_stop=record.keeps, whole=False)
     while True:
         try:
             solution = solve(config, made.pop() if made else whole, told, reference=reference, start=start, watch=record.watch, ranks=ranks)
@@ -147,7 +148,7 @@ def follow(team: Team) -> int:
             pieces = []
             continue
         config, reference, judged, apart = given
-        ranks = Ranks(team, whole=not config.output.fields)
+        ranks = Ranks(team, whole=False)
         pieces.append(_piece_of(config, [scene_of(config, ranks, reference)] if apart else [], reference, ranks))
         if judged:
             pieces[0].estimate(False)  # as the judge has it
@@ -158,6 +159,8 @@ def follow(team: Team) -> int:
 def _written(piece: Piece, config: Config) -> None:
     if config.output.fields:
         write_piece(piece)
+    elif config.output.figures and piece.team.share(None):  # drawn from a file of rank 0's
+        tell(piece)
 
 
 def _piece_of(config: Config, made: list[Scene | None], reference: bool, ranks: Ranks) -> Piece:

@@ -316,10 +316,14 @@ def test_ranks_go_on_with_what_one_process_has_begun(endless, tmp_path, temporar
 
 @pytest.mark.long
 def test_contact_is_drawn(tmp_path, temporary):
-    run = orchestrate(2, Path("configs/two_blocks.yaml").absolute(), "--output", tmp_path / "results", folder=temporary)
-    _, errors = run.communicate(timeout=SECONDS)
-    assert run.returncode == 0, errors
-    assert (tmp_path / "results/figures/interfaces.png").exists()
+    """From a file that goes, where no fields are wanted: the same picture."""
+    for fields in ("true", "false"):
+        run = orchestrate(2, Path("configs/two_blocks.yaml").absolute(), "--output", tmp_path / fields, "--set", f"output.fields={fields}",
+                          folder=temporary)
+        _, errors = run.communicate(timeout=SECONDS)
+        assert run.returncode == 0, errors
+        assert (tmp_path / fields / "fields.npz").exists() == (fields == "true") and not list(temporary.glob("orchestrator-*/work"))
+    assert len({(tmp_path / fields / "figures/interfaces.png").read_bytes() for fields in ("true", "false")}) == 1
 
 
 @pytest.mark.long

@@ -6,27 +6,30 @@ import json
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
+from orchestrator.folders import temporary
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.npz import NAME, write_npz
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.results.solution import Solution
-from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
+from orchestrator.results.whole import arrays
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -60,7 +63,7 @@ class Record(Subscriber):
         self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
         self._opens = not scene.bonded  # asked for when the scene has been set aside
         self._last: Iteration | None = None
-        self._artist, self._begun = artist, False
+        self._artist, self._begun, self._left = artist, False, ExitStack()
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
@@ -81,12 +84,12 @@ class Record(Subscriber):
             with self.watch("output"):
                 if self._config.output.figures:
                     summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
-                in_pieces = solution.fields is None and self._config.output.fields  # drawn from the file, once it is there
-                if not in_pieces:
+                if solution.fields is not None:
                     self._draw(summary, solution.fields)
                 solution.write_results(self._folder, solution.piece)
-                if in_pieces:
-                    self._draw(summary, self._folder.path)
+                file = self._drawn_from(solution)
+                if solution.fields is None:
+                    self._draw(summary, file)
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
@@ -102,6 +105,17 @@ class Record(Subscriber):
                     summary["warnings"] = [*(summary.get("warnings") or ()), f"no pictures of the structure: {error}; "
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
+
+    def _drawn_from(self, solution: Solution) -> Path | None:
+        """The folder of a file with the fields that ranks have pieces of: the results', or one that goes with this."""
+        output, piece = self._config.output, solution.piece
+        if piece is None or output.fields:
+            return self._folder.path if output.fields else None
+        if not output.figures or not piece.team.share(self._artist is not None and solution.fields is None):
+            return None
+        folder = self._left.enter_context(temporary())
+        write_npz(folder / NAME, arrays(piece))
+        return folder
 
     def _draw(self, summary: dict[str, object], fields: Fields | Path | None) -> None:
         """Have figures drawn, where they are wanted, as ``write_figures`` does."""
@@ -128,6 +142,7 @@ class Record(Subscriber):
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._left.close()
         self._history.close()
 
     def iteration(self, event: Iteration) -> None:

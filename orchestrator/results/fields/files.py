@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import deque
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import count
@@ -24,7 +23,7 @@ from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import NAME, arrays, write_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.ranks import Piece
-from orchestrator.results.whole import arrays as arrays_of_pieces
+from orchestrator.results.whole import arrays as arrays_of_pieces, tell
 from orchestrator.scene.elasticity import principal, von_mises
 
 PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
@@ -75,8 +74,7 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
 
 def write_piece(piece: Piece) -> None:
     """What the other ranks do while rank 0 writes fields: a piece of every step."""
-    for _, array in arrays_of_pieces(piece):
-        deque(array, 0)
+    tell(piece)
     directory, hidden, opens = piece.team.share(None)
     _write_piece(ResultsFolder(directory), piece, hidden)
     for side in range(2 * opens):
