@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -28,6 +28,10 @@ class CodeSettings(Part):
     {'code': 'freefem', 'on': ['*'], 'element': 'P1', 'transport': 'file', 'workers': 'auto', 'digits': 14}
     """
 
+    # what a code's own entries may say otherwise, as properties
+    brings_loads: ClassVar[bool] = False  # whether its models have loads of their own, beside those of the YAML
+    remembers: ClassVar[bool] = False  # whether they are nonlinear and remember load steps, which are then solved one after the other
+
     code: Name = Field(DEFAULT_CODE, description=(
         "the finite element code, or a solver of your own; none: the one that is the fastest here"))
     on: Names = Field(["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
@@ -40,16 +44,6 @@ class CodeSettings(Part):
     workers: AutoCount = Field("auto", description="processes; auto: one per core")
     timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(600.0, description=(
         "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
-
-    @property
-    def brings_loads(self) -> bool:
-        """Whether the code's models have loads of their own, beside those of the YAML."""
-        return False
-
-    @property
-    def remembers(self) -> bool:
-        """Whether the code's models are nonlinear and remember load steps, which are then solved one after the other."""
-        return False
 
     @classmethod
     def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:

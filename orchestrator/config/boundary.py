@@ -31,6 +31,12 @@ class Entry(Part):
     """The law between two parts; the last match wins. Each law derives its own, with its parameters."""
 
     per_step: ClassVar[tuple[str, ...]] = ()  # keys that may be lists of vectors, one per load step
+    # what a law's own entries may say otherwise, as properties
+    scaled: ClassVar[tuple[str, ...]] = ()  # keys that a history multiplies; none where the law prescribes nothing
+    apart: ClassVar[str] = ""  # key that has the sides' distance read from the geometry; empty where they must touch
+    reach: ClassVar[float | None] = None  # distance up to which sides are sought, a length; None: as the scene thinks fit
+    follows: ClassVar[bool] = False  # whether the sides are paired anew as they slide
+    fit: ClassVar[float] = 0.0  # depth by which the sides may be inside each other before loading, a length
 
     between: Between = Field(["*", "*"], description=(
         "names of the two parts, shell wildcards allowed, in either order; auto: whatever parts' faces lie on each other, "
@@ -49,11 +55,6 @@ class Entry(Part):
 
     history: Name | None = Field(None, description=(
         "name of the factors per load step, of what the law prescribes: a jump, a gap, a force; none: the same at every step"))
-
-    @property
-    def scaled(self) -> tuple[str, ...]:
-        """The keys that a history multiplies; none where the law prescribes nothing."""
-        return ()
 
     @classmethod
     def wrong_factors(cls, factors: Sequence[float]) -> tuple[str, str, str] | None:
@@ -85,26 +86,6 @@ class Entry(Part):
     def pair(self) -> tuple[str, str]:
         """Patterns of the two parts' names; with a tool of the one."""
         return ("*", "*") if self.found else tuple(side for side in self.between if side is not self.tool)
-
-    @property
-    def apart(self) -> str:
-        """The key that has the sides' distance read from the geometry; empty where they must touch."""
-        return ""
-
-    @property
-    def reach(self) -> float | None:
-        """Distance up to which sides are sought, a length; None: as the scene thinks fit."""
-        return None
-
-    @property
-    def follows(self) -> bool:
-        """Whether the sides are paired anew as they slide."""
-        return False
-
-    @property
-    def fit(self) -> float:
-        """Depth by which the sides may be inside each other before loading, a length."""
-        return 0.0
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results.compare.quantities import Difference, Quantity, Scales, apart, facts_differ, numbers_differ
+from orchestrator.results.compare.quantities import Difference, Quantity, Scales, apart, numbers_differ
 from orchestrator.results.compare.summaries import FACTS, TABLES, TOLD, grids_of, of_grid, of_summary, of_table
 from orchestrator.results.fingerprint import differences, problem_of
 from orchestrator.results.folder import ResultsFolder
@@ -69,7 +69,10 @@ def compare(one: str | os.PathLike[str], other: str | os.PathLike[str], toleranc
             quantities, points = of_grid(path, name)
             scales.take(quantities)
             scales.size = max(scales.size, float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0)
-    found = facts_differ(*({name: summary.get(name) for name in FACTS} for summary in summaries))
+    found = []
+    for name in FACTS:
+        here, there = (summary.get(name) for summary in summaries)
+        found.append(Difference(name, 0.0) if here == there else apart(name, f"{here}, {there} there"))
     found += _against(list(of_summary(summaries[0])), list(of_summary(summaries[1])), scales)
     for table in TABLES:
         (first, rows), (second, others) = (of_table(path, table) for path in paths)

@@ -6,7 +6,7 @@ share: a reaction that is zero but for rounding differs by the rounding of the l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,9 +86,3 @@ def numbers_differ(one: Quantity, other: Quantity, scales: Scales) -> Difference
     worst = int(gap.reshape(len(a), -1).max(axis=1).argmax())
     share = np.divide(gap, size, out=np.zeros_like(gap), where=gap > 0)
     return Difference(one.name, float(share.max()), float(gap.max() / scale), one.where(worst))
-
-
-def facts_differ(one: Mapping[str, object], other: Mapping[str, object]) -> list[Difference]:
-    """One for every fact; those that are not the same have no end."""
-    return [Difference(name, 0.0) if one.get(name) == other.get(name) else
-            apart(name, f"{one.get(name)}, {other.get(name)} there") for name in dict.fromkeys([*one, *other])]

@@ -72,15 +72,12 @@ def refused_term(form: Path, said: str) -> InputError | None:
         text = ""
     place = re.search(rf"\b{name}\b", text)  # else in a file that it includes
     where = f"{form}:{text[: place.start()].count(chr(10)) + 1}" if place else f"{form}, in a file that it includes"
-    if name == "on":
-        return _problem(f"{where}: on(...) in Stiffness or Loads", "terms on volumes, int3d(Th, mine, ...): the meshes have no "
-                        "labelled faces, and it would hold nothing", "leave it out: supports are entries of boundary")
-    if name == "jump":
-        return _problem(f"{where}: jump(...) in Stiffness or Loads", "terms of each tet by itself, int3d(Th, mine, ...): what lies "
-                        "beyond a face may be another subdomain", "leave it out")
-    return _problem(f"{where}: {name}(...) in Stiffness or Loads", "terms on volumes, int3d(Th, mine, ...): the meshes have no "
-                    "labelled faces, and it would vanish", "leave it out: pressures and tractions are entries of boundary, a skin "
-                    "is a thin volume of the mesh, a bedding a part beneath")
+    faces = "terms on volumes, int3d(Th, mine, ...): the meshes have no labelled faces, and it would "
+    told = {"on": (faces + "hold nothing", "leave it out: supports are entries of boundary"),
+            "jump": ("terms of each tet by itself, int3d(Th, mine, ...): what lies beyond a face may be another subdomain", "leave it out")}
+    return _problem(f"{where}: {name}(...) in Stiffness or Loads", *told.get(name, (
+        faces + "vanish", "leave it out: pressures and tractions are entries of boundary, a skin is a thin volume of the mesh, a bedding "
+        "a part beneath")))
 
 
 def not_compiled(form: Path, said: str, meaning: str) -> InputError:
