@@ -37,8 +37,9 @@ WATCHED = [{"at": [0.31, 0.77, 0.2]}, {"at": [0.5, 0.5, 0.5], "quantity": "stres
            {"on": {"box": [[0.4, 0, 1], [1.2, 1, 1]]}, "quantity": "resultant"}, {"section": {"plane": "x", "at": 0.5}},
            {"section": {"plane": [1, 2, 0.5], "at": [0.7, 0.5, 0.5]}}, {"section": {"plane": "z", "at": 0.5}, "part": "block 2-1-*"}]
 CASES = {
+    # whose parts rank 0 hands out
     "perfect": {
-        "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"grid": [4, 2, 1]},
+        "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"metis": 8},
         "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 4}, "traction": [[10, 0, 5], [0, 10, 1]]}],
@@ -103,7 +104,6 @@ CASES = {
                      {"on": {"plane": "x", "at": 2}, "foundation": {"normal": 1e4, "tangential": 1e3}},
                      {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
         "method": {"tolerance": {"law": 1e-6}},
-        # of a scene whose parts rank 0 hands out
         "output": {"probes": [{"on": {"plane": "z", "at": 0}, "quantity": "resultant"}, {"section": {"plane": "z", "at": 0.5}},
                               {"on": {"plane": "y", "at": 2}, "quantity": "max", "of": "stress"}, {"on": {"plane": "x", "at": 2}},
                               {"on": {"plane": "x", "at": 2}, "quantity": "resultant"}]},
@@ -194,6 +194,20 @@ CASES = {
                       "displacement": [[0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
         "method": {"tolerance": {"law": 1e-4}, "contact": {"stabilisation": 2.5e-5}},
     },
+    # two bolts that are cut, tightened one after the other, and a joint with the law of one; in contact with what is between
+    "bolted": {
+        "parts": [_box("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), _box("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
+                  _box("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), _box("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), _box("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
+                  _box("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS, "histories": {"first": [1, 1], "then": [0, 1]},
+        "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]}, {"law": "perfect", "between": ["one*", "high"]},
+                       {"law": "perfect", "between": ["two*", "low"]}, {"law": "perfect", "between": ["two*", "high"]},
+                       {"law": "pretension", "between": ["high", "end"], "force": 30, "history": "then"}],
+        "bolts": [{"on": "two", "cut": {"plane": "z", "at": 1}, "force": 50, "history": "first"},
+                  {"on": "one", "cut": {"plane": [0, 0.1, 1], "at": [0.5, 0.5, 1.02]}, "force": 80, "history": "then"}],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "displacement": [None, None, 0]}, {"on": "end/xmax", "displacement": [0, 0, 0]}],
+        "method": {"tolerance": {"law": 1e-6}},
+    },
     # made in pieces: gaps that are read, sides that touch and match, of which one is bonded, and supports on one of several bodies
     "parts apart": {
         "parts": [_box("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [2, 2, 1], [0, 0, 0.501]),
@@ -221,6 +235,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
     if summary["limit_load"]:
         result["limit"] = [[limit["lacking"], *limit["motions"][0]["shift"]] for limit in summary["limit_load"]]
+    for bolt in summary.get("bolts", ()):
+        result[f"bolt {bolt['name']}"] = [bolt[name] for name in ("force", "shear", "bending", "torsion", "shortening")]
     if summary["error_shares"]:
         result["shares"] = [share for _, share in sorted(summary["error_shares"]["bodies"].items())]
     if summary["places"]:

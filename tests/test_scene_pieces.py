@@ -136,7 +136,7 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"subdomains": {"slices": {"axis": "x", "count": 100}}},  # some of them empty
     {"boundary": [{"on": "ymin", "foundation": {"normal": 1.0}}, BLOCK["boundary"][1]]},  # which holds across it alone
     {"boundary": [*BLOCK["boundary"], {"on": "ymin", "coupling": {"force": [0, 0, 1]}}]},  # of what several subdomains share
-    {"interfaces": [{"law": "contact"}, {"law": "pretension", "between": ["slice 0", "slice 1"], "force": 1.0}]},
+    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 1.4}, "force": 1.0}]},  # of a volume that several ranks have
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
     {"output": {"probes": [{"at": [1, 2, 0.5]}]}}, {"output": {"probes": [{"at": [1, 2, 0.5], "part": "slice 3"}]}},
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
@@ -216,7 +216,7 @@ FIVE = [_block("one", [0, 0, 0]), _block("two", [1, 0, 0]), _block("three", [1, 
 
 
 @pytest.mark.parametrize("interfaces", [{}, {"interfaces": [{"law": "perfect"}]}, {"interfaces": [
-    {"law": "contact", "gap": -0.001}, {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]},
+    {"law": "contact", "gap": -0.001}, {"law": "pretension", "between": ["one", "two"], "force": 3.0}, {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]},
     {"interfaces": [{"law": "contact", "between": "auto", "exclude": [["one", "four"]]}, {"law": "perfect", "between": ["two", "three"]}]},
     ])
 def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
@@ -301,6 +301,20 @@ def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, one_gmsh, elemen
                           "boundary": [{"on": {"plane": "x", "at": -1.0 * part}, "displacement": [0, 0, 0]},
                                        {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
     same_as_one(config, 3)
+
+
+@pytest.mark.parametrize("auto", [False, True])
+def test_bolts_of_solids(solids, one_gmsh, auto):
+    """Cut where one process cuts them, whoever has the plates beside; two of them, one with other matter in contact across its cut."""
+    bolts = [{"on": "solid_4", "cut": "auto" if auto else {"plane": [0.1, 0, 1], "at": [1, 0.5, 1.5]}, "force": 10.0},
+             {"on": "solid_2", "cut": {"plane": "z", "at": 0.5}, "force": 20.0, "history": "late"}]
+    config = config_from({"name": "bolts", "mesh": solids, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "interfaces": [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["solid_2.1", "solid_1"]}],
+                          "bolts": bolts[not auto:] + bolts[:not auto], "histories": {"late": [0, 1]},
+                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
+    assert len(build_scene(config).subdomains) == 6
+    for ranks in (2, 3, 4):
+        same_as_one(config, ranks)
 
 
 def test_a_pin_in_a_bore(tmp_path, one_gmsh):

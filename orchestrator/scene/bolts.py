@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +39,7 @@ class BoltCut:
     name : of the volume
     axis : (3,) unit normal of the plane; point : (3,) on it
     behind, ahead : the subdomains on either side, ahead where the axis leads
+    here : whether all of the bolt is there, as it may not be in a piece of a mesh
     """
 
     index: int
@@ -47,6 +48,23 @@ class BoltCut:
     point: np.ndarray
     behind: tuple[int, ...]
     ahead: tuple[int, ...]
+    here: bool = True
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Where a bolt is cut.
+
+    index, name, axis, point : as of ``BoltCut``
+    own : (k,) int, the bolt's cells; ahead : (k,) bool, where the axis leads
+    """
+
+    index: int
+    name: str
+    axis: np.ndarray
+    point: np.ndarray
+    own: np.ndarray
+    ahead: np.ndarray
 
 
 def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], problems: Problems) -> tuple[Partition, list[BoltCut]]:
@@ -54,46 +72,83 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
 
     Returns the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
     """
-    ahead, planes = np.zeros(len(mesh.cells), dtype=bool), []
+    own = {i: bolt_cells(mesh, bolt) for i, bolt in enumerate(bolts)}
+    shanks = {i: across_shank(mesh, faces, cells) for i, cells in own.items() if len(cells)}
+    beside = {i: ends_beside(mesh, faces, own[i], shank) for i, shank in shanks.items() if shank is not None}
+    made = planes(mesh, faces, partition, bolts, Shanks(shanks, beside), problems)
+    return cut_at(made, faces, partition, problems)[:2]
+
+
+@dataclass(frozen=True)
+class Shanks:
+    """Bolts' shanks, None of one without any, and where other parts end beside them (k,), by the places of their entries."""
+
+    of: Mapping[int, Shank | None]
+    beside: Mapping[int, np.ndarray]
+
+
+def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
+    """(k,) int, the cells of the one volume that an entry of ``bolts`` names; none where it names none, or several."""
+    names = matching(bolt.on, mesh.volumes)
+    return np.flatnonzero(mesh.volume == mesh.volumes.index(names[0])) if len(names) == 1 else np.empty(0, dtype=int)
+
+
+def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], shanks: Shanks, problems: Problems) -> list[Plane]:
+    """Planes of the bolts that are all there."""
+    made: list[Plane] = []
     for i, bolt in enumerate(bolts):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
 
-        if found := _plane(mesh, faces, partition, bolt, [name for _, name, *_ in planes], wrong):
+        own = bolt_cells(mesh, bolt)
+        if partition.here is not None and not (len(own) and partition.here[partition.subdomain[own]].all()):
+            continue  # another rank's
+        shank, ends = shanks.of.get(i), shanks.beside.get(i)
+        if found := _plane(mesh, partition, bolt, (shank, ends), [plane.name for plane in made], wrong):
             name, own, axis, point = found
-            if bolt.cut != "auto" and (better := _elsewhere(mesh, faces, own, axis, point)):
+            if bolt.cut != "auto" and (better := _elsewhere(mesh, own, (shank, ends), axis, point)):
                 problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
                                          f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
             corners = mesh.nodes[mesh.cells[own, :4]]
             height = (corners - point) @ axis
-            ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0,
-                                       (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
-            planes.append((i, name, axis, point, own))
-    if not planes:
-        return partition, []
+            ahead = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0, (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
+            made.append(Plane(i, name, axis, point, own, ahead))
+    return made
+
+
+def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: Problems) -> tuple[Partition, list[BoltCut], np.ndarray]:
+    """The partition with bolts cut at planes, the cuts, and (subdomains,) int, twice the subdomain that each was, one more ahead of a plane."""
+    if not made:
+        return partition, [], 2 * np.arange(len(partition.names))
+    ahead = np.zeros(len(partition.subdomain), dtype=bool)
+    for plane in made:
+        ahead[plane.own] = plane.ahead
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
-    before, count = keys // 2, np.bincount(keys // 2)
+    before, count, here = keys // 2, np.bincount(keys // 2), partition.here
+    if here is not None:  # of another rank's there may be one side alone
+        count[np.unique(partition.subdomain[np.concatenate([plane.own for plane in made])])] = 2
     names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}" for e, key in zip(before, keys)]
-    made = Partition(subdomain, unique_names(names), [partition.body(e) for e in before])
-    cuts = [BoltCut(i, name, axis, point, *(tuple(np.unique(subdomain[own[ahead[own] == side]]).tolist()) for side in (0, 1)))
-            for i, name, axis, point, own in planes]
+    cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before], None if here is None else here[before])
+    cuts = [BoltCut(plane.index, plane.name, plane.axis, plane.point, *(
+        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist()) for side in (False, True)),
+        here is None or bool(here[partition.subdomain[plane.own]].all())) for plane in made]
     number, piece = pieces(faces, subdomain)
     if number != len(names):
         parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
-        for cut in cuts:
-            broken = [made.names[e] for e in (*cut.behind, *cut.ahead) if parts[e] > 1]
-            if broken:
-                problems.add(("bolts", cut.index, "cut"), f"a plane that leaves {' and '.join(broken)} in pieces",
+        for one in cuts:
+            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]
+            if broken and one.here:
+                problems.add(("bolts", one.index, "cut"), f"a plane that leaves {' and '.join(broken)} in pieces",
                              "a plane across the shank that meets nothing else of the bolt, and subdomains in one piece on either "
                              "side of it", "move the plane, or write subdomains: groups, which leaves bolts whole")
-    return made, cuts
+    return cut, cuts, keys
 
 
-def _plane(mesh: Mesh, faces: Faces, partition: Partition, bolt: Any, known: list[str],
+def _plane(mesh: Mesh, partition: Partition, bolt: Any, around: tuple[Shank | None, np.ndarray | None], known: list[str],
            wrong: Callable[..., None]) -> tuple[str, np.ndarray, np.ndarray, np.ndarray] | None:
     """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is wrong with it, which is told.
 
-    known : names of the volumes that other entries cut
+    around : the bolt's shank, and where other parts end beside it; known : names of the volumes that other entries cut
     """
     names = matching(bolt.on, mesh.volumes)
     if not names:
@@ -104,14 +159,14 @@ def _plane(mesh: Mesh, faces: Faces, partition: Partition, bolt: Any, known: lis
     if name in known:
         return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
     own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-    shank = across_shank(mesh, faces, own)
+    shank, ends = around
     if bolt.cut != "auto":
         axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     elif shank is None:
         return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
                      "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
     else:
-        axis, point = shank.axis, shank.middle + away_from_joints(mesh, faces, own, shank) * shank.axis
+        axis, point = shank.axis, shank.middle + away_from_joints(mesh, own, shank, ends) * shank.axis
     ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
     if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
@@ -146,23 +201,27 @@ class Shank:
     length: float
 
 
-def away_from_joints(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank, at: float = 0.0) -> float:
-    """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
-
-    A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
-    node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.
-
-    own : cells of the bolt
-    """
+def ends_beside(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank) -> np.ndarray:
+    """(k,) heights along a shank, from its middle, of faces across it where other parts end beside it; own : cells of the bolt."""
     mine, inner = np.isin(faces.owner, own), faces.neighbour >= 0
     ends = ~mine & ~inner | inner & (mesh.volume[faces.owner] != mesh.volume[faces.neighbour])
     middles = mesh.nodes[faces.triangles[ends, :3]] - shank.middle
     along = middles @ shank.axis
     beside = np.linalg.norm(middles - along[:, :, None] * shank.axis, axis=2).min(axis=1) < NEAR * shank.radius
-    flat = beside & (np.ptp(along, axis=1) < FLAT * shank.radius)  # faces across the axis: where a part ends
+    return along[beside & (np.ptp(along, axis=1) < FLAT * shank.radius)].mean(axis=1)
+
+
+def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray, at: float = 0.0) -> float:
+    """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
+
+    A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
+    node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.
+
+    own : cells of the bolt; ends : of ``ends_beside``
+    """
     corners = (mesh.nodes[mesh.cells[own, :4]] - shank.middle) @ shank.axis
     size = float(np.median(np.ptp(corners, axis=1)))
-    ends = np.r_[-shank.length / 2, along[flat].mean(axis=1), shank.length / 2]
+    ends = np.r_[-shank.length / 2, ends, shank.length / 2]
     ends = np.unique(ends[np.abs(ends) <= shank.length / 2])
     if np.abs(ends - at).min() > size:
         return at
@@ -172,13 +231,13 @@ def away_from_joints(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank, at
     return float(places[far <= far.min() + FLAT * shank.radius].max()) if len(places) else at
 
 
-def _elsewhere(mesh: Mesh, faces: Faces, own: np.ndarray, axis: np.ndarray, point: np.ndarray) -> str:
+def _elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarray | None], axis: np.ndarray, point: np.ndarray) -> str:
     """A better place for a cut that crosses planes at which other parts end; empty where there is none, or no need."""
-    shank = across_shank(mesh, faces, own)
+    shank, ends = around
     if shank is None or abs(shank.axis @ axis) < 1 - ACROSS**2:
         return ""
     at = float((point - shank.middle) @ shank.axis)
-    better = away_from_joints(mesh, faces, own, shank, at)
+    better = away_from_joints(mesh, own, shank, ends, at)
     return "" if better == at else format_point(shank.middle + better * shank.axis)
 
 

@@ -43,7 +43,7 @@ class Cut:
 
     partition: Partition
     numbering: SplitNumbering
-    bolts: list[BoltCut] = field(default_factory=list)
+    bolts: Sequence[BoltCut] = ()
     failed: bool = False
 
 
@@ -119,14 +119,14 @@ def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
 
 def _divided(config: Config, body: Body, problems: Problems) -> Cut:
     """The subdomains, bolts cut."""
-    mesh, cuts, failed = body.mesh, [], False
+    mesh, cuts, failed = body.mesh, body.cuts, False
     try:
         partition = body.partition or make_partition(mesh, body.faces, config.subdomains)
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.
         partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
-    if config.bolts and not failed:
+    if config.bolts and not failed and body.partition is None:
         partition, cuts = cut_bolts(mesh, body.faces, partition, config.bolts, problems)
     return Cut(partition, split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes)), cuts, failed)
 

@@ -244,12 +244,14 @@ class PlacedBolt:
     interface : at the cut
     axis : (3,) unit vector along which it pulls, from side 1 to side 2 of the interface
     point : (3,) where the cut meets the axis, or any point of the plane
+    entry : position in the YAML's ``bolts``, −1 of an interface with the law of one
     """
 
     name: str
     interface: Interface
     axis: np.ndarray
     point: np.ndarray
+    entry: int = -1
 
 
 @dataclass(frozen=True)

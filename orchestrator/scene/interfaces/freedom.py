@@ -147,6 +147,10 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
     for cut in cuts:
         sides = {(a, b) for a in cut.behind for b in cut.ahead} | {(b, a) for a in cut.behind for b in cut.ahead}
         found = [i for i in interfaces if i.subdomains in sides]
+        if not cut.here:  # what there is of it
+            for interface in found:
+                govern(interface, entries[cut.index].law, factors[cut.index])
+            continue
         if len(found) != 1:
             problems.add(("bolts", cut.index, "cut"), f"a cut of {cut.name} that is in {len(found)} interfaces: between "
                          f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the other",
@@ -157,7 +161,7 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
         govern(interface, entries[cut.index].law, factors[cut.index])
         interface.entry = -1
         axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
-        placed.append(PlacedBolt(cut.name, interface, axis, cut.point))
+        placed.append(PlacedBolt(cut.name, interface, axis, cut.point, cut.index))
     return placed
 
 

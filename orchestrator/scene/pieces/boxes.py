@@ -78,7 +78,7 @@ class Boxes:
         mesh = replace(mesh, nodes=self._factor * mesh.nodes, within=self.extent.box)
         mesh, faces = checked(mesh)
         block = np.ravel_multi_index([layers(mesh, axis, int(count)) for axis, count in enumerate(self._blocks)], self._blocks)
-        return Piece.of(mesh, faces, self._bricks.on_sides(number, faces.triangles[faces.outer]), block, mine, self.name, (number, cells))
+        return Piece.of(mesh, faces, self._bricks.on_sides(number, faces.triangles[faces.outer]), block, mine, self.name, (number, cells), self.count)
 
     def _around(self, mine: np.ndarray) -> Iterator[np.ndarray]:
         """Bricks of each of some blocks, and one layer around: a block has those with a tet whose centroid is in it, at 1/4 to 3/4."""

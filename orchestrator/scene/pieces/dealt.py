@@ -88,7 +88,7 @@ class Dealt:
             raise wrong(("mesh",), "tets that are inverted, or files that do not agree", "files of one sound mesh")
         known = np.zeros(len(faces.keys), dtype=bool)
         known[faces.find(outer)] = True
-        return Piece.of(mesh, faces, known[faces.outer], mesh.volume, mine, self.name, (share.number, share.cell_number))
+        return Piece.of(mesh, faces, known[faces.outer], mesh.volume, mine, self.name, (share.number, share.cell_number), self.count)
 
 
 def _touching(share: Share, team: Team) -> list[np.ndarray]:

@@ -16,7 +16,6 @@ from orchestrator.errors import Problems, wrong
 from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.registry import LAWS
 from orchestrator.scene.body import Body
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.boundary import faces_meant
@@ -27,6 +26,7 @@ from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import part_of
+from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.boxes import Boxes
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import Outline
@@ -40,12 +40,12 @@ Source = Boxes | Dealt
 
 def source_of(config: Config, team: Team = ALONE) -> Source | None:
     """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
-    plain = not (config.bolts or config.tools or config.refines or config.output.mesh_bound)
-    told = all(e.tool is None and not LAWS[e.law].axial for e in config.interfaces)
+    plain = not (config.tools or config.refines or config.output.mesh_bound)
     codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
-    if not (plain and told and codes) or config.method.tolerance.error == "auto":
+    if not (plain and codes) or config.method.tolerance.error == "auto":
         return None
-    return Boxes.of(config.mesh, config.subdomains) or dealt(config, team)
+    boxes = Boxes.of(config.mesh, config.subdomains)
+    return dealt(config, team) if boxes is None else None if config.bolts else boxes  # which are of one volume
 
 
 def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | None:
@@ -61,26 +61,20 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return None
     source.deal(rank_of, config.interfaces, team)
-    mine, extent = np.flatnonzero(rank_of == team.rank), source.extent
-    made = [agreed(lambda: source.piece(mine), team)]
-    if made[0] is not None and config.codes[0].element == "P2":
-        piece, nodes = made.pop().of_ten_nodes(extent.nodes, team)
-        made, extent = [piece], replace(extent, nodes=nodes)
-        del piece
+    made, extent = _pieces(config, source, np.flatnonzero(rank_of == team.rank), team)
     surfaces = {} if made[0] is None else gathered(config, made[0], team)
-    local = None if made[0] is None else agreed(lambda: Local.of(config, made, source.count, surfaces), team)
+    local = None if made[0] is None else agreed(lambda: Local.of(config, made, surfaces), team)
     if local is None:
         return None
     every = team.all_gather(local.outline)
-    whole = Outline.joined(every)
-    number = np.concatenate([x.number for x in every])
+    whole, number = Outline.joined(every), np.concatenate([x.number for x in every])
     rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
-    order = np.sort(number)
-    extent = local.numbered(whole, order, source.count, extent, team)
+    kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, one more than its entry of grounds
+    extent = local.numbered(whole, np.sort(number), extent, team)
     apart = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[0] > 1
-    bodies = np.flatnonzero(order < source.count)
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
-    parted = any(entry.ground and entry.ground.whole and (order // source.count == 1 + entry.index).sum() > 1 for entry in local.part.boundary)
+    parted = any(entry.ground and entry.ground.whole and (kind == 1 + entry.index).sum() > 1 for entry in local.part.boundary)
+    bodies = np.flatnonzero(kind == 0)
     free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
     if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted:
         return None
@@ -90,36 +84,49 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     return _watched(config, part, team)
 
 
+def _pieces(config: Config, source: Source, mine: np.ndarray, team: Team) -> tuple[list[Piece | None], Extent]:
+    """This rank's piece, with some subdomains, alone in a list that it can be taken out of, None on all ranks where one cannot make its; and
+    what the whole mesh is then."""
+    made, extent = [agreed(lambda: source.piece(mine), team)], source.extent
+    if made[0] is not None and config.codes[0].element == "P2":
+        piece, nodes = made.pop().of_ten_nodes(extent.nodes, team)
+        made, extent = [piece], replace(extent, nodes=nodes)
+        del piece
+    return [cut(made.pop(), config.bolts, team) if made[0] is not None and config.bolts else made[0]], extent
+
+
 @dataclass
 class Local:
     """A rank's subdomains, in the numbers of the piece that it has made.
 
     part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
-    present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered``, of grounds, which come
-        after all others, entry by entry, a number that only puts them in their order
-    given : how many nodes and cells of the part are the mesh's
+    present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered`` as of a ``Piece``, and then
+        grounds, entry by entry, by that of what they are behind
+    given : how many nodes and cells of the part are the mesh's; count : as of a ``Piece``
     """
 
     part: Scene
     present: np.ndarray
     outline: Outline
     given: tuple[int, int]
+    count: int
 
     @classmethod
-    def of(cls, config: Config, made: list[Piece], count: int, surfaces: Mapping[int, np.ndarray]) -> Local:
+    def of(cls, config: Config, made: list[Piece], surfaces: Mapping[int, np.ndarray]) -> Local:
         """Of the subdomains that are all there, and the grounds behind them.
 
         made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
-        count : of the subdomains of the whole mesh
         surfaces : as of ``Body``
         Raises InputError: whatever is wrong with it
         """
-        present, number, cell_number, here = made[0].present, made[0].number, made[0].cell_number, made[0].partition.here
+        present, number, cell_number, here, count = *(getattr(made[0], name) for name in ("present", "number", "cell_number")), \
+            made[0].partition.here, made[0].count
 
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
             piece = made.pop()
+            problems.warnings += piece.cautions
             return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition,
-                        surfaces=surfaces)
+                        cuts=piece.cuts, surfaces=surfaces)
 
         scene = build_scene(config, meshed=meshed)
         grounds = [i.subdomains for i in scene.interfaces if i.law.on_ground]
@@ -128,23 +135,22 @@ class Local:
         bodies = np.array([body_of[ground] for ground in range(len(present), len(scene.subdomains))], dtype=int)
         own = np.flatnonzero(np.concatenate([here, here[bodies]]))
         present = np.concatenate([present, (1 + np.array(entry_of, dtype=int)) * count + present[bodies]])
-        near = [pair for pair in scene.near if np.isin(pair, present[own]).any()]
-        if near:
+        if np.isin(scene.mesh.volume[np.isin(scene.cell_subdomain, own)], [*chain.from_iterable(scene.near)]).any():
             raise wrong(("interfaces",), "faces that are near each other", "faces that are joined, or far apart")
         part = part_of(scene, own, None)
         given = np.searchsorted(part.number, len(number)), np.searchsorted(part.cell_number, len(cell_number))
         part.number, part.cell_number = (np.pad(of[at[:end]], (0, len(at) - end)) for of, at, end in (
             (number, part.number, given[0]), (cell_number, part.cell_number, given[1])))
-        return cls(part, present, Outline.of(scene, part, present, own), given)
+        return cls(part, present, Outline.of(scene, part, present, own), given, count)
 
-    def numbered(self, whole: Outline, order: np.ndarray, count: int, extent: Extent, team: Team) -> Extent:
+    def numbered(self, whole: Outline, order: np.ndarray, extent: Extent, team: Team) -> Extent:
         """Gives what has been added to the mesh its numbers; and what is around all of it. All ranks ask together.
 
         whole : of all; order : (subdomains,) ascending, the numbers that have put its subdomains in their order
-        count : of the mesh's subdomains; extent : of the mesh
+        extent : of the mesh
         """
         self.present, part = np.searchsorted(order, self.present), self.part
-        added = order >= count
+        added = order >= self.count
         for of, what, every, begin in ((part.number, "nodes", whole.nodes, extent.nodes),
                                        (part.cell_number, "cells", whole.cells, int(whole.cells[~added].sum()))):
             starts = begin + np.cumsum(every * added) - every

@@ -17,7 +17,7 @@ from orchestrator.scene.part import overview, without_nodes
 from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
-OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "laws", "mixed", "matched", "met")
+OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "laws", "bolts", "mixed", "matched", "met")
 GROUND = 3  # among kinds of interfaces
 
 
@@ -30,7 +30,8 @@ class Outline:
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
     order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a ground; and its place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
-    laws : of grounds, at every load step; None of others, which ``entry`` tells of
+    laws : of grounds and bolts, at every load step; None of others, which ``entry`` tells of
+    bolts : what is known of a bolt there but for its interface; None where there is none
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
@@ -55,6 +56,7 @@ class Outline:
     joins: np.ndarray
     apart: np.ndarray
     laws: list
+    bolts: list
     mixed: np.ndarray
     matched: np.ndarray
     met: np.ndarray
@@ -77,7 +79,7 @@ class Outline:
         known, subdomains = overview(scene), [scene.subdomains[e] for e in own]
         mine = np.isin(np.arange(len(present)), own)
         order, at = _order(scene), np.array([i.index for i in scene.interfaces if mine[i.subdomains[0]]], dtype=int)
-        first = [scene.interfaces[k] for k in at]
+        first, bolts = [scene.interfaces[k] for k in at], {bolt.interface.index: replace(bolt, interface=None) for bolt in scene.bolts}
         sides = ends_of(first)
         hard = known.difficulty
         used = np.unique(np.concatenate([s.material for s in subdomains]))
@@ -86,7 +88,8 @@ class Outline:
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
-                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if i.law.on_ground else None for i in first],
+                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if i.entry < 0 and not i.law.perfect else None for i in first],
+                   [bolts.get(i.index) for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
                    with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
@@ -114,7 +117,7 @@ class Outline:
                 return np.max(values, axis=0)
             if name in ("faces", "used"):
                 return np.sum(values, axis=0).astype(values[0].dtype)
-            if name in ("names", "bodies", "laws"):
+            if name in ("names", "bodies", "laws", "bolts"):
                 every = [word for words in values for word in words]
                 return [every[i] for i in (pairs if name in OF_INTERFACES else own)]
             return np.concatenate(values)[pairs if name in OF_INTERFACES else own]
@@ -163,7 +166,9 @@ class Outline:
             if self.laws[k] is not None:
                 own.law, *own.law_at_steps = self.laws[k]
             interfaces.append(without_nodes(own))
-        return replace(part, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
+        bolts = [replace(bolt, interface=i, name=bolt.name if bolt.entry >= 0 else i.name) for bolt, i in zip(self.bolts, interfaces) if bolt]
+        bolts.sort(key=lambda bolt: (bolt.entry < 0, bolt.entry))
+        return replace(part, bolts=bolts, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
 
     def _hollow(self, e: int, part: Scene) -> Subdomain:
         return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.errors import wrong
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
+from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of, quadratic
@@ -33,8 +34,10 @@ class Piece:
 
     mesh, faces : of these cells; of its outer faces those alone that are the whole mesh's, too
     partition : its subdomains, also those of which it has a few cells, see ``here``
-    present : (subdomains,) int, ascending, which of the whole scene's these are
+    present : (subdomains,) int, ascending, which of the whole scene's these are; where bolts are cut twice that, and one more ahead of a cut
+    count : how many that leaves room for
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
+    cuts : of bolts of which some cells are here; cautions : what is said of them
     """
 
     mesh: Mesh
@@ -43,15 +46,18 @@ class Piece:
     present: np.ndarray
     number: np.ndarray
     cell_number: np.ndarray
+    count: int
+    cuts: Sequence[BoltCut] = ()
+    cautions: Sequence[str] = ()
 
     @classmethod
     def of(cls, mesh: Mesh, faces: Faces, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, name: Callable[[int], str],
-           numbers: tuple[np.ndarray, np.ndarray]) -> Piece:
+           numbers: tuple[np.ndarray, np.ndarray], count: int) -> Piece:
         """Of a mesh with all cells at the nodes of some subdomains.
 
         faces, outer : the faces of the mesh; (k,) bool, which of those with one cell are outer faces of the whole mesh
         subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; name : of one of them
-        numbers : as above
+        numbers, count : as above
         Raises InputError: one of them has no tets or is not connected
         """
         kept = faces.neighbour >= 0
@@ -61,7 +67,7 @@ class Piece:
         owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
         if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present], here=np.isin(present, mine)), present, *numbers)
+        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present], here=np.isin(present, mine)), present, *numbers, count)
 
     def of_ten_nodes(self, nodes: int, team: Team) -> tuple[Piece, int]:
         """The same with a node in the middle of every edge, of a mesh of so many corners; and how many nodes it has then. All ranks ask
