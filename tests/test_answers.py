@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 import results_case as case
 from in_process import IN_PROCESS
 from yaml_case import call
@@ -89,6 +90,22 @@ def test_tension_and_bending_of_a_bar(element, tmp_path):
     most = max((row for row in rows["extremes"] if row["quantity"] == "von_mises"), key=lambda row: float(row["value"]))
     assert float(most["value"]) == pytest.approx(summary["peak_stress"]["value"], rel=1e-8)
     assert close([float(row["fx"]) for row in rows["interfaces"]], FORCE) and rows["interfaces"][0]["law"] == "perfect"
+
+
+def test_normal_forces_of_rounding_have_no_centre():
+    """Springs that are slack along an oblique normal, and act across it."""
+    block = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}}
+    turn = Rotation.from_rotvec([0.3, 0.2, 0.1])
+    move = {"rotate": {"axis": [3, 2, 1], "degrees": float(np.degrees(turn.magnitude()))}}
+    found = solve(config_from({
+        "name": "slack", "materials": [{"young": 200e3, "poisson": 0.3}], "subdomains": "groups", "blackbox": IN_PROCESS,
+        "parts": [{"name": "low", **block, "move": move},
+                  {"name": "high", **block, "move": {**move, "translate": turn.apply([0, 0, 1]).tolist()}}],
+        "interfaces": [{"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4, "tension_only": True}],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]},
+                     {"on": "high/zmax", "displacement": turn.apply([0.001, 0, -0.01]).tolist()}]}))
+    table = found.answers.interfaces.resultants
+    assert found.converged and abs(turn.inv().apply(table.force[0, 0])[0]) > 1 and np.isnan(table.pressure_centre).all()
 
 
 @pytest.mark.parametrize("element, law", [("P1", {"law": "contact", "friction": 0.5}), ("P2", {"law": "perfect"})])

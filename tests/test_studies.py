@@ -261,6 +261,11 @@ def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
     assert [row["met"] for row in rows_of(tmp_path / "targets.csv")] == ["no"]
 
 
+def test_what_pieces_of_a_scene_cost_is_measured(monkeypatch):
+    monkeypatch.setattr(prediction, "OF_OTHERS", 4)
+    assert min(prediction.measure_pieces(lambda counts, elements: config_from(scaling.cubes(counts, elements)), 1)) > 0
+
+
 @pytest.mark.long
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""

@@ -36,7 +36,7 @@ from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
 from orchestrator.scene.model import Interface, Scene, ends_of
 
-# Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.
+# Normal forces whose sum is this small beside what the interface that carries most does have no centre: iterations leave as much.
 NO_CENTRE = 1e-6
 
 
@@ -67,9 +67,9 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
         arm = at.points - np.repeat(at.centre, at.counts, axis=0)
         push = np.einsum("tni,ni->tn", forces, at.normals)
         total[:, of, :3], total[:, of, 3:] = at.sums(forces), at.sums(np.cross(arm, forces))
-        pressed[:, of], size[:, of], weighted[:, of] = at.sums(push), at.sums(np.abs(push)), at.sums(push[:, :, None] * arm)
+        pressed[:, of], size[:, of], weighted[:, of] = at.sums(push), at.sums(np.linalg.norm(forces, axis=2)), at.sums(push[:, :, None] * arm)
     total, weighted, pressed, size, centre, area = space.team.sum(total, weighted, pressed, size, centre, area)
-    known = (np.abs(pressed) > NO_CENTRE * size) & (area > 0)
+    known = (np.abs(pressed) > NO_CENTRE * size.max(initial=0.0)) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
 
