@@ -79,7 +79,7 @@ def write_groups(folder):
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
 @pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
-                                  "parts apart", "parts in contact", "weaker springs", "contact on ten nodes", "loose grains", "grounds", "contact"])
+                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds", "contact"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
