@@ -147,13 +147,13 @@ class Pieces(NamedTuple):
 def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> Pieces:
     """What scenes in pieces cost; parameters as of ``Costs.of``."""
     config, begin = cubes((4, 4, 4), elements), time.process_time()
-    Local.of(config, [source_of(config).piece(_eight(4)[1])], _eight(4)[1], {})
+    Local.of(config, [source_of(config).piece(_eight(4)[1])], {})
     piece, config = (time.process_time() - begin) / 8, cubes((OF_OTHERS,) * 3, 1)
     source, ranks = source_of(config), (OF_OTHERS // 2) ** 3
     rank_of = np.empty(OF_OTHERS**3, dtype=int)
     for rank, mine in enumerate(_eight(OF_OTHERS)):
         rank_of[mine] = rank
-    made = [Local.of(config, [source.piece(mine)], mine, {}) for mine in _eight(OF_OTHERS)]
+    made = [Local.of(config, [source.piece(mine)], {}) for mine in _eight(OF_OTHERS)]
     told, local, begin = [pickle.dumps(each.outline) for each in made], made[0], time.process_time()
     nodes, pairs, common = source.sizes()
     owners(predicted_cost(3 * nodes), pairs, 3 * common, ranks)
