@@ -17,8 +17,11 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.files import read
-from orchestrator.scene.mesh import solids as solid_meshes
+from orchestrator.scene.mesh import grain_meshes, solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.grain_meshes import GrainMesher
+from orchestrator.scene.mesh.grains import tidied
+from orchestrator.scene.mesh.polyhedra import scattered
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
@@ -85,6 +88,50 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
     config = config_from({"name": "pieces", **CASES["partitions" if file else case], **file, "blackbox": {"element": element}})
     same_as_one(config, 3)
+
+
+GRAINS = {"grains": 27, "size": 1.0, "h": 0.1}
+
+
+def grains(**entry):
+    """In contact."""
+    return config_from({"name": "grains", "mesh": {"polycrystal": {**GRAINS, **entry}}, "subdomains": "groups", "interfaces": [{"law": "contact"}],
+                        "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]},
+                                                                                      {"on": "zmax", "displacement": [0, 0, -0.01]}]})
+
+
+@pytest.mark.parametrize("seed, again", [(1, False), (16, True)])
+def test_ranks_make_grains_of_their_own(seed, again, monkeypatch):
+    """Each of them is meshed once, but for those around bad tets, which whoever has one of them mends."""
+    meshed, of = [], GrainMesher._grain
+
+    def told(mesher, grain):
+        meshed.append(grain)
+        return of(mesher, grain)
+
+    monkeypatch.setattr(GrainMesher, "_grain", told)
+    whole = build_scene(grains(seed=seed))
+    assert sorted(meshed) == [*range(27)] and any("mended" in warning for warning in whole.warnings) == again
+    meshed.clear()
+    same_as_one(grains(seed=seed), 3)
+    twice = np.bincount(meshed) - 1  # that one made all of them first, too
+    assert (twice >= 1).all() and (twice > 1).any() == again and (twice > 1).sum() < 20
+
+
+def test_all_ranks_pass_a_seed_over(monkeypatch):
+    """Where one of them fails, they say what one process would."""
+    of, faces = GrainMesher._grain, len(tidied(scattered(27, np.ones(3), 3, 0), 0.1).plane().loops)
+
+    def failing(mesher, grain):
+        if len(mesher.skeleton.cells.loops) == faces and grain in (5, 20):
+            raise RuntimeError(f"grain {grain}")
+        return of(mesher, grain)
+
+    monkeypatch.setattr(GrainMesher, "_grain", failing)
+    mesh = build_scene(grains(seed=3)).mesh
+    assert mesh.remarks == ["polycrystal of 27 grains, seed 4: passed over seed 3: gmsh: grain 5"]
+    assert all(mesh.remarks[0] in part.overview.cautions and part.overview.mesh_nodes == len(mesh.nodes)
+               for part in among(3, lambda team: make(grains(seed=3), team)))
 
 
 def as_known(part, mine):
@@ -277,7 +324,7 @@ def solids(tmp_path_factory):
     return {"step": str(path), "h": {"*": 0.5, "solid_2": 0.4}, "conforming": False}
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def one_gmsh(monkeypatch):
     """Threads share gmsh, which real ranks have one each of."""
     one = threading.Lock()
@@ -287,12 +334,13 @@ def one_gmsh(monkeypatch):
         with one, session():
             yield
 
-    monkeypatch.setattr(solid_meshes, "session", alone)
+    for module in (solid_meshes, grain_meshes):
+        monkeypatch.setattr(module, "session", alone)
 
 
 @pytest.mark.parametrize("part", [False, True])
 @pytest.mark.parametrize("element", ["P1", late("P2")])
-def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, one_gmsh, element, part):
+def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, element, part):
     """Each its own, with the shapes of faces; as a CAD model, or as one of several parts."""
     mesh = {"mesh": {**solids, "rename": {"solid_4": "post"}}} if not part else {
         "parts": [_block("foot", [-1, 0, 0]), {"name": "row", "mesh": solids}, _block("end", [3, 0, 0])]}
@@ -304,7 +352,7 @@ def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, one_gmsh, elemen
 
 
 @pytest.mark.parametrize("auto", [False, True])
-def test_bolts_of_solids(solids, one_gmsh, auto):
+def test_bolts_of_solids(solids, auto):
     """Cut where one process cuts them, whoever has the plates beside; two of them, one with other matter in contact across its cut."""
     bolts = [{"on": "solid_4", "cut": "auto" if auto else {"plane": [0.1, 0, 1], "at": [1, 0.5, 1.5]}, "force": 10.0},
              {"on": "solid_2", "cut": {"plane": "z", "at": 0.5}, "force": 20.0, "history": "late"}]
@@ -317,7 +365,7 @@ def test_bolts_of_solids(solids, one_gmsh, auto):
         same_as_one(config, ranks)
 
 
-def test_a_pin_in_a_bore(tmp_path, one_gmsh):
+def test_a_pin_in_a_bore(tmp_path):
     """Round sides in contact, slaves and the caution on their facets included, which is told once."""
     with session():
         occ = gmsh.model.occ
@@ -335,7 +383,7 @@ def test_a_pin_in_a_bore(tmp_path, one_gmsh):
     same_as_one(config, 3)
 
 
-def test_fewer_solids_than_ranks_are_left_to_one(solids, one_gmsh):
+def test_fewer_solids_than_ranks_are_left_to_one(solids):
     config = config_from({"name": "solids", "mesh": solids, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "interfaces": [{"law": "perfect"}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]})
     assert among(5, lambda team: make(config, team)) == [None] * 5

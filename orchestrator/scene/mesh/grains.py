@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from orchestrator.scene.mesh.polyhedra import Tessellation, area_vector, cut, narrowest, without_repeats
+from orchestrator.scene.mesh.polyhedra import Tessellation, area_vector, cut, loop_vectors, narrowest, without_repeats
 
 # Edges are removed below 2.2 h, so that they have two elements, but never above a fifth of a grain's size,
 # where grains lose their shape.
@@ -16,6 +16,8 @@ SHORT_H, SHORT_GRAIN = 2.2, 0.2
 FEW_NODES, LONG_GRAIN = 6, 0.5
 # No merger may make an angle smaller than this, in radians (10 degrees; 5 where a tiny interface is at stake).
 NARROW, NARROWEST = np.pi / 18, np.pi / 36
+# Faces whose corners leave their plane by more than this share of the box's longest side are cut into triangles.
+FLAT = 1e-7
 
 
 class Grains:
@@ -30,7 +32,7 @@ class Grains:
     """
 
     def __init__(self, cells: Tessellation):
-        self.points, self.sides = cells.vertices.copy(), cells.sides.copy()
+        self.size, self.points, self.sides = cells.size, cells.vertices.copy(), cells.sides.copy()
         self.loops = dict(enumerate(cells.loops))
         self.cells = {face: (int(a), int(b)) for face, (a, b) in enumerate(cells.cells)}
         self.triangles = dict(zip(self.loops, cut(self.points, list(self.loops.values()))))
@@ -44,12 +46,21 @@ class Grains:
         self._narrow = self._narrowest({cell for cell in self.faces_of if cell >= 0}, {}) or {}
         self.sound = bool(self._narrow)
 
-    def edges(self, face: int) -> list[tuple[float, int, int]]:
-        """(length, lower vertex, higher vertex) of a face's edges."""
-        loop = self.loops[face]
-        ends = [(min(a, b), max(a, b)) for a, b in pairwise([*loop, loop[0]])]
-        lengths = np.linalg.norm(self.points[[a for a, _ in ends]] - self.points[[b for _, b in ends]], axis=1)
-        return [(length, a, b) for length, (a, b) in zip(lengths.tolist(), ends)]
+    def plane(self) -> Tessellation:
+        """What they are now, with plane faces: those that are not are cut into their triangles."""
+        parts = [(list(part), self.cells[face]) for face, loop in sorted(self.loops.items())
+                 for part in ([loop] if _flat(self.points[loop]) else self.triangles[face])]
+        kept, corners = np.unique(np.concatenate([loop for loop, _ in parts]), return_inverse=True)
+        loops = np.split(corners, np.cumsum([len(loop) for loop, _ in parts])[:-1])
+        return Tessellation(self.size, self.points[kept], self.sides[kept], [loop.tolist() for loop in loops],
+                            np.array([cells for _, cells in parts]))
+
+    def edges(self, faces: Iterable[int]) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) lengths, and (k, 2) int lower and higher vertex, of the edges of faces, one face after the other in the order of its loop."""
+        loops = [self.loops[face] for face in faces]
+        ends = np.array([(v, w) for loop in loops for v, w in zip(loop, [*loop[1:], loop[0]])])
+        ends.sort(axis=1)
+        return np.linalg.norm(self.points[ends[:, 0]] - self.points[ends[:, 1]], axis=1), ends
 
     def merge(self, a: int, b: int, narrow: float) -> bool:
         """Makes b and a one vertex, unless a grain around would lose its soundness or get an angle below ``narrow``.
@@ -109,6 +120,11 @@ class Grains:
         return None if found is None else dict(zip(sorted(grains), found.tolist()))
 
 
+def _flat(corners: np.ndarray) -> bool:
+    normal = area_vector(corners)
+    return bool(np.ptp(corners @ normal) <= FLAT * np.linalg.norm(normal))
+
+
 def tidied(cells: Tessellation, h: float) -> Grains:
     """The grains of a tessellation fit for elements of size h: short edges and tiny interfaces merged away.
 
@@ -128,9 +144,9 @@ def _merge_short(grains: Grains, limit: float) -> None:
     merged = True
     while merged:
         merged, touched = False, set()
-        for length, a, b in sorted({edge for face in grains.loops for edge in grains.edges(face)}):
-            if length >= limit:
-                break
+        lengths, ends = grains.edges(grains.loops)
+        short = lengths < limit
+        for _, a, b in sorted(set(zip(lengths[short].tolist(), *ends[short].T.tolist()))):
             # Around a merged vertex lengths have changed: their turn comes in the next round.
             if a in touched or b in touched or not grains.merge(a, b, NARROW):
                 continue
@@ -142,20 +158,25 @@ def _merge_tiny(grains: Grains, h: float, limit: float) -> None:
     merged = True
     while merged:
         merged = False
-        tiny = sorted((count, face) for face, (_, other) in grains.cells.items()
-                      if other >= 0 and (count := expected_nodes(grains, face, h)) < FEW_NODES)
+        inner = [face for face, (_, other) in grains.cells.items() if other >= 0]
+        tiny = sorted((count, face) for face, count in zip(inner, expected_nodes(grains, inner, h).tolist()) if count < FEW_NODES)
         for _, face in tiny:
-            if face not in grains.loops or expected_nodes(grains, face, h) >= FEW_NODES:
+            if face not in grains.loops or expected_nodes(grains, [face], h)[0] >= FEW_NODES:
                 continue
-            for length, a, b in sorted(grains.edges(face)):
+            lengths, ends = grains.edges([face])
+            for length, a, b in sorted(zip(lengths.tolist(), *ends.T.tolist())):
                 if length < limit and grains.merge(a, b, NARROWEST):
                     merged = True
                     break
 
 
-def expected_nodes(grains: Grains, face: int, h: float) -> float:
-    """About how many nodes a face gets with elements of size h."""
-    segments = sum(max(1, np.ceil(length / h - 0.01)) for length, _, _ in grains.edges(face))
-    area = np.linalg.norm(area_vector(grains.points[grains.loops[face]]))
-    triangles = max(area / (np.sqrt(3) / 4 * h**2), segments - 2)
+def expected_nodes(grains: Grains, faces: Sequence[int], h: float) -> np.ndarray:
+    """(k,) about how many nodes faces get with elements of size h."""
+    if not faces:
+        return np.empty(0)
+    loops = [grains.loops[face] for face in faces]
+    starts = np.cumsum([0, *(len(loop) for loop in loops[:-1])])
+    segments = np.add.reduceat(np.maximum(1, np.ceil(grains.edges(faces)[0] / h - 0.01)), starts)
+    area = np.linalg.norm(loop_vectors(grains.points, loops), axis=1)
+    triangles = np.maximum(area / (np.sqrt(3) / 4 * h**2), segments - 2)
     return triangles / 2 + segments / 2 + 1

@@ -34,22 +34,27 @@ class Mended:
     bent: int = 0
     by: float = 0.0
 
+    def __add__(self, other: Mended) -> Mended:
+        return Mended(self.moved + other.moved, self.merged + other.merged, self.bent + other.bent, max(self.by, other.by))
+
     def told(self, h: float) -> str:
         """The changes in words, for elements of size h."""
         bent = f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most" if self.bent else ""
         return f"{self.moved} node{'s' * (self.moved != 1)} moved, {self.merged} short edge{'s' * (self.merged != 1)} merged{bent}"
 
 
-def mend(mesh: Mesh, fitness: Fitness) -> tuple[Mesh, Mended]:
+def mend(mesh: Mesh, fitness: Fitness, held: np.ndarray | None = None) -> tuple[Mesh, np.ndarray, Mended]:
     """Makes bad tets better, the worst first, until none is bad or none gets better.
 
     What is near a bad tet changes, by the best of: one of its nodes moved, the nodes of one of its edges made one;
     the worst tet around always gains. Nodes stay on the named surfaces, volumes stay connected as they are
     (``Stars.may_merge``) and touch node for node. Only where nothing else helps do faces between volumes bend.
 
-    mesh : its surfaces must cover its outside and be plane
+    mesh : its surfaces must cover its outside and be plane, but for faces whose nodes are all held
+    held : (n,) bool, nodes that stay as they are; none
+    Returns the mesh as it is then, (k,) int, which of the nodes these are, and what was done
     """
-    stars, done = Stars(mesh), Mended()
+    stars, done = Stars(mesh, held), Mended()
     bad = _bad(stars, np.arange(stars.real), fitness)
     for bend in (False, True):
         better = True
@@ -57,7 +62,7 @@ def mend(mesh: Mesh, fitness: Fitness) -> tuple[Mesh, Mended]:
             changed = [_mended_at(stars, cell, fitness, bend, done) for cell in bad.tolist()]
             better = any(map(len, changed))
             bad = _bad(stars, np.unique(np.concatenate([bad, *changed])), fitness)
-    return stars.compact(), done
+    return *stars.compact(), done
 
 
 def _bad(stars: Stars, cells: np.ndarray, fitness: Fitness) -> np.ndarray:
@@ -73,6 +78,7 @@ def _mended_at(stars: Stars, cell: int, fitness: Fitness, bend: bool, done: Mend
     if not stars.alive[cell] or fitness(stars.nodes, stars.cells[[cell]])[0] >= 1:
         return np.empty(0, dtype=int)
     corners, best, change = stars.cells[cell].tolist(), 0.0, None
+    corners = [u for u in corners if not stars.held[u]]
     for u in corners:
         around = stars.star(u)
         cells = stars.cells[around[around < stars.real]]
@@ -147,10 +153,12 @@ class Stars:
     cells : (m, 4) int, the mesh's tets, then the imagined ones, whose last node is n; real : how many are the mesh's
     region : (m,) int, index of the volume; surfaces follow
     alive : (m,) bool, tets that have not vanished
+    held : (n,) bool, nodes that stay as they are: the tets around them are not all here
     """
 
-    def __init__(self, mesh: Mesh):
+    def __init__(self, mesh: Mesh, held: np.ndarray | None = None):
         self.mesh, self.nodes, self.real, n = mesh, mesh.nodes.copy(), len(mesh.cells), len(mesh.nodes)
+        self.held = np.zeros(n, dtype=bool) if held is None else held
         beyond = [np.c_[triangles, np.full(len(triangles), n)] for triangles in mesh.surfaces.values()]
         self.cells = np.concatenate([mesh.cells, *beyond])
         self.region = np.r_[mesh.volume, np.repeat(len(mesh.volumes) + np.arange(len(beyond)), [len(part) for part in beyond])]
@@ -212,14 +220,14 @@ class Stars:
         self.cells[moved] = np.where(self.cells[moved] == u, v, self.cells[moved])
         self._at[v] = np.concatenate([self._at[v], moved])
 
-    def compact(self) -> Mesh:
-        """The mesh as it is now, without what has vanished."""
+    def compact(self) -> tuple[Mesh, np.ndarray]:
+        """The mesh as it is now, without what has vanished, and which nodes are left."""
         kept, mesh = np.flatnonzero(self.alive), self.mesh
         inside, beyond = kept[kept < self.real], kept[kept >= self.real]
         used, cells = np.unique(self.cells[inside], return_inverse=True)
         surfaces = {name: np.searchsorted(used, self.cells[beyond[self.region[beyond] == len(mesh.volumes) + i], :3])
                     for i, name in enumerate(mesh.surfaces)}
-        return Mesh(self.nodes[used], cells.reshape(-1, 4), self.region[inside], mesh.volumes, surfaces, mesh.source, list(mesh.remarks))
+        return Mesh(self.nodes[used], cells.reshape(-1, 4), self.region[inside], mesh.volumes, surfaces, mesh.source, list(mesh.remarks)), used
 
 
 def _opposite(cell: list[int], node: int) -> Iterable[tuple[int, ...]]:

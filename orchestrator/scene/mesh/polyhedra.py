@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -122,6 +123,16 @@ def area_vector(points: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(cross(points, points[[*range(1, len(points)), 0]])).sum(axis=0) / 2
 
 
+def loop_vectors(points: np.ndarray, loops: Sequence[list[int]]) -> np.ndarray:
+    """(k, 3) the same of many polygons, given by their corners among points (v, 3)."""
+    count = np.array([len(loop) for loop in loops])
+    ends = np.cumsum(count)
+    at = points[np.concatenate(loops)]
+    after = np.arange(1, len(at) + 1)
+    after[ends - 1] = ends - count
+    return np.add.reduceat(cross(at, at[after]), ends - count) / 2
+
+
 # From some point of a body all planes of its surface are this far at least, per cube root of its volume; and
 # for how long to look for the point.
 SEEN, LOOKS = 0.02, 50
@@ -139,7 +150,7 @@ def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
     chosen = [_triples(len(loop))[0] for loop in loops]
     corners = np.concatenate([np.array(loop)[triples] for loop, triples in zip(loops, chosen)])
     # Negative where a triangle turns the other way.
-    turns = np.repeat([area_vector(points[loop]) for loop in loops], [len(triples) for triples in chosen], axis=0)
+    turns = np.repeat(loop_vectors(points, loops), [len(triples) for triples in chosen], axis=0)
     angle = corner_angles(points[corners]).min(axis=1)
     angle = np.where(np.einsum("ij,ij->i", area_vectors(points, corners), turns) > 0, angle, -1.0).tolist()
     ends = np.cumsum([len(triples) for triples in chosen]).tolist()
@@ -156,6 +167,8 @@ def _triples(k: int) -> tuple[np.ndarray, dict[tuple[int, ...], int]]:
 def _best(loop: list[int], angle: list[float]) -> Triangles | None:
     """The triangles of a polygon, given the smallest angle of each that there may be (``_triples``)."""
     k, place = len(loop), _triples(len(loop))[1]
+    if k == 3:  # most often
+        return [tuple(loop)] if angle[0] > 0 else None
     # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their third corner.
     best, split = {(i, i + 1): np.inf for i in range(k - 1)}, {}
     for span in range(2, k):

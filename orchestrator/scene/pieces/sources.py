@@ -1,4 +1,4 @@
-"""Meshes that ranks read or make in shares: files in partitions, parts and solids meshed apart, some of them each; other files rank 0."""
+"""Meshes that ranks read or make in shares: files in partitions, grains, parts and solids meshed apart, some of them each; other files rank 0."""
 
 from __future__ import annotations
 
@@ -41,14 +41,16 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return _of_parts(config.parts, team)
     if config.mesh.step and config.mesh.conforming is False:
         return _of_made(lambda: [make_mesh(config.mesh, share=(team.rank, team.size))[0]], team)
-    if not (config.mesh.file or config.mesh.polycrystal):
+    if config.mesh.polycrystal:
+        return _of_grains(config.mesh, team)
+    if not config.mesh.file:
         return None
     divided = config.mesh.file and team.share(bool(in_partitions(Path(config.mesh.file))))
     return (_of_partitions if divided else _of_one)(config.mesh, team)
 
 
 def _of_one(mesh: Any, team: Team) -> Dealt | None:
-    """A file that rank 0 reads, or grains that it meshes, and nobody keeps; ``mesh`` of the configuration."""
+    """A file that rank 0 reads, and nobody keeps; ``mesh`` of the configuration."""
     read = agreed(lambda: False if team.rank else make_mesh(mesh)[0], team)
     if read is None:
         return None
@@ -56,6 +58,21 @@ def _of_one(mesh: Any, team: Team) -> Dealt | None:
                                                       surfaces=_with_all({}, read.surfaces)))
     nodes, share = team.share(0 if team.rank else len(read.nodes)), known if team.rank else read
     return Dealt(Share(share, np.arange(len(share.nodes)), np.arange(len(share.cells))), nodes, team)
+
+
+def _of_grains(mesh: Any, team: Team) -> Dealt | None:
+    """Grains, of which each rank meshes some; ``mesh`` of the configuration."""
+    from orchestrator.scene.mesh.polycrystal import check, share  # with it comes SciPy
+
+    if mesh.polycrystal.grains < team.size or agreed(lambda: [check(mesh, team.size)], team) is None:
+        return None
+    try:
+        own, node_tags, cell_tags = share(mesh, team)
+        own = finished(own, mesh, "polycrystal")
+    except InputError:  # on all of them
+        return None
+    number, nodes = numbered(node_tags, team)
+    return Dealt(Share(own, number, numbered(cell_tags, team)[0]), nodes, team)
 
 
 def _of_partitions(mesh: Any, team: Team) -> Dealt | None:
