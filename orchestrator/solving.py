@@ -148,9 +148,10 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
     reference, meshed : as of ``solve`` and ``build_scene``
     Raises InputError: as ``build_scene``
     """
-    apart = ranks.team.share(meshed is None) and not reference
-    part = make(config, ranks.team, ranks.speeds) if apart else None
-    made = part if part is not None or ranks.team.rank else build_scene(config, run_programs=True, meshed=meshed)
+    apart = ranks.team.size > 1 and ranks.team.share(meshed is None) and not reference
+    made = make(config, ranks.team, ranks.speeds) if apart else "all of it is asked for"
+    if isinstance(made, str):
+        made = None if ranks.team.rank else replace(build_scene(config, run_programs=True, meshed=meshed), left=made)
     trim()
     return made
 

@@ -325,6 +325,7 @@ class Scene:
     body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies; None where there is none
     overview : of the whole scene, where this is a part of it
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
+    left : why ranks that solve it together have not made it together
     """
 
     name: str
@@ -349,6 +350,7 @@ class Scene:
     probes: list = field(default_factory=list)
     element: object = None
     body_force: np.ndarray | None = None
+    left: str = ""
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

@@ -68,7 +68,7 @@ def rank_sentence(summary: Mapping[str, object]) -> str:
     return (f"idle for {told} % of the iterations, waiting for each other; per iteration and rank at most "
             f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
             f"{min(memory):,.0f} to {max(memory):,.0f} MB at the peak, codes not counted; "
-            + ("each made its part of the scene" if summary.get("scene_in_pieces") else "rank 0 made the scene"))
+            + ("each made its part of the scene" if summary.get("scene_in_pieces") else f"rank 0 made the scene: {summary.get('scene_left_to_one')}"))
 
 
 def skipped_sentence(summary: Mapping[str, object]) -> str:

@@ -38,34 +38,44 @@ from orchestrator.timing import predicted_cost
 Source = Boxes | Dealt
 
 
-def source_of(config: Config, team: Team = ALONE) -> Source | None:
-    """What makes the configuration's pieces; None where one process has to make the scene. All ranks ask together."""
-    plain = not (config.tools or config.refines or config.output.mesh_bound)
-    codes = all(code.element != "auto" and not code.brings_loads and not code.remembers for code in config.codes)
-    if not (plain and codes) or config.method.tolerance.error == "auto":
-        return None
+JUDGED = "something is amiss, or hangs on all of the mesh"
+
+
+def source_of(config: Config, team: Team = ALONE) -> Source | str:
+    """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
+    for left, why in ((config.tools, "rigid tools"), (config.refines, "an accuracy"), (config.output.mesh_bound, "mesh_bound"),
+                      (config.method.tolerance.error == "auto", "error: auto"), (any(c.element == "auto" for c in config.codes), "element: auto"),
+                      (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
+        if left:
+            return why
     boxes = Boxes.of(config.mesh, config.subdomains)
-    return dealt(config, team) if boxes is None else None if config.bolts else boxes  # which are of one volume
+    if boxes is not None:
+        return "bolts that several subdomains share" if config.bolts else boxes
+    return dealt(config, team) or "a mesh that one process cuts, or reads"
 
 
-def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | None:
-    """The part of a scene that is this rank's, which all ranks make together; None, on all of them: one has to make the whole.
+def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | str:
+    """The part of a scene that is this rank's, which all ranks make together; or why one has to make the whole, the same on all of them.
 
     speeds : as of ``owners``
     """
-    source = source_of(config, team) if team.size > 1 else None
-    if source is None or source.count < team.size or config.output.figures and source.extent.nodes > MAX_NODES:  # pictures are of the whole
-        return None
+    source = source_of(config, team)
+    if isinstance(source, str):
+        return source
+    if source.count < team.size:
+        return "fewer subdomains than ranks"
+    if config.output.figures and source.extent.nodes > MAX_NODES:
+        return "pictures of so large a mesh"
     nodes, pairs, common = source.sizes()
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
-        return None
+        return "more nodes of a rank than numbers allow"
     source.deal(rank_of, config.interfaces, team)
     made, extent = _pieces(config, source, np.flatnonzero(rank_of == team.rank), team)
     surfaces = {} if made[0] is None else gathered(config, made[0], team)
     local = None if made[0] is None else agreed(lambda: Local.of(config, made, surfaces), team)
     if local is None:
-        return None
+        return JUDGED
     every = team.all_gather(local.outline)
     whole, number = Outline.joined(every), np.concatenate([x.number for x in every])
     rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
@@ -77,7 +87,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     bodies = np.flatnonzero(kind == 0)
     free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
     if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted:
-        return None
+        return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
         _tell_areas(part, team)
@@ -173,15 +183,15 @@ def _tell_areas(part: Scene, team: Team) -> None:
         s.contact_area = area
 
 
-def _watched(config: Config, part: Scene, team: Team) -> Scene | None:
-    """The part with its probes, which have the numbers of the whole; None, on all ranks, where something is wrong with one."""
+def _watched(config: Config, part: Scene, team: Team) -> Scene | str:
+    """The part with its probes, which have the numbers of the whole; why one has to make it, on all ranks, where something is wrong with one."""
     problems, of, asked = Problems(), part.cell_subdomain, config.output.named_probes
     points = Finder(part.mesh, None, of, [s.body or s.name for s in part.subdomains], part.interfaces, problems, part.cell_number,
                     (part.overview.rank_of[of] == team.rank) & ~part.stand_ins[of], team).find(asked, AT_POINTS)
     found = {p.name: p for p in [*points, *(of_all(p, asked[p.name], part, team) for p in part.probes)] if p is not None}
     part.probes = [found[name] for name in asked if name in found]
     part.overview.cautions.extend(problems.warnings)
-    return part if len(found) == len(asked) else None
+    return part if len(found) == len(asked) else JUDGED
 
 
 def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
