@@ -64,8 +64,9 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     _number_patches(kept)
     if len(set(bodies)) < len(bodies):
         _share_normals(mesh, numbering, kept, bodies)
+    here = np.ones(len(bodies), dtype=bool) if partition.here is None else partition.here  # others see more of what is elsewhere
     for interface in kept:
-        if interface.matching and not interface.law.perfect:
+        if interface.matching and not interface.law.perfect and here[list(interface.subdomains)].any():
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
             if interface.tool is None:  # which has normals of its own
                 _curve(interface, points)
