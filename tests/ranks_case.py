@@ -76,6 +76,20 @@ CASES = {
                      {"on": {"box": [[0, 1, 1], [0, 2, 2]]}, "coupling": {"kind": "distributed", "displacement": [1e-3, None, 0]}}],
         "output": {"probes": [{"on": "zmin", "quantity": "resultant"}, {"on": "zmin"}, {"at": [1, 1, 0]}, {"section": {"plane": "z", "at": 0.5}}]},
     },
+    # two bolts that are cut, tightened one after the other, and a joint with the law of one; in contact with what is between
+    "bolted": {
+        "parts": [_box("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), _box("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
+                  _box("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), _box("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), _box("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
+                  _box("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS, "histories": {"first": [1, 1], "then": [0, 1]},
+        "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]}, {"law": "perfect", "between": ["one*", "high"]},
+                       {"law": "perfect", "between": ["two*", "low"]}, {"law": "perfect", "between": ["two*", "high"]},
+                       {"law": "pretension", "between": ["high", "end"], "force": 30, "history": "then"}],
+        "bolts": [{"on": "two", "cut": {"plane": "z", "at": 1}, "force": 50, "history": "first"},
+                  {"on": "one", "cut": {"plane": [0, 0.1, 1], "at": [0.5, 0.5, 1.02]}, "force": 80, "history": "then"}],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "displacement": [None, None, 0]}, {"on": "end/xmax", "displacement": [0, 0, 0]}],
+        "method": {"tolerance": {"law": 1e-6}},
+    },
     # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
     "partitions": {
         "mesh": {"file": str(Path(__file__).parent / "meshes/bar_*.msh"), "scale": 2.0}, "subdomains": "groups",
@@ -193,20 +207,6 @@ CASES = {
                      {"on": {"plane": "z", "at": 1},
                       "displacement": [[0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
         "method": {"tolerance": {"law": 1e-4}, "contact": {"stabilisation": 2.5e-5}},
-    },
-    # two bolts that are cut, tightened one after the other, and a joint with the law of one; in contact with what is between
-    "bolted": {
-        "parts": [_box("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), _box("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
-                  _box("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), _box("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), _box("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
-                  _box("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
-        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS, "histories": {"first": [1, 1], "then": [0, 1]},
-        "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]}, {"law": "perfect", "between": ["one*", "high"]},
-                       {"law": "perfect", "between": ["two*", "low"]}, {"law": "perfect", "between": ["two*", "high"]},
-                       {"law": "pretension", "between": ["high", "end"], "force": 30, "history": "then"}],
-        "bolts": [{"on": "two", "cut": {"plane": "z", "at": 1}, "force": 50, "history": "first"},
-                  {"on": "one", "cut": {"plane": [0, 0.1, 1], "at": [0.5, 0.5, 1.02]}, "force": 80, "history": "then"}],
-        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "displacement": [None, None, 0]}, {"on": "end/xmax", "displacement": [0, 0, 0]}],
-        "method": {"tolerance": {"law": 1e-6}},
     },
     # made in pieces: gaps that are read, sides that touch and match, of which one is bonded, and supports on one of several bodies
     "parts apart": {
