@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -71,14 +71,14 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
     drawing = artist_for(config.output.figures) if means.artist is None else nullcontext(means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
-        with Progress(quiet) as progress:
+        with closing(Progress(quiet)) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
             team.share((config, reference, means.judge is not None, True))
             with watch("mesh"):
                 made = [scene_of(config, means.ranks, reference, means.meshed)]
             known = hollow(made[0]) if made[0].overview else made[0]
-            with Record(folder, config, known, watch, artist, resume=resume) as record:
+            with closing(Record(folder, config, known, watch, artist, resume=resume)) as record:
                 solution = _balanced(config, [*record.subscribers, progress], record, made, reference, means.ranks)
                 if means.judge is None:  # who judges a mesh asks for the energy error
                     first, solution = solution, _paired_anew(config, solution, [*record.subscribers, progress], record, means)

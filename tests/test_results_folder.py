@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import subprocess
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -240,7 +241,7 @@ def test_full_disk(tiny_disk, what):
 
 def test_history_round_trip_and_every_line_at_once(tmp_path):
     folder = ResultsFolder(tmp_path)
-    with HistoryWriter(folder) as writer:
+    with closing(HistoryWriter(folder)) as writer:
         for i in range(1, 8):
             writer.iteration(case.iteration(i))
             assert len(read_history(tmp_path)["iteration"]) == i
@@ -255,10 +256,10 @@ def test_history_round_trip_and_every_line_at_once(tmp_path):
 def test_history_has_columns_for_what_the_laws_know(tmp_path):
     """Further statuses are counts, measures are numbers; a resumed run goes on with the same columns."""
     folder, laws = ResultsFolder(tmp_path), {"counts": {"open": 1, "worn": 3}, "laws": {"wear": 0.5}}
-    with HistoryWriter(folder) as writer:
+    with closing(HistoryWriter(folder)) as writer:
         for i in (1, 2):
             writer.iteration(case.iteration(i, **laws))
-    with HistoryWriter(folder, resume_after=1) as writer:
+    with closing(HistoryWriter(folder, resume_after=1)) as writer:
         writer.iteration(case.iteration(2, **laws))
     read = read_history(tmp_path)
     assert list(read) == [*HISTORY_COLUMNS, "worn", "wear"]
@@ -277,7 +278,7 @@ def test_history_resumes_after_the_checkpoint(tmp_path):
     folder.manifest.claim(r"history\.csv")
     with open(tmp_path / "history.csv", "a") as file:
         file.write("6,11.0,0.")  # a killed run's last line
-    with HistoryWriter(folder, resume_after=3) as writer:
+    with closing(HistoryWriter(folder, resume_after=3)) as writer:
         writer.iteration(case.iteration(4, sweeps=99.0))
     read = read_history(tmp_path)
     assert list(read["iteration"]) == [1, 2, 3, 4] and read["sweeps"][-1] == 99.0
@@ -295,7 +296,7 @@ def test_foreign_history(tmp_path, content):
 def test_history_finds_its_lines_again(tmp_path):
     """Lines that found no room, or a file that somebody has removed, are written at the end."""
     folder = ResultsFolder(tmp_path)
-    with HistoryWriter(folder) as writer:
+    with closing(HistoryWriter(folder)) as writer:
         for i in range(1, 5):
             writer.iteration(case.iteration(i))
         (folder / "history.csv").unlink()

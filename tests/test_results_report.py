@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import closing
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
@@ -232,7 +233,7 @@ class Terminal(io.StringIO):
 
 
 def run(progress):
-    with progress:
+    with closing(progress):
         progress.stage("factorising")
         for i in range(1, 6):
             progress.iteration(case.iteration(i))

@@ -3,6 +3,7 @@
 import io
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -67,14 +68,14 @@ def test_numbers_are_rounded_to_what_is_known():
 def test_a_file_gets_lines_of_plain_text(monkeypatch):
     monkeypatch.setattr(progresses, "EVERY", 0.0)
     stream = io.StringIO()
-    with Progress(stream=stream) as progress:
+    with closing(Progress(stream=stream)) as progress:
         progress.stage("factorising")
         for i in range(1, 4):
             progress.iteration(case.iteration(i))
         progress.finished(Finished(True, "converged", 3))
     lines = stream.getvalue().splitlines()
     assert len(lines) == 3 and all("iteration" in line and "→ 1e-06" in line for line in lines) and "\x1b" not in stream.getvalue()
-    with Progress(quiet=True, stream=(silent := io.StringIO())) as progress:
+    with closing(Progress(quiet=True, stream=(silent := io.StringIO()))) as progress:
         progress.iteration(case.iteration(1))
     assert silent.getvalue() == ""
 

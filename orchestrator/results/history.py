@@ -82,12 +82,6 @@ class HistoryWriter(Subscriber):
         with suppress(OSError):  # a full disk: it stays claimed
             self._folder.manifest.settle(re.escape(NAME))
 
-    def __enter__(self) -> HistoryWriter:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 def columns(events: Sequence[Iteration]) -> dict[str, np.ndarray]:
     """Iterations as ``read_history`` gives them: column name → (iterations,) array."""

@@ -76,12 +76,6 @@ class Progress(Subscriber):
             self._live.stop()
             self._live = None
 
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 def fraction_done(values: Sequence[float], target: float) -> float:
     """Share of the orders of magnitude between the first value and the target already gained, in [0, 1]."""

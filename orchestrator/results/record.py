@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
@@ -38,7 +37,7 @@ GO_ON = "To go on: the same command with --resume."
 
 
 class Record(Subscriber):
-    """Record that a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
+    """Record that a run leaves in its folder while it lasts; to be closed.
 
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
@@ -138,10 +137,8 @@ class Record(Subscriber):
         """Whether a checkpoint is written, so that there is something to go on from."""
         return self._checkpoint.keeps
 
-    def __enter__(self) -> Record:
-        return self
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def close(self) -> None:
+        """Closes the history, and removes what pictures alone are drawn from."""
         self._left.close()
         self._history.close()
 
