@@ -14,6 +14,7 @@ import hashlib
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -73,15 +74,20 @@ def make(target: Path, function: Callable[..., Any], arguments: Sequence, option
 
     Raises NotLinked; OSError: it cannot be written
     """
+    if not shutil.which("ld"):
+        raise NotLinked
     numba = need("numba")
     binding, types = need("llvmlite", "binding"), tuple(map(numba.typeof, arguments))
     dispatcher = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
     dispatcher.compile(types)
     made = dispatcher.overloads[types]
     _check(made, arguments)
-    module = binding.parse_assembly(str(made.library._final_module))
-    declared = [found.groups() for f in module.functions if f.is_declaration and (found := _DECLARED.search(str(f)))]
-    module.link_in(binding.parse_assembly("\n".join(_passed_on(*each) for each in declared)))
+    try:
+        module = binding.parse_assembly(str(made.library._final_module))
+        declared = [found.groups() for f in module.functions if f.is_declaration and (found := _DECLARED.search(str(f)))]
+        module.link_in(binding.parse_assembly("\n".join(_passed_on(*each) for each in declared)))
+    except RuntimeError as error:  # an LLVM that writes its text in another way
+        raise NotLinked from error
     module.get_function(made.fndesc.llvm_func_name).name = f"loop_{made.signature.return_type}"
     machine = binding.Target.from_default_triple().create_target_machine(
         cpu=numba.core.config.CPU_NAME or binding.get_host_cpu_name(),
@@ -92,8 +98,6 @@ def make(target: Path, function: Callable[..., Any], arguments: Sequence, option
         if subprocess.run(["ld", "-shared", "-o", unfinished, code], capture_output=True).returncode:
             raise NotLinked
         os.replace(unfinished, target)
-    except FileNotFoundError as error:  # no ld
-        raise NotLinked from error
     finally:
         for path in (code, unfinished):
             path.unlink(missing_ok=True)
