@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
-from orchestrator.blackbox.start import make_blackbox, with_own_loads
+from orchestrator.blackbox.start import find_codes, make_blackbox, with_own_loads
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.model import Config
 from orchestrator.errors import wrong
@@ -146,8 +146,10 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
     0, which all other ranks get their parts of. All ranks ask together.
 
     reference, meshed : as of ``solve`` and ``build_scene``
-    Raises InputError: as ``build_scene``
+    Raises InputError: as ``build_scene``, or a code is not there
     """
+    if len(config.codes) == 1:  # a code that all subdomains need: before the time it takes to mesh
+        find_codes(config.codes, run_programs=False)
     apart = ranks.team.size > 1 and ranks.team.share(meshed is None) and not reference
     made = make(config, ranks.team, ranks.speeds) if apart else "all of it is asked for"
     if isinstance(made, str):

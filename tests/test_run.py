@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 import meshio
 import numpy as np
@@ -22,12 +23,15 @@ from typer.testing import CliRunner
 from quick import late, quick
 
 from orchestrator.cli import app
+from orchestrator.config.load import config_from
+from orchestrator.errors import InputError
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.figures.charts import convergence
 from orchestrator.results.figures.plotting import BLUE, png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.sources import bricks
+from orchestrator.solving import solve
 
 ROOT = Path(__file__).parents[1]
 BENT = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, -2.0]}]}
@@ -294,6 +298,14 @@ def test_freefem_is_missing(tmp_path, temporary):
     empty.mkdir()
     err = refused(temporary, "run", written(tmp_path), "--output", tmp_path / "out", PATH=str(empty))
     assert "FreeFem++" in err and "apt-get install" in err
+
+
+def test_a_code_is_asked_for_before_the_mesh_is_made(monkeypatch):
+    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", "/nowhere")
+    made = config_from({"name": "large", "mesh": {"polycrystal": {"grains": 1000, "size": 1, "h": 0.03}}, "subdomains": "groups",
+                        "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}]})
+    with patch("orchestrator.solving.build_scene", side_effect=AssertionError("meshed")), pytest.raises(InputError, match="no executable"):
+        solve(made)
 
 
 def test_plugins_are_missing(tmp_path, temporary):
