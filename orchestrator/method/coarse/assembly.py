@@ -1,17 +1,31 @@
 """Newton's matrices over ranks: each adds up the blocks of the fronts that it eliminates, of slopes that other ranks have formed.
 
 What an interface changes enters the fronts of its two bodies alone: its slopes go to their ranks, once each.
+
+Most of Newton's steps change the slopes of a few interfaces in a hundred. What these do not change of a matrix stays as it was formed and
+eliminated last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.compiled import in_parts
+from orchestrator.laws.points import Answer
+from orchestrator.method.coarse.elimination import Factors
+from orchestrator.method.coarse.kernels import formed
 from orchestrator.method.coarse.pattern import BlockPattern
+from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.parallel.team import Team
+
+if TYPE_CHECKING:
+    from orchestrator.method.coarse.load_step import Bodies
+
+WORTH = 1 << 10  # blocks, over which a loop takes much longer than to hand them out to a thread
 
 
 class Assembly:
@@ -24,6 +38,7 @@ class Assembly:
 
     def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
         self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
+        self._of: Bodies | None = None
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
         if team.size == 1:
             return
@@ -44,15 +59,48 @@ class Assembly:
 
         slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
         """
-        size, rank = self.pattern.size, self.team.rank
+        size = self.pattern.size
+        return (self.sums @ self._wanted(slopes).reshape(-1, size**2)).reshape(-1, size, size)
+
+    def _wanted(self, slopes: np.ndarray) -> np.ndarray:
+        """Those that enter this rank's fronts, of those that this rank counts."""
+        rank = self.team.rank
+        if self.team.size == 1:
+            return slopes
+        everyones = np.empty((self.count, *slopes.shape[1:]), slopes.dtype)
+        if rank in self._gives:
+            everyones[self._wants[rank]] = slopes[self._gives[rank]]
+        self.team.exchange({other: slopes[mine] for other, mine in self._gives.items() if other != rank},
+                           {other: everyones[at] for other, at in self._wants.items() if other != rank})
+        return everyones
+
+    def matrix(self, bodies: Bodies, answer: Answer) -> np.ndarray:
+        """(k, size, size) K₀ − ΣTᵀA L, of the blocks that enter this rank's fronts; the next one takes its place.
+
+        answer : with the laws' derivative A, at the pairs that this rank adds up
+        """
+        fields = bodies.summed[1]
+        if anew := self._of is not bodies:
+            self._of, self._derivative, self._slopes = bodies, np.full((3, 3, len(fields.chosen)), np.inf), fields.no_slopes()
+            self._values, self._stale = bodies.affine.copy(), np.ones(len(bodies.affine), bool)
+        changed = fields.changed(answer, self._derivative, bodies.limit)
+        changed |= anew
+        fields.slopes(answer, bodies.weight, changed, self._slopes)
+        slopes = self._slopes if len(bodies.counted) == len(changed) else self._slopes[bodies.counted]
+        changed = changed[bodies.counted]
         if self.team.size > 1:
-            everyones = np.empty((self.count, *slopes.shape[1:]), slopes.dtype)
-            if rank in self._gives:
-                everyones[self._wants[rank]] = slopes[self._gives[rank]]
-            self.team.exchange({other: slopes[mine] for other, mine in self._gives.items() if other != rank},
-                               {other: everyones[at] for other, at in self._wants.items() if other != rank})
-            slopes = everyones
-        return (self.sums @ slopes.reshape(-1, size**2)).reshape(-1, size, size)
+            slopes, before = self._wanted(slopes), None if anew else self._before
+            changed = np.ones(len(slopes), bool) if anew else (slopes != before).any(axis=(1, 2, 3, 4))
+            self._before = slopes
+        in_parts(formed, len(self._values), (self.sums.indptr, self.sums.indices), changed, slopes.reshape(-1, *self._values.shape[1:]),
+                 bodies.affine, self._values, self._stale, part=WORTH)
+        return self._values
+
+    def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
+        """Of (matrix + shift), what solves with it, in the place of the last one."""
+        result = self.pattern.factors(matrix, shift, self._stale)
+        self._stale[:] = False
+        return result
 
     def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray:
         """The same with the bodies' own blocks (bodies, size, size)."""

@@ -24,7 +24,7 @@ from scipy.linalg import cython_blas
 from orchestrator.compiled import Compiled, cores, in_parts
 from orchestrator.method.coarse.layout import Layout
 from orchestrator.method.coarse.ordering import grouped, operations
-from orchestrator.method.coarse.subtrees import side_by_side
+from orchestrator.method.coarse.subtrees import side_by_side, SideBySide
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.superlu import dissection
 
@@ -83,6 +83,9 @@ class Elimination:
         self.entered = np.zeros(len(enter), dtype=bool)
         self.entered[enter[:, 0]] = np.repeat(rank == team.rank, np.diff(self.layout.enters))
         enter[:, 0] = np.cumsum(self.entered)[enter[:, 0]] - 1  # of those that this rank has
+        front = np.repeat(np.arange(len(rank)), np.diff(self.layout.enters))
+        self._enters = np.empty(self.entered.sum(), int)  # front that each of them enters
+        self._enters[enter[rank[front] == team.rank, 0]] = front[rank[front] == team.rank]
         self._work: np.ndarray | None = None
 
     def _left(self, front: int) -> slice:
@@ -100,16 +103,17 @@ class Elimination:
         """Whether other ranks than rank 0 have fronts."""
         return self.shared.ranks[1] < self.shared.ranks[-1]
 
-    def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
+    def factors(self, blocks: np.ndarray, instead: Factors | None = None, stale: np.ndarray | None = None) -> Factors:
         """Factorise a matrix; each rank its own fronts, all at the same time.
 
         blocks : (k, size, size) those ``entered`` into this rank's fronts, in the order of the pattern
         instead : earlier factors whose place these may take
+        stale : (k,) bool, blocks that are others than in these, which were the last ones; default: all
         Raises ZeroDivisionError: a pivot vanishes
         """
         if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))
-        order, bounds, ranks = self.shared
+        order, bounds, ranks = self.shared if stale is None else self._stale(stale)
         (a, m), result, mine = self.layout.sizes.T, instead, ranks[self.team.rank : self.team.rank + 2]
         if self._work is None:  # fresh pages cost as much as what is done on them
             self._work = np.empty((m**2).sum())
@@ -122,6 +126,18 @@ class Elimination:
         if not sound or self.team.rank == 0 and not eliminate(len(bounds) - 2, len(bounds) - 1, *given, bounds):
             raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
         return result
+
+    def _stale(self, blocks: np.ndarray) -> SideBySide:
+        """What is left to do where some of the blocks (k,) bool have changed: their fronts, and all above these."""
+        order, bounds, ranks = self.shared
+        stale = np.zeros(len(order), bool)
+        stale[self._enters[blocks]] = True
+        if self.spread:  # other ranks' may have
+            stale[self.shared.above] = True
+        for front, parent in enumerate(self.layout.parent):  # which comes later
+            stale[parent] |= stale[front] and parent >= 0
+        kept = stale[order]
+        return SideBySide(order[kept], np.concatenate([[0], np.cumsum(kept)])[bounds], ranks)
 
     def ordered(self, x: np.ndarray) -> np.ndarray:
         """(bodies, size) of numbers in the order of elimination."""

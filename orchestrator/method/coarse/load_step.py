@@ -39,6 +39,8 @@ class Bodies:
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
     affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, of the blocks that enter this rank's fronts
+    limit : change of ∂f̂/∂F up to which a Newton matrix has that of before: √ε, of which the square is what a slip's turn by so much
+        would resist it by
     """
 
     team: Team
@@ -50,6 +52,7 @@ class Bodies:
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray
+    limit: float
 
     @property
     def pattern(self) -> BlockPattern:
@@ -79,11 +82,11 @@ class Bodies:
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order, rigid)
-        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None).stabilised(fields)
+        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None, 0.0).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
-        counted, weight, springs = self.counted, np.ones(len(self.theirs)), None
+        counted, weight, springs, weakest = self.counted, np.ones(len(self.theirs)), None, fields.pairs.weakest(self.team)
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
@@ -92,7 +95,8 @@ class Bodies:
                                    epsilon)[counted]
             here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
-        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0))
+        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0),
+                       limit=np.sqrt(weakest) if np.isfinite(weakest) else 0.0)
 
 
 class LoadStep:
@@ -148,13 +152,11 @@ class LoadStep:
 
     def matrix(self) -> np.ndarray:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this rank's fronts."""
-        bodies = self.bodies
-        slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
-        return bodies.affine - bodies.assembly(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
+        return self.bodies.assembly.matrix(self.bodies, self.answer(self.F, derivative=True))
 
     def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
         """Of (matrix + shift), what solves with it."""
-        return self.bodies.pattern.factors(matrix, shift)
+        return self.bodies.assembly.factors(matrix, shift)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

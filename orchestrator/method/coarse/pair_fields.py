@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, slopes, spread, swept
+from orchestrator.method.coarse.kernels import carried, changed, slopes, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.model import ends_of
 
@@ -144,21 +144,46 @@ class PairFields:
         sides = self.ends.size
         return sp.csr_array((np.ones(sides), (self.ends.ravel(), np.arange(sides))), shape=(self.count, sides))
 
-    def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
-        """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
-        result = np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
-        first = np.searchsorted(answer.active, self.pairs.bounds)
-        given = answer.active, first, np.ascontiguousarray(answer.derivative)
-        in_parts(slopes, len(result), self._of, self.single, given, weight, result, part=self.part(SLOPES * len(answer.active)))
+    def no_slopes(self) -> np.ndarray:
+        """(I, 2, 2, n, n) room for slopes."""
+        return np.empty((len(self.ends), 2, 2, self.size, self.size), self.all_L.dtype)
+
+    def slopes(self, answer: Answer, weight: np.ndarray, wanted: np.ndarray | None = None, instead: np.ndarray | None = None) -> np.ndarray:
+        """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``.
+
+        wanted : (I,) bool, of which interfaces; default: all
+        instead : those of the others, whose place these take
+        """
+        result = self.no_slopes() if instead is None else instead
+        wanted = np.ones(len(result), bool) if wanted is None else wanted
+        part = self.part(SLOPES * len(answer.active) * np.count_nonzero(wanted) // max(1, len(wanted)))
+        in_parts(slopes, len(result), self._of, self.single, self._given(answer), weight, wanted, result, part=part)
         self._collective(answer, weight, result)
         return result
+
+    def changed(self, answer: Answer, kept: np.ndarray, limit: float) -> np.ndarray:
+        """(I,) bool, interfaces whose ∂f̂/∂F is off by more than the limit from what was kept (3, 3, Q), which takes it over; all that have
+        points that answer together."""
+        result = np.empty(len(self.ends), bool)
+        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), limit, kept, result, part=self.part(len(self.chosen)))
+        if answer.collective is not None:
+            result[[self._interface(at) for at, _, _ in answer.collective.groups()]] = True
+        return result
+
+    def _given(self, answer: Answer) -> tuple[np.ndarray, ...]:
+        """Slopes as loops take them."""
+        return answer.active, np.searchsorted(answer.active, self.pairs.bounds), np.ascontiguousarray(answer.derivative)
+
+    def _interface(self, at: np.ndarray) -> int:
+        """The one that points are of."""
+        return int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
 
     def _collective(self, answer: Answer, weight: np.ndarray, result: np.ndarray) -> None:
         """Adds what pairs that answer together change, a product of two vectors per group."""
         if answer.collective is None:
             return
         for at, given, taken in answer.collective.groups():
-            i = int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
+            i = self._interface(at)
             column = np.einsum("pif,ip->f", self.some(at).T, given * weight[self.chosen[at]])
             row = np.einsum("ip,pif->f", taken, self.all_L[self.chosen[at]])
             result[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)

@@ -9,6 +9,7 @@ Places and the order of elimination are found once; what remains of an assembly 
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,7 +33,8 @@ class BlockPattern:
     """
 
     def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None, team: Team = ALONE, rigid: int = 0):
-        self.bodies, self.size, self.team, self._factors, self._rigid = bodies, size, team, None, rigid
+        self.bodies, self.size, self.team, self._rigid = bodies, size, team, rigid
+        self._factors, self._corners, self._shift = None, [], None
         rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
         own = np.arange(bodies)
         places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
@@ -62,18 +64,30 @@ class BlockPattern:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
         return _matrix(_shifted(values, self.diagonal, shift), self.indices, self.indptr, self.bodies)
 
-    def factors(self, values: np.ndarray, shift: float) -> Factors | RigidFirst:
+    def factors(self, values: np.ndarray, shift: float, stale: np.ndarray | None = None) -> Factors | RigidFirst:
         """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it.
 
         values : (k, size, size) of the blocks that are ``entering``
+        stale : (k,) bool, those that are others than in the last ones; default: all
         """
         (place, bodies), first = self.own, self.first
-        blocks = _shifted(values, place, shift)
-        eliminated = np.ascontiguousarray(blocks[:, :first, :first])  # the same array where that is all
-        self._factors = self.elimination.factors(eliminated, self._factors)
+        if shift != self._shift:
+            stale = None
+        self._shift = None  # until these are found
+        chosen = slice(None) if stale is None else np.flatnonzero(stale)
+        blocks, shifted = values[chosen], place if stale is None else place[stale[place]]
+        cuts = (slice(0, first), slice(first, self.size))
+        if not self._corners:
+            self._corners = [np.empty((len(values), b.stop - b.start, c.stop - c.start)) for b, c in product(cuts, cuts)]
+        for corner, (b, c) in zip(self._corners, product(cuts, cuts)):
+            corner[chosen] = blocks[:, b, c]
+            if b == c:
+                corner[shifted] += shift * np.eye(corner.shape[1])
+        eliminated, *parts = self._corners
+        self._factors = self.elimination.factors(eliminated, self._factors, stale)
+        self._shift = shift
         if first == self.size:
             return self._factors
-        parts = [np.ascontiguousarray(x) for x in (blocks[:, :first, first:], blocks[:, first:, :first], blocks[:, first:, first:])]
         own, starts = np.zeros((self.bodies, *parts[2].shape[1:])), np.searchsorted(self.entering, self.indptr)
         own[bodies] = parts[2][place]
         matrices = (_matrix(part, self.indices[self.entering], starts, self.bodies) for part in parts)
