@@ -9,7 +9,7 @@ eliminated last.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,14 +18,29 @@ from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.kernels import formed
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.parallel.team import Team
 
-if TYPE_CHECKING:
-    from orchestrator.method.coarse.load_step import Bodies
-
 WORTH = 1 << 10  # blocks, over which a loop takes much longer than to hand them out to a thread
+
+
+class Slopes(NamedTuple):
+    """What Newton's matrices with the same springs have in common.
+
+    fields : at the pairs that this rank adds up
+    counted : int, their interfaces
+    weight : (P,) the laws' share at all points
+    affine : (k, size, size) what laws do not change, of the blocks that enter this rank's fronts
+    limit : change of ∂f̂/∂F up to which a matrix has that of before
+    """
+
+    fields: PairFields
+    counted: np.ndarray
+    weight: np.ndarray
+    affine: np.ndarray
+    limit: float
 
 
 class Assembly:
@@ -38,7 +53,7 @@ class Assembly:
 
     def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
         self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
-        self._of: Bodies | None = None
+        self._of: Slopes | None = None
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
         if team.size == 1:
             return
@@ -74,26 +89,24 @@ class Assembly:
                            {other: everyones[at] for other, at in self._wants.items() if other != rank})
         return everyones
 
-    def matrix(self, bodies: Bodies, answer: Answer) -> np.ndarray:
+    def matrix(self, of: Slopes, answer: Answer) -> np.ndarray:
         """(k, size, size) K₀ − ΣTᵀA L, of the blocks that enter this rank's fronts; the next one takes its place.
 
         answer : with the laws' derivative A, at the pairs that this rank adds up
         """
-        fields = bodies.summed[1]
-        if anew := self._of is not bodies:
-            self._of, self._derivative, self._slopes = bodies, np.full((3, 3, len(fields.chosen)), np.inf), fields.no_slopes()
-            self._values, self._stale = bodies.affine.copy(), np.ones(len(bodies.affine), bool)
-        changed = fields.changed(answer, self._derivative, bodies.limit)
-        changed |= anew
-        fields.slopes(answer, bodies.weight, changed, self._slopes)
-        slopes = self._slopes if len(bodies.counted) == len(changed) else self._slopes[bodies.counted]
-        changed = changed[bodies.counted]
+        if anew := self._of is not of:
+            self._of, self._derivative, self._slopes = of, np.full((3, 3, len(of.fields.chosen)), np.inf), of.fields.no_slopes()
+            self._values, self._stale = of.affine.copy(), np.ones(len(of.affine), bool)
+        changed = of.fields.changed(answer, self._derivative, of.limit) | anew
+        of.fields.slopes(answer, of.weight, changed, self._slopes)
+        slopes = self._slopes if len(of.counted) == len(changed) else self._slopes[of.counted]
+        changed = changed[of.counted]
         if self.team.size > 1:
             slopes, before = self._wanted(slopes), None if anew else self._before
             changed = np.ones(len(slopes), bool) if anew else (slopes != before).any(axis=(1, 2, 3, 4))
             self._before = slopes
         in_parts(formed, len(self._values), (self.sums.indptr, self.sums.indices), changed, slopes.reshape(-1, *self._values.shape[1:]),
-                 bodies.affine, self._values, self._stale, part=WORTH)
+                 of.affine, self._values, self._stale, part=WORTH)
         return self._values
 
     def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
