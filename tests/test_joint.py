@@ -1,5 +1,7 @@
 """A lap joint as CAD draws it: ``init`` finds bolts, nuts, threads and clearances; element sizes, names and faces of parts."""
 
+from types import SimpleNamespace
+
 import gmsh
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
 from orchestrator.results.report.sections import interface_section
+from orchestrator.results.summary.contact_faces import Face, _told
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
@@ -226,3 +229,12 @@ def test_shanks_that_bear_are_told_above_the_tolerance():
     assert told([0.0, 0.5])[-1] == "no shank bears in its hole"
     assert told([0.0, 50.0])[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
     assert told([0.0, 0.0])[0] == "nothing slips: of what friction can hold at most 60% is used, by a | b at load step 2"
+
+
+def test_a_point_that_bears_all_resists_no_turn():
+    """What rounding leaves of pressures and tractions beside it uses nothing of the friction."""
+    fields = SimpleNamespace(points=np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]]), normal=np.tile([0.0, 0, 1], (3, 1)), areas=np.ones((1, 3)),
+                             pressure=np.array([[10.0, 1e-17, 0]]), status=np.ones((1, 3), dtype=int),
+                             friction_traction=np.array([[[1.0, 0, 0], [0, 1e-9, 0], [0, 0, 0]]]))
+    face = Face(("a", "b"), "plane", np.array([0.0, 0, 1]), np.zeros(3), 0.2, np.arange(3), ["a | b"])
+    assert _told(None, fields, face, [2], [], np.zeros((0, 1, 3)))["used"] == pytest.approx([0.5])

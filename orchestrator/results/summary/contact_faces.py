@@ -27,6 +27,8 @@ from orchestrator.scene.model import Scene
 PLANE, ROUND, APART, TURNED = 1e-6, 0.05, 1e-4, 50
 # A face slips where less than the first share of what friction can carry still sticks, and more than the second is used.
 STICKS, USED = 0.01, 0.9
+# Arms of friction, over the extent of a face and over where it is, that are what iterations and rounding leave.
+PIVOT, ROUNDING = 1e-6, 1e-12
 # Interfaces beyond which faces are not told.
 MOST = 500
 # A load has changed by more than this share of its largest.
@@ -134,7 +136,8 @@ def _told(scene: Scene, fields: InterfaceFields, face: Face, slips: Sequence[int
         carried = np.linalg.norm(whole, axis=1) if flat else np.abs(along)
         moment = np.abs(np.cross(arm, drag).sum(axis=1) @ face.axis)
         most = (could * np.linalg.norm(arm, axis=2)).sum(axis=1)
-        used = np.hypot(carried / least, moment / np.where(most > 0, most, np.inf))
+        pivot = capacity * (PIVOT * np.ptp(points, axis=0).max() + ROUNDING * np.abs(points).max())  # a point that bears all resists no turn
+        used = np.hypot(carried / least, moment / np.where(most > pivot, most, np.inf))
     sticking = np.where(np.isin(fields.status[:, own], slips), 0.0, could).sum(axis=1) / least
     slipping = (capacity > 0) & (sticking < STICKS) & (used > USED)
     steps = {"normal": normal, "bears": bears, "carried": carried, "capacity": capacity, "used": used, "sticking": sticking,
