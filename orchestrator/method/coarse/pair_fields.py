@@ -167,7 +167,8 @@ class PairFields:
         result = np.empty(len(self.ends), bool)
         in_parts(changed, len(result), self.pairs.bounds, self._given(answer), limit, kept, result, part=self.part(len(self.chosen)))
         if answer.collective is not None:
-            result[[self._interface(at) for at, _, _ in answer.collective.groups()]] = True
+            for at, _, _ in answer.collective.groups():
+                result[self._interface(at)], kept[:, :, at] = True, np.inf  # and where they do so no more, the next time
         return result
 
     def _given(self, answer: Answer) -> tuple[np.ndarray, ...]:
