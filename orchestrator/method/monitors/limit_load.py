@@ -2,7 +2,7 @@
 
 That no forces of the laws balance the loads is shown by a rigid motion (``stopping.limit_load``), and by nothing else. It is looked for
 where it may be the reason of what is seen: a body is far away, springs of stabilisation alone keep a run from its end, the iterations
-end or go on for long; or laws hold to the tolerance though they do not balance a body to it by its own measure, as where a light one
+end, go on for long, or change nothing but by rounding beside how far a body has gone; or laws hold to the tolerance though they do not balance a body to it by its own measure, as where a light one
 slides off beside a press fit. It depends on the loads, not on the iterations, but for two things that change
 what is asked for again: sides that are paired anew, and damage.
 
@@ -27,7 +27,7 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
-from orchestrator.method.monitors.ending import HELD
+from orchestrator.method.monitors.ending import HELD, ROUNDING
 from orchestrator.method.stopping.limit_load import BodyMotion, LimitLoad, LimitLoads
 
 LIMIT = "limit load"
@@ -66,9 +66,10 @@ class LimitLoadMonitor(Monitor):
             self.meeting, self.known, self.way = pairs.transfer, {}, {}
         value = verdict.told["target"][1]
         held = now.held
-        ends = verdict.met or held or now.last
+        still = now.measures.residual <= ROUNDING and not verdict.met
+        ends = verdict.met or held or now.last or still
         if ends or now.number % OFTEN == 0:
-            lost = [t for t in range(now.problem.steps) if self.missing(now, t) > value]
+            lost = [t for t in range(now.problem.steps) if still or self.missing(now, t) > value]
         else:
             lost = np.flatnonzero((verdict.lengths.excess > 1).any(axis=0))
         self.limits = [found for t in lost if (found := self.at_any_pressure(now, t)) is not None]
@@ -77,8 +78,8 @@ class LimitLoadMonitor(Monitor):
             if self.shown and now.problem.path_dependent:  # what is there may be what no way leads to
                 self.limits = []
                 return Verdict(False, HELD, led=True)
-        told, still = self.restless(now)
-        if not self.limits and not verdict.met and (now.last or held or (still and now.number % OFTEN == 0)):
+        told, restless = self.restless(now)
+        if not self.limits and not verdict.met and (now.last or held or (restless and now.number % OFTEN == 0)):
             self.limits = [way for t in range(now.problem.steps) if (way := self.making_way(now, t)) is not None]
             ends = bool(self.limits)
         # load steps before the first one that has no balance have one, which is worth to be found

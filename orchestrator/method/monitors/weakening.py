@@ -1,8 +1,9 @@
 """When springs of stabilisation stay where they are, and become weaker.
 
 Springs of ``auto`` begin anew in every iteration (``interface.stabilisation``) and carry nothing in the end. What has no balance is never
-done with: where springs carry more than the tolerance and have carried about as much for ``PATIENCE`` iterations they stay where they are
-from then on, so that all else comes to rest against them and a limit load can be told from a body on its way.
+done with: where springs carry more than the tolerance and all else has settled, or they have carried about as much for ``PATIENCE``
+iterations, they stay where they are from then on, so that all else comes to rest against them and a limit load can be told from a body on
+its way.
 
 Springs that stay become weaker where they alone keep a run from its end: a body that goes far in a load step needs it, or the energy
 error stands still on them, which falls with ε unless something else is left of it. What has no balance loads them as before, however
@@ -59,7 +60,8 @@ class Weakening(Monitor):
 
     def stands(self, now: Evaluation) -> bool:
         """Whether springs that begin anew carry for good what nothing else does."""
-        return now.verdict.laws.springs > self.allowed and now.number >= self.least[1] + PATIENCE
+        laws = now.verdict.laws
+        return laws.held_by_springs(self.allowed) or (laws.springs > self.allowed and now.number >= self.least[1] + PATIENCE)
 
     def due(self, verdict: Verdict, springs: float) -> int:
         """How many times springs that stay are to become weaker; all ranks see the same.
