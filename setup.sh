@@ -14,7 +14,6 @@ if [[ ${1:-} == cluster ]]; then
 fi
 packages=(
     freefem++ libfreefem++ libfreefem++-dev    # the solver, its plugins, its .idp files
-    binutils                                   # links compiled loops of contact, so that runs need no compiler
     libopenblas0-serial                        # FreeFEM and CHOLMOD factorise about 6 times faster than with the default BLAS
     libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxi6 libxext6   # loaded by the gmsh wheel
     libgl1 libegl1 libgl1-mesa-dri             # figures are rendered off screen through EGL

@@ -13,15 +13,12 @@ dense products. SuperLU takes four to six times as long, in this order as well: 
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cython_blas
 
-from orchestrator.compiled import Compiled, cores, in_parts
+from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout
 from orchestrator.method.coarse.ordering import grouped, operations
 from orchestrator.method.coarse.subtrees import side_by_side, SideBySide
@@ -29,17 +26,6 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.superlu import dissection
 
 WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
-
-eliminate, forward, backward = (Compiled("orchestrator.method.coarse.fronts", name) for name in ("eliminate", "forward", "backward"))
-
-
-@cache
-def _product() -> int:
-    """Address of the product of matrices in the BLAS that scipy brings."""
-    api, capsule = ctypes.pythonapi, cython_blas.__pyx_capi__["dgemm"]
-    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
-    api.PyCapsule_GetPointer.restype, api.PyCapsule_GetPointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule))
 
 
 class Elimination:
@@ -111,6 +97,8 @@ class Elimination:
         stale : (k,) bool, blocks that are others than in these, which were the last ones; default: all
         Raises ZeroDivisionError: a pivot vanishes
         """
+        from orchestrator.method.coarse.fronts import PRODUCT, eliminate
+
         if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))
         order, bounds, ranks = self.shared if stale is None else self._stale(stale)
@@ -119,7 +107,7 @@ class Elimination:
             self._work = np.empty((m**2).sum())
         if result is None:
             result = Factors(self, np.empty(((a + m) * a).sum()), np.empty((a * m).sum()))
-        given = _product(), blocks, tuple(self.layout), result.own, result.beside, self._work, order
+        given = PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work, order
         sound = all(in_parts(eliminate, mine[1] - mine[0], *given, bounds[mine[0] :], part=1)) if mine[1] > mine[0] else True
         if self.spread:
             self._hand_up()
@@ -173,6 +161,8 @@ class Factors:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) solution for a right-hand side of that shape, which all ranks have; on all ranks."""
+        from orchestrator.method.coarse.fronts import backward, forward
+
         of, team = self.of, self.of.team
         given, x = (tuple(of.layout), self.own, self.beside), np.array(right[of.order], float, order="C")
         if not of.spread:

@@ -7,8 +7,8 @@ eliminated band after band. With P a band's own square, inverted, C below it and
 
 so that all but the inverses of small squares are products of BLAS, which is several times as quick at these sizes as LAPACK is,
 and every number is touched as seldom as can be: what takes time beside the products is to bring numbers to the cores.
-P is inverted by Gauss and Jordan's method, panel after panel; pivots are sought within a panel. Who calls it names it
-(``Compiled``): to import it takes the compiler along.
+P is inverted by Gauss and Jordan's method, panel after panel; pivots are sought within a panel. To be imported where it is used:
+it takes the compiler along.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic
+from numba.extending import get_cython_function_address, intrinsic
 
 from orchestrator.compiled import SUMS, compiled
 
+PRODUCT = get_cython_function_address("scipy.linalg.cython_blas", "dgemm")  # the one that scipy brings
 REAL = 8  # bytes of a number
 LANES = 16  # numbers that a core works on at once: loops over so many become one instruction
 
