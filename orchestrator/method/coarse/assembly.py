@@ -33,14 +33,12 @@ class Slopes(NamedTuple):
     counted : int, their interfaces
     weight : (P,) the laws' share at all points
     affine : (k, size, size) what laws do not change, of the blocks that enter this rank's fronts
-    limit : change of ∂f̂/∂F up to which a matrix has that of before
     """
 
     fields: PairFields
     counted: np.ndarray
     weight: np.ndarray
     affine: np.ndarray
-    limit: float
 
 
 class Assembly:
@@ -97,7 +95,7 @@ class Assembly:
         if anew := self._of is not of:
             self._of, self._derivative, self._slopes = of, np.full((3, 3, len(of.fields.chosen)), np.inf), of.fields.no_slopes()
             self._values, self._stale = of.affine.copy(), np.ones(len(of.affine), bool)
-        changed = of.fields.changed(answer, self._derivative, of.limit) | anew
+        changed = of.fields.changed(answer, self._derivative) | anew
         of.fields.slopes(answer, of.weight, changed, self._slopes)
         slopes = self._slopes if len(of.counted) == len(changed) else self._slopes[of.counted]
         changed = changed[of.counted]

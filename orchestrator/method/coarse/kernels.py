@@ -140,9 +140,9 @@ def slopes(start, stop, of, A, given, weight, wanted, result):
 
 
 @compiled
-def changed(start, stop, bounds, given, limit, kept, result):
-    """result (I,) bool: interfaces from start to stop with a point where ∂f̂/∂F is off by more than the limit from what is ``kept`` (3, 3, Q),
-    which takes over that of all their points.
+def changed(start, stop, bounds, given, kept, result):
+    """result (I,) bool: interfaces from start to stop with a point where ∂f̂/∂F is another than what is ``kept`` (3, 3, Q), which takes over
+    that of all their points.
 
     bounds, given : as for ``slopes``
     """
@@ -158,7 +158,7 @@ def changed(start, stop, bounds, given, limit, kept, result):
                         value = derivative[c, d, r] if here else 0.0
                         if copied:
                             kept[c, d, q] = value
-                        elif abs(value - kept[c, d, q]) > limit:
+                        elif value != kept[c, d, q]:
                             result[i] = True
                 if here:
                     r += 1

@@ -39,8 +39,6 @@ class Bodies:
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
     affine : (k, n, n) K₀ − ΣTᵀε L of all ranks, of the blocks that enter this rank's fronts
-    limit : change of ∂f̂/∂F up to which a Newton matrix has that of before: √ε, of which the square is what a slip's turn by so much
-        would resist it by
     """
 
     team: Team
@@ -52,7 +50,6 @@ class Bodies:
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray
-    limit: float
 
     @property
     def pattern(self) -> BlockPattern:
@@ -73,7 +70,7 @@ class Bodies:
     @cached_property
     def slopes(self) -> Slopes:
         """For Newton's matrices."""
-        return Slopes(self.summed[1], self.counted, self.weight, self.affine, self.limit)
+        return Slopes(self.summed[1], self.counted, self.weight, self.affine)
 
     @classmethod
     def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, rigid: int = 0) -> Bodies:
@@ -87,11 +84,11 @@ class Bodies:
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         assembly = Assembly(team, ends, list(map(len, each)), fields.count, fields.size, order, rigid)
-        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None, 0.0).stabilised(fields)
+        return cls(team, fields, K0, counted, theirs, assembly, np.ones(len(theirs)), None, None).stabilised(fields)
 
     def stabilised(self, fields: PairFields) -> Bodies:
         """The same at pairs with these springs."""
-        counted, weight, springs, weakest = self.counted, np.ones(len(self.theirs)), None, fields.pairs.weakest(self.team)
+        counted, weight, springs = self.counted, np.ones(len(self.theirs)), None
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
@@ -100,8 +97,7 @@ class Bodies:
                                    epsilon)[counted]
             here = BlockPattern(fields.ends[counted], fields.count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
-        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0),
-                       limit=np.sqrt(weakest) if np.isfinite(weakest) else 0.0)
+        return replace(self, fields=fields, weight=weight, springs=springs, affine=self.assembly.values(-slopes, self.K0))
 
 
 class LoadStep:

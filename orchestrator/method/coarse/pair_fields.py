@@ -161,11 +161,11 @@ class PairFields:
         self._collective(answer, weight, result)
         return result
 
-    def changed(self, answer: Answer, kept: np.ndarray, limit: float) -> np.ndarray:
-        """(I,) bool, interfaces whose ∂f̂/∂F is off by more than the limit from what was kept (3, 3, Q), which takes it over; all that have
+    def changed(self, answer: Answer, kept: np.ndarray) -> np.ndarray:
+        """(I,) bool, interfaces whose ∂f̂/∂F is another than what was kept (3, 3, Q), which takes it over; all that have
         points that answer together."""
         result = np.empty(len(self.ends), bool)
-        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), limit, kept, result, part=self.part(len(self.chosen)))
+        in_parts(changed, len(result), self.pairs.bounds, self._given(answer), kept, result, part=self.part(len(self.chosen)))
         if answer.collective is not None:
             for at, _, _ in answer.collective.groups():
                 result[self._interface(at)], kept[:, :, at] = True, np.inf  # and where they do so no more, the next time
