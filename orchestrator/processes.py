@@ -142,10 +142,14 @@ def reusing() -> Iterator[None]:
 
 
 def _give_back(size: int) -> None:
+    mallopt(_MMAP_THRESHOLD, size)
+    mallopt(_TRIM_THRESHOLD, 2 * size)
+
+
+def mallopt(option: int, value: int) -> None:
+    """Tell the C library how to hand out memory, where it is GNU's."""
     with suppress(OSError, AttributeError):
-        library = ctypes.CDLL("libc.so.6")
-        library.mallopt(_MMAP_THRESHOLD, size)
-        library.mallopt(_TRIM_THRESHOLD, 2 * size)
+        ctypes.CDLL("libc.so.6").mallopt(option, value)
 
 
 NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffers of BLAS take on two cores, however small the problem

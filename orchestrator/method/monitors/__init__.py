@@ -60,7 +60,8 @@ class Verdict:
     def and_then(self, later: Verdict) -> Verdict:
         """Both together; of what both speak of, the later word counts."""
         return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.led or later.led,
-            self.changes + later.changes, self.anew or later.anew, max(self.excess, later.excess), self.measure if math.isnan(later.measure) else later.measure,
+            self.changes + later.changes, self.anew or later.anew, max(self.excess, later.excess),
+            self.measure if math.isnan(later.measure) else later.measure,
             later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
             {**self.told, **later.told}, self.warnings + later.warnings)
 

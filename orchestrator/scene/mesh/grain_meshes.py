@@ -5,7 +5,6 @@ So what two grains share comes out the same to the bit wherever each of them is 
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from zlib import crc32
 
 import numpy as np
 
+from orchestrator.processes import mallopt
 from orchestrator.scene.mesh.faces import LOCAL_FACES
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, gmsh, last_complaint, session
 from orchestrator.scene.mesh.polyhedra import SIDES
@@ -139,11 +139,6 @@ class GrainMesher:
 def _blank_memory() -> Iterator[None]:
     """New memory holds zeros, where the C library can see to it: HXT reads some that it has not written, and what happened to be there
     decides on a few tets of one grain in a thousand."""
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError):  # not glibc
-        yield
-        return
     mallopt(PERTURB, 0xFF)  # its complement is what new memory gets
     try:
         yield
