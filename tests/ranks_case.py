@@ -319,7 +319,7 @@ def lattice(n: int) -> tuple[np.ndarray, int]:
 
 def eliminate(team: Team) -> None:
     """Interfaces of a lattice are dealt to ranks: all have some of the fronts, and the same bits of one process's solution."""
-    ends, bodies = lattice(6)
+    ends, bodies = lattice(5)
     rng = np.random.default_rng(8)
     slopes, own = rng.normal(size=(len(ends), 2, 2, SIZE, SIZE)), 20 * np.eye(SIZE) + rng.normal(size=(bodies, SIZE, SIZE))
     right, counts = rng.normal(size=(bodies, SIZE)), np.bincount(rng.integers(team.size, size=len(ends)), minlength=team.size)

@@ -4,7 +4,7 @@ import numpy as np
 from threads import among
 
 from orchestrator.parallel.borders import Borders
-from orchestrator.parallel.classes import classes
+from orchestrator.parallel.numbering import classes
 
 
 def test_sums_are_completed_by_those_who_have_the_place():

@@ -189,23 +189,6 @@ def test_killed_while_it_wrote(tmp_path):
     assert left_in(tmp_path) == set(THEIRS)
 
 
-def test_results_of_a_version_without_manifest(tmp_path):
-    """Names of results beside a summary that is a run's, and not younger, are that run's; others are in the way."""
-    put(tmp_path, THEIRS)
-    for name in RUN[1:4]:
-        (tmp_path / name).write_text("old")
-    (tmp_path / "summary.json").write_text(json.dumps(dict.fromkeys(("name", "converged", "stop_reason", "versions", "config"))))
-    (tmp_path / "history.csv").write_text("later")
-    later = (tmp_path / "summary.json").stat().st_mtime_ns + 10**9
-    os.utime(tmp_path / "history.csv", ns=(later, later))
-    with pytest.raises(InputError, match="a file in .*: history.csv"):
-        ResultsFolder(tmp_path).clear()
-    (tmp_path / "history.csv").unlink()
-    ResultsFolder(tmp_path).write("extremes.csv", "new")
-    ResultsFolder(tmp_path).clear()
-    assert left_in(tmp_path) == set(THEIRS)
-
-
 @pytest.mark.parametrize("what", ["fields", "figures", "summary", "history"])
 def test_full_disk(tiny_disk, what):
     folder = ResultsFolder(tiny_disk / "run")

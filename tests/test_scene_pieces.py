@@ -90,7 +90,7 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     same_as_one(config, 3)
 
 
-GRAINS = {"grains": 27, "size": 1.0, "h": 0.1}
+GRAINS = {"grains": 12, "size": 1.0, "h": 0.15}
 
 
 def grains(**entry):
@@ -100,7 +100,7 @@ def grains(**entry):
                                                                                       {"on": "zmax", "displacement": [0, 0, -0.01]}]})
 
 
-@pytest.mark.parametrize("seed, again", [(1, False), (16, True)])
+@pytest.mark.parametrize("seed, again", [(1, False), (12, True)])
 def test_ranks_make_grains_of_their_own(seed, again, monkeypatch):
     """Each of them is meshed once, but for those around bad tets, which whoever has one of them mends."""
     meshed, of = [], GrainMesher._grain
@@ -111,25 +111,25 @@ def test_ranks_make_grains_of_their_own(seed, again, monkeypatch):
 
     monkeypatch.setattr(GrainMesher, "_grain", told)
     whole = build_scene(grains(seed=seed))
-    assert sorted(meshed) == [*range(27)] and any("mended" in warning for warning in whole.warnings) == again
+    assert sorted(meshed) == [*range(12)] and any("mended" in warning for warning in whole.warnings) == again
     meshed.clear()
     same_as_one(grains(seed=seed), 3)
     twice = np.bincount(meshed) - 1  # that one made all of them first, too
-    assert (twice >= 1).all() and (twice > 1).any() == again and (twice > 1).sum() < 20
+    assert (twice >= 1).all() and (twice > 1).any() == again and (twice > 1).sum() < 9
 
 
 def test_all_ranks_pass_a_seed_over(monkeypatch):
     """Where one of them fails, they say what one process would."""
-    of, faces = GrainMesher._grain, len(tidied(scattered(27, np.ones(3), 3, 0), 0.1).plane().loops)
+    of, faces = GrainMesher._grain, len(tidied(scattered(12, np.ones(3), 3, 0), 0.15).plane().loops)
 
     def failing(mesher, grain):
-        if len(mesher.skeleton.cells.loops) == faces and grain in (5, 20):
+        if len(mesher.skeleton.cells.loops) == faces and grain in (5, 8):
             raise RuntimeError(f"grain {grain}")
         return of(mesher, grain)
 
     monkeypatch.setattr(GrainMesher, "_grain", failing)
     mesh = build_scene(grains(seed=3)).mesh
-    assert mesh.remarks == ["polycrystal of 27 grains, seed 4: passed over seed 3: gmsh: grain 5"]
+    assert mesh.remarks == ["polycrystal of 12 grains, seed 4: passed over seed 3: gmsh: grain 5"]
     assert all(mesh.remarks[0] in part.overview.cautions and part.overview.mesh_nodes == len(mesh.nodes)
                for part in among(3, lambda team: make(grains(seed=3), team)))
 

@@ -124,7 +124,7 @@ class _SetUp:
         if perfect:
             local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
             with watch("bound"):
-                bound = self._bound(direction, stiffness, modes)
+                bound = ErrorBound(direction, stiffness, *self._freedom(modes))
         else:
             (pairs, local, springs), bound = self._meeting(direction, 1.0), None
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
@@ -176,9 +176,6 @@ class _SetUp:
         springs = stabilisation(self.scene, self.method, scale)
         pairs = make_pairs(self.scene, self.space, direction.whole, springs)
         return pairs, LawStage(direction, pairs.lawful), springs
-
-    def _bound(self, direction: SearchDirection, stiffness, modes: list[np.ndarray]) -> ErrorBound:
-        return ErrorBound(direction, stiffness, *self._freedom(modes))
 
     def _freedom(self, modes: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
         """Rigid motions and external forces (T, B) on the boundary dofs."""

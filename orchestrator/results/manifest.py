@@ -28,7 +28,6 @@ RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fiel
            r"|fields/(step_\d{4,}(_\d+)?\.p?vtu|interface_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|probes|paths|deformed|interfaces|jumps|codes)\.png"
            r"|checkpoint/((iteration-\d{6,}|increment-\d{3,})(-\d+of\d+)?\.npz|reserve(-\d+)?|problem\.json))")
-_SUMMARY = {"name", "converged", "stop_reason", "versions", "config"}  # keys by which a summary.json is known
 
 
 class Manifest:
@@ -43,7 +42,7 @@ class Manifest:
 
     def note(self, name: str, file: Path) -> None:
         """``file`` as it is now will be, or is, the one called ``name``."""
-        self._append(self._line(name, file, hashed=True))
+        self._append(self._line(name, file))
 
     def claim(self, pattern: str) -> None:
         """Claim files whose names match the regular expression as this program's until ``settled``."""
@@ -53,7 +52,7 @@ class Manifest:
     def settle(self, pattern: str) -> None:
         """Files that were claimed are done: those that are there are noted as they are."""
         if pattern in self._read()[1]:
-            self._append(*(self._line(name, self._folder / name, hashed=True)
+            self._append(*(self._line(name, self._folder / name)
                            for name in self._names() if re.fullmatch(pattern, name)), {"settled": pattern})
 
     def owned(self) -> Iterator[str]:
@@ -120,34 +119,21 @@ class Manifest:
         try:
             texts = self._path.read_bytes().splitlines()
         except FileNotFoundError:
-            return self._of_an_earlier_version()
+            return []
         lines = []
         for text in texts:
             with suppress(ValueError):  # half a line, of a process that was killed
                 lines.append(json.loads(text))
         return [line for line in lines if isinstance(line, dict)]
 
-    def _of_an_earlier_version(self) -> list[dict[str, Any]]:
-        """Files of a run whose version had no manifest: names that runs write under, beside its summary, which is last."""
-        summary = self._folder / "summary.json"
-        try:
-            if summary.is_symlink() or not _SUMMARY <= set(json.loads(summary.read_bytes())):
-                return []
-            last = summary.stat().st_mtime_ns
-        except (OSError, ValueError, TypeError):
-            return []
-        return [self._line(name, path, hashed=False) for name in self._names() if re.fullmatch(RESULTS, name)
-                and (path := self._folder / name).is_file() and not path.is_symlink() and path.stat().st_mtime_ns <= last]
-
-    def _line(self, name: str, file: Path, hashed: bool) -> dict[str, Any]:
+    def _line(self, name: str, file: Path) -> dict[str, Any]:
         about = file.stat()
-        return {"file": name, "size": about.st_size, "time": about.st_mtime_ns, "hash": _hash(file) if hashed else None}
+        return {"file": name, "size": about.st_size, "time": about.st_mtime_ns, "hash": _hash(file)}
 
     def _append(self, *lines: dict[str, Any]) -> None:
-        known = [] if self._path.exists() else self._of_an_earlier_version()
         self._path.parent.mkdir(parents=True, exist_ok=True)
         # each begins a line of its own, behind half a one of a process that was killed too
-        content = b"".join(b"\n" + json.dumps(line).encode() for line in (*known, *lines))
+        content = b"".join(b"\n" + json.dumps(line).encode() for line in lines)
         with open(self._path, "ab", buffering=0) as file:
             with suppress(OSError):  # a file system without locks
                 fcntl.flock(file, fcntl.LOCK_EX)

@@ -14,14 +14,13 @@ import numpy as np
 
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.distances import surface_gap
-from orchestrator.scene.interfaces.matching import Patch
+from orchestrator.scene.interfaces.matching import Patch, back_to_back
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skin, over, smooth_patches, surface_of
-from orchestrator.scene.interfaces.thickness import back_to_back
 from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh

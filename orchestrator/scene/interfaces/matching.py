@@ -3,6 +3,9 @@
 Two outer faces match when they face each other and each corner of one projects, along the mean of their normals,
 onto a corner of the other. Parts that touch with coincident but separately numbered nodes match under any law;
 under ``gap: geometry`` the faces may be apart, and how far they are is the initial gap.
+
+Faces deeper in each other than both bodies are thick lie back to back, with the bodies between: two plates on each other, each thinner
+than one looks for gaps, have such faces on either outer side.
 """
 
 from __future__ import annotations
@@ -11,14 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, opposite
-from orchestrator.scene.interfaces.thickness import back_to_back
+from orchestrator.scene.interfaces.mortar.segments import find_segments
+from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, Body, Facets, opposite
 from orchestrator.scene.mesh.faces import edge_patches
 
 # How deep, in h, parts may reach into each other to be noticed.
 DEEP = 0.5
 # Corners that are apart may miss each other sideways by this share of their distance: normals turn.
 ASIDE = 0.3
+ROUNDED = 1e-6  # of a thickness
 # The three ways in which corners of two opposite triangles, then the middles of their edges, can belong together.
 TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
 
@@ -90,3 +94,28 @@ def _connected(triangles: np.ndarray) -> list[np.ndarray]:
     label = edge_patches(triangles)[1]
     order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+
+
+def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """(m,) bool, whether both bodies are between facets i and j.
+
+    depth : (m,) by which they are in each other; 0 or less where they are not
+    """
+    result = np.zeros(len(i), dtype=bool)
+    inside = np.flatnonzero(depth > 0)
+    if len(inside):
+        result[inside] = True
+        for body, own in ((one, i[inside]), (two, j[inside])):
+            result[inside] &= depth[inside] >= (1 - ROUNDED) * _thickness(body, own, depth[inside])
+    return result
+
+
+def _thickness(body: Facets, own: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """(m,) how thick a body is behind its facets (m,) int, infinite where that is more than ``most`` (m,)."""
+    facets, at = np.unique(own, return_inverse=True)
+    reach = np.zeros(len(facets))
+    np.maximum.at(reach, at, most)
+    found = find_segments(body.some(facets), body, reach, OPPOSITE)
+    result = np.full(len(facets), np.inf)
+    np.minimum.at(result, found.slave, np.where(found.distance < 0, -found.distance, np.inf))
+    return result[at]
