@@ -208,14 +208,7 @@ def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.nda
     first, second = transfer.at_points(direction.whole)
     each = [basis if match else transfer.products.G1[a:b][:, one] @ basis[: len(one)] for basis, match, a, b, (one, _) in zip(
         bases, transfer.matched, transfer.bounds[:-1], transfer.bounds[1:], transfer.sides)]
-    return sp.csr_array(pushing(space, each, first + second)[: space.size])
-
-
-def pushing(space: TraceSpace, bases: list[np.ndarray], k: sp.csr_array | None = None) -> sp.csr_array:
-    """(D + G, size) forces Bᵀ k W of the points' fields W, (points, m) of every interface, on both sides; k: 1 unless given."""
-    transfer = space.transfer
-    fields = block_diagonal(bases, np.diff(transfer.bounds))
-    return sp.csr_array(transfer.B.T @ (fields if k is None else k @ fields))
+    return sp.csr_array((transfer.B.T @ ((first + second) @ block_diagonal(each, np.diff(transfer.bounds))))[: space.size])
 
 
 def _numbers(space: TraceSpace, bases: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

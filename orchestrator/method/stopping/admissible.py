@@ -10,9 +10,9 @@ Balance: interface forces f̃ = f + δf that keep every subdomain in equilibrium
 The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such pair keeps f̃ balanced;
 this one brings the fields of f̃ closer to u. The repositioning has made it free of resultants on floating subdomains, since both
 use the same weight. Where nodes do not match, the forces of the points are those of the first side, and the second takes all of the
-imbalance: forces of fewer or more nodes cannot be undone. What still pushes a floating subdomain is balanced by force fields per
-interface, of least norm. The macro problem has seen to it where its basis holds the rigid motions; the mono-scale strategy leaves
-it to this one problem of all subdomains.
+imbalance: forces of fewer or more nodes cannot be undone. What still pushes a floating subdomain is balanced by the springs k B R y of
+motions y of all subdomains, which is the problem of the repositioning again. The macro problem has seen to it where its basis holds the
+rigid motions; the mono-scale strategy leaves it to this one.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from orchestrator.method.interface.rows import Segments, narrow, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.linear.macro import pushing
-from orchestrator.method.linear.macro_basis import independent
 
 RIGID = 6
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
@@ -125,8 +123,17 @@ class Repositioning:
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
         """(T, modes) c for traces (T, D + G)."""
-        transfer, space = self.space.transfer, self.space
-        return self._solve(self.modes.resultants(space.loads(transfer.opposed(self.weight(transfer.jump(w)))[:, : space.size])))
+        return self._solve(self.modes.resultants(self.space.loads(self._closing(w))))
+
+    def balancing(self, resultants: np.ndarray) -> np.ndarray:
+        """(T, D) forces k B R y that take up resultants (T, modes)."""
+        w, = self.space.extended(self.space.trace(self.modes.moved(self._solve(resultants))))
+        return self._closing(w)
+
+    def _closing(self, w: np.ndarray) -> np.ndarray:
+        """(T, D) forces k B w of traces (T, D + G), opposite on both sides."""
+        transfer = self.space.transfer
+        return transfer.opposed(self.weight(transfer.jump(w)))[:, : self.space.size]
 
 
 class Balancing:
@@ -137,15 +144,17 @@ class Balancing:
     modes : rigid motions of all subdomains
     share : (Q,) what the first side takes of a force imbalance
     soles : k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
+    reposition : the best motions beside it
     """
 
     def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
-        self.space, self.modes, self._fields = direction.space, modes, None
+        self.space, self.modes = direction.space, modes
         transfer = self.space.transfer
         trace_weight, = self.space.extended(self.space.trace(weight[None]))
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
         self.soles = AtPoints(direction, np.sqrt(np.minimum(one, two) / np.maximum(one + two, TINY)))
+        self.reposition = Repositioning(self.space, modes, self.soles)
 
     def _share(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
         """(Q,) the first side's, from the stiffnesses (Q,) of both.
@@ -174,20 +183,6 @@ class Balancing:
         pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale)
         if pushed <= UNBALANCED * max(size, TINY):
             return change, True
-        spread, work, solve = self._fields = self._fields or self._prepare()
-        change = change + times(spread, times(work.T, solve(-resultant)))
+        change = change + self.reposition.balancing(resultant)
         left, = team.max(np.abs(self.modes.resultants(self.space.loads(change))).max(initial=0.0))
         return change, left <= BALANCED * max(pushed, TINY)
-
-    def _prepare(self):
-        """Force fields (D, m) of this rank's interfaces, their work in the motions (modes, m), and the solver of the least norm."""
-        space, traces, bases, first = self.space, self.modes.traces, [], []
-        bounds, (one, two) = space.transfer.bounds, space.transfer.rows(traces)
-        for a, b in zip(bounds[:-1], bounds[1:]):  # the motions of either side span the fields
-            block = sp.csc_array(one[a:b] if one[a:b].nnz else two[a:b])
-            bases.append(independent(block[:, np.flatnonzero(np.diff(block.indptr))].toarray()))
-            first.append(np.full(bases[-1].shape[1], bool(space.transfer.mine[a:b].any())))
-        spread = pushing(space, bases)
-        work = sp.csr_array(traces.T @ spread)
-        mine = work[:, np.flatnonzero(np.concatenate([np.empty(0, bool), *first]))]  # each field is one rank's to add
-        return sp.csr_array(spread[: space.size]), work, semidefinite(sp.csr_array(mine @ mine.T), self.modes.number, space.team)

@@ -29,7 +29,7 @@ from orchestrator.config.method import ROUNDING
 from orchestrator.method.interface.rows import Blocks, dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.admissible import Balancing, Repositioning, RigidModes
+from orchestrator.method.stopping.admissible import Balancing, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.softest import BesideRigid, softest
@@ -79,7 +79,6 @@ class ErrorBound:
         self.continuity = Continuity(self.space, stiffness.diagonal())
         self.modes = RigidModes(self.space, modes)
         self.balance = Balancing(direction, stiffness.diagonal(), self.modes)
-        self.reposition = Repositioning(self.space, self.modes, self.balance.soles)
         self.weights: np.ndarray | None = None
         self.softness: Any = None
 
@@ -103,7 +102,7 @@ class ErrorBound:
 
     def first(self, fields: Admissible) -> tuple[Bound, np.ndarray, np.ndarray]:
         """What is known without back-substitutions; u + R c (T, B); and a² (T,)."""
-        c = self.reposition(fields.extended[0])
+        c = self.balance.reposition(fields.extended[0])
         u = fields.u + self.modes.moved(c)
         delta = self.continuity(u, self.stage.loading.known)
         a2, energy = self.space.team.sum(*moved_energy(self.stage, self.stiffness, self.external, fields, delta))
