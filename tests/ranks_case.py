@@ -220,10 +220,20 @@ CASES = {
         "method": {"tolerance": {"error": 1e-4}},
         "output": {"certified": CERTIFIED["certified"], "probes": [{"at": [0.5, 0.5, 0.5], "part": "base"}, {"along": [[0, 0, 0.4], [2, 1, 1.2]]}]},
     },
+    # two tools: a plane that comes down on two bodies, and a ball that is pushed into one of them from aside
+    "tools": {
+        "parts": [_box("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), _box("left", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5]),
+                  _box("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), _box("foot", [2, 1, 0.5], [4, 2, 1], [0, 0, -0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"law": "perfect"}, {"law": "contact", "friction": 0.2, "between": [
+            "*t", {"plane": {"at": [0, 0, 1.001], "normal": [0, 0, -1]}, "displacement": [[0, 0, -0.002], [0.001, 0, -0.003]]}]},
+            {"law": "contact", "between": ["right", {"sphere": {"centre": [4, 0.5, 0.8], "radius": 2}, "force": [-20, 0, 0]}]}],
+        "boundary": [{"on": "foot/zmin", "displacement": [0, 0, 0]}], "method": {"tolerance": {"error": 1e-4}},
+    },
 }
 
 
-MADE_BY_ALL = ("blocks", "contact", "grounds", "bolted", "parts in contact", "parts apart", "parts that slide on")
+MADE_BY_ALL = ("tools", "blocks", "contact", "grounds", "bolted", "parts in contact", "parts apart", "parts that slide on")
 
 
 def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.ndarray] | None:
@@ -248,6 +258,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         result["shares"] = [share for _, share in sorted(summary["error_shares"]["bodies"].items())]
     if summary["places"]:
         result["places"] = np.nan_to_num([far for _, far in sorted(summary["places"]["bodies"].items())], posinf=0.0)
+    if summary["tools"]:
+        result["tools"] = [tool[name] for tool in summary["tools"] for name in ("displacement", "rotation")]
     carried = solved.answers.interfaces.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
                "stresses": solved.answers.extremes.value[:, :, 4:]}

@@ -82,7 +82,7 @@ def write_groups(folder):
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
 @pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
-                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds", "contact"])
+                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds", "contact", "tools"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
@@ -198,6 +198,28 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"blackbox": {"element": "auto"}}])
 def test_what_one_has_to_judge_is_left_to_it(change):
     config = config_from({"name": "pieces", **BLOCK, **change})
+    assert_left(among(2, lambda team: make(config, team)))
+
+
+PLANE = {"plane": {"at": [0, 0, 1.01], "normal": [0, 0, -1]}}
+
+
+@pytest.mark.parametrize("ranks", [2, late(3), 4])
+@pytest.mark.parametrize("tool", [{**PLANE, "displacement": [[0, 0, -0.02], [0.1, 0, -0.02]], "rotation": [0, 0.1, 0]},
+                                  {"sphere": {"centre": [3.5, 0.5, 2], "radius": 1}, "force": [0, 0, -2]}])
+def test_rigid_tools(tool, ranks):
+    """Behind each block that it touches where it moves as prescribed, else behind a single one; in the middle nobody may have a face."""
+    config = config_from({"name": "tools", **BLOCK, "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}],
+                          "interfaces": [{"law": "contact", "between": ["*", tool], "within": 0.1}]})
+    assert len(build_scene(config).subdomains) == (8 if "plane" in tool else 6)
+    same_as_one(config, ranks)
+
+
+@pytest.mark.parametrize("tool", [{**PLANE, "force": [0, 0, -2]}, {"plane": {"at": [0, 0, 0.9], "normal": [0, 0, -1]}},
+                                  {"plane": {"at": [0, 0, 9], "normal": [0, 0, -1]}}])
+def test_tools_that_one_has_to_judge_are_left_to_it(tool):
+    """One pushed on blocks of two ranks; one that begins inside; one that touches nothing."""
+    config = config_from({"name": "tools", **BLOCK, "interfaces": [{"law": "contact", "between": ["*", tool]}]})
     assert_left(among(2, lambda team: make(config, team)))
 
 

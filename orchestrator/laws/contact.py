@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -123,6 +123,9 @@ class Contact(Law):
     @property
     def distance(self) -> np.ndarray:
         return self.gap
+
+    def elsewhere(self) -> Contact:
+        return replace(self, gap=np.array([self.gap.min(), self.gap.max()]))
 
     @property
     def imposed(self) -> float:

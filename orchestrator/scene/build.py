@@ -178,7 +178,8 @@ def _with_tools(config: Config, body: Body, cut: Cut, joints: Joints, boundary: 
         return
     from orchestrator.scene.tools.add import add_tools, pressed_tools
 
-    pressed = pressed_tools(body.mesh, body.faces, config.interfaces, config.tools, _times(config, list(config.tools.values())), problems)
+    pressed = pressed_tools(body.mesh, body.faces, cut.partition, config.interfaces, config.tools, _times(config, list(config.tools.values())),
+                            problems)
     if problems.found:
         return
     added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, pressed, len(boundary))

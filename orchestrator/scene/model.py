@@ -198,7 +198,7 @@ class BoundaryEntry:
     cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer boundary
     nodes : (p,) int, global ids of all nodes on those faces
     does : what acts there; forces are those of its faces
-    drives : name of the rigid tool that it drives; such entries come after those of the YAML, and are none of them
+    drives : the rigid tool that it drives; such entries come after those of the YAML, and are none of them
     """
 
     index: int
@@ -207,12 +207,12 @@ class BoundaryEntry:
     cells: np.ndarray
     nodes: np.ndarray
     does: Forces | Prescribed | Ground
-    drives: str = ""
+    drives: Rigid | None = None
 
     @property
     def name(self) -> str:
         """In messages: its place, or what it drives."""
-        return self.drives or f"boundary[{self.index}]"
+        return self.drives.name if self.drives else f"boundary[{self.index}]"
 
     @property
     def forces(self) -> Forces | None:

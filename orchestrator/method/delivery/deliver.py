@@ -19,6 +19,7 @@ from orchestrator.method.delivery.recovery import (Parts, continuous, interior, 
                                                        reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.slid import with_slides
 from orchestrator.method.delivery.shares import Shares, shares
+from orchestrator.method.delivery.tools import Placed, placed
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
@@ -61,6 +62,7 @@ class Delivered:
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
+    tools: Sequence[Placed] = ()  # where rigid tools are
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
     def without(self, wanted: Wanted, unsound: Collection[int]) -> Delivered:
@@ -113,10 +115,11 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
             known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants, through)
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
+    tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
     everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved)
+                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools)
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

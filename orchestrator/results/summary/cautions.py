@@ -12,7 +12,6 @@ from orchestrator.errors import some
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.results.summary.resolution import sliding, unresolved
-from orchestrator.results.summary.tools import tool_cautions
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, Solid, overlap
@@ -56,7 +55,7 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
     result += passing_through(scene, sides, lost)
-    return result if interfaces is None else [*result, *_of_interfaces(scene, interfaces), *tool_cautions(scene, sides, interfaces)]
+    return result if interfaces is None else [*result, *_of_interfaces(scene, interfaces)]
 
 
 def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:

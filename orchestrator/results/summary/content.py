@@ -29,7 +29,7 @@ from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.contact_faces import contact_faces
-from orchestrator.results.summary.tools import tools_moved
+from orchestrator.results.summary.tools import tool_cautions, tools_moved
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.elasticity import von_mises
@@ -86,13 +86,13 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
         "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
         **contact,
-        "tools": tools_moved(scene, delivered.sides or delivered.parts),
+        "tools": tools_moved(delivered.tools),
         "load_path": [found | {"sentence": path_sentence(found)} for found in iterated.found.get("path", [])],
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
-                   estimated and estimated.relative, delivered.moved), **spent, "config": config.complete()}
+                   estimated and estimated.relative, delivered.moved) + [*tool_cautions(delivered.tools)], **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
 

@@ -31,7 +31,7 @@ THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone
 class Layer:
     """Layer to lie behind some faces.
 
-    name : of the subdomain that it is; body : of its body, and of its volume
+    name : of the subdomain that it is; body : of its body, and of its volume, which the mesh knows
     triangles : (k, 3 or 6) int, outward; cells : (k,) int, the tet behind each
     whole : it is one interface with each body, in however many patches
     thickness : over the size of its faces
@@ -69,7 +69,7 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
     from orchestrator.scene.soles.make import prisms
 
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
-    names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], list(mesh.volumes)
+    names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], mesh.volumes
     nodes: list[slice] = []
     for one in wanted:
         at, local = _local(one.triangles)
@@ -78,14 +78,12 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
         nodes.append(slice(first, first + len(layers[-1])))
-        if one.body not in volumes:
-            volumes.append(one.body)
         volume.append(np.full(len(layer.cells), volumes.index(one.body)))
         subdomain.append(np.full(len(layer.cells), len(names)))
         material.append(np.repeat(cell_material[one.cells], 3))
         names.append(one.name)
         bodies.append(one.body)
-    whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume), volumes=volumes)
+    whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume))
     here = partition.here  # a layer is where the subdomains are that it lies on
     if here is not None:
         here = np.concatenate([here, np.array([here[partition.subdomain[one.cells]].any() for one in wanted], dtype=bool)])

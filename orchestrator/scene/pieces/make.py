@@ -29,7 +29,7 @@ from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.boxes import Boxes
 from orchestrator.scene.pieces.dealt import Dealt
-from orchestrator.scene.pieces.outline import Outline
+from orchestrator.scene.pieces.outline import BEHIND, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
 from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
@@ -43,7 +43,7 @@ JUDGED = "something is amiss, or hangs on all of the mesh"
 
 def source_of(config: Config, team: Team = ALONE) -> Source | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
-    for left, why in ((config.tools, "rigid tools"), (config.refines, "an accuracy"), (config.output.mesh_bound, "mesh_bound"),
+    for left, why in ((config.refines, "an accuracy"), (config.output.mesh_bound, "mesh_bound"),
                       (config.method.tolerance.error == "auto", "error: auto"), (any(c.element == "auto" for c in config.codes), "element: auto"),
                       (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
         if left:
@@ -79,12 +79,13 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     every = team.all_gather(local.outline)
     whole, number = Outline.joined(every), np.concatenate([x.number for x in every])
     rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
-    kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, one more than its entry of grounds
+    kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, and as ``Local.of`` has it
     extent = local.numbered(whole, np.sort(number), extent, team)
     apart = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[0] > 1
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
-    parted = any(entry.ground and entry.ground.whole and (kind == 1 + entry.index).sum() > 1 for entry in local.part.boundary)
-    bodies = np.flatnonzero(kind == 0)
+    grounds = 1 + len(config.interfaces)  # their first kind
+    parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
+    bodies = np.flatnonzero(kind < grounds)
     free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
     if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted:
         return JUDGED
@@ -111,7 +112,7 @@ class Local:
 
     part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
     present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered`` as of a ``Piece``, and then
-        grounds, entry by entry, by that of what they are behind
+        rigid tools and grounds, entry by entry, by that of what they are behind
     given : how many nodes and cells of the part are the mesh's; count : as of a ``Piece``
     """
 
@@ -123,7 +124,7 @@ class Local:
 
     @classmethod
     def of(cls, config: Config, made: list[Piece], surfaces: Mapping[int, np.ndarray]) -> Local:
-        """Of the subdomains that are all there, and the grounds behind them.
+        """Of the subdomains that are all there, and the tools and grounds behind them.
 
         made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
         surfaces : as of ``Body``
@@ -139,12 +140,12 @@ class Local:
                         cuts=piece.cuts, surfaces=surfaces)
 
         scene = build_scene(config, meshed=meshed)
-        grounds = [i.subdomains for i in scene.interfaces if i.law.on_ground]
-        body_of = {ground: body for body, ground in grounds}
-        entry_of = [int(scene.subdomains[ground].held_by.max()) for ground in range(len(present), len(scene.subdomains))]
-        bodies = np.array([body_of[ground] for ground in range(len(present), len(scene.subdomains))], dtype=int)
-        own = np.flatnonzero(np.concatenate([here, here[bodies]]))
-        present = np.concatenate([present, (1 + np.array(entry_of, dtype=int)) * count + present[bodies]])
+        before = {i.subdomains[1]: i for i in scene.interfaces if i.tool or i.law.on_ground}
+        for behind in scene.subdomains[len(present):]:  # tools, and grounds, which may be behind tools
+            i = before[behind.index]
+            entry, body = i.entry if i.tool else len(config.interfaces) + int(behind.held_by.max()), i.subdomains[0]
+            here, present = np.append(here, here[body]), np.append(present, (1 + entry) * count + present[body] % count)
+        own = np.flatnonzero(here)
         if np.isin(scene.mesh.volume[np.isin(scene.cell_subdomain, own)], [*chain.from_iterable(scene.near)]).any():
             raise wrong(("interfaces",), "faces that are near each other", "faces that are joined, or far apart")
         part = part_of(scene, own, None)
@@ -209,7 +210,7 @@ def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
 
 def _of_use(laws: Laws, whole: Outline) -> bool:
     """Whether every entry governs, or would but for a later one, some interface, and every name that it leaves out or chooses is known."""
-    for one, two in whole.sides.tolist():
+    for one, two in whole.sides[whole.order[:, 0] != BEHIND].tolist():
         laws.between((whole.names[one],), (whole.names[two],))
     named = [name for entry in laws.entries for name in (*chain.from_iterable(entry.exclude or ()), *([entry.slave] if entry.slave else ()))]
-    return all(laws.used) and all(laws.meant(name) for name in named)
+    return all(used or entry.tool for used, entry in zip(laws.used, laws.entries)) and all(laws.meant(name) for name in named)

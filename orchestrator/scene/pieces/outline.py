@@ -18,7 +18,7 @@ from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
 OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "laws", "bolts", "mixed", "matched", "met")
-GROUND = 3  # among kinds of interfaces
+BEHIND = 3  # among kinds of interfaces
 
 
 @dataclass
@@ -28,9 +28,9 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
     names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
-    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a ground; and its place among those of its pair
+    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a rigid tool or a ground; and its place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
-    laws : of grounds and bolts, at every load step; None of others, which ``entry`` tells of
+    laws : of tools, grounds and bolts, at every load step; None of others, which ``entry`` tells of
     bolts : what is known of a bolt there but for its interface; None where there is none
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
@@ -88,7 +88,7 @@ class Outline:
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
-                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if i.entry < 0 and not i.law.perfect else None for i in first],
+                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if (i.entry < 0 and not i.law.perfect) or i.tool else None for i in first],
                    [bolts.get(i.index) for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
@@ -100,7 +100,7 @@ class Outline:
         number = np.concatenate([x.number for x in several])
         own, order, sides = np.argsort(number), *(np.concatenate([getattr(x, name) for x in several]) for name in ("order", "sides"))
         sides = np.searchsorted(number[own], sides)
-        first, last = np.where(order[:, :1] == GROUND, sides[:, ::-1], np.sort(sides, axis=1)).T  # grounds follow each other
+        first, last = np.where(order[:, :1] == BEHIND, sides[:, ::-1], np.sort(sides, axis=1)).T  # what is behind bodies follows each other
         pairs = np.lexsort((order[:, 1], last, first, order[:, 0]))
 
         def sorted_(name: str) -> object:
@@ -131,13 +131,13 @@ class Outline:
         several, seen, titles = count[pair.ravel()] > 1, {}, []
         for (one, two), more, kind in zip(self.sides.tolist(), several.tolist(), self.order[:, 0].tolist()):
             seen[one, two] = seen.get((one, two), 0) + 1
-            other = self.bodies[two] if kind == GROUND else self.names[two]
+            other = self.bodies[two] if kind == BEHIND else self.names[two]
             titles.append(f"{self.names[one]} | {other}" + f" (patch {seen[one, two]})" * more)
         return titles
 
     def overview(self, part: Scene, extent: Extent, rank_of: np.ndarray) -> Overview:
         """What every part has to know; ``part`` is any of them."""
-        joined = self.sides[self.joins & (self.order[:, 0] != GROUND)]
+        joined = self.sides[self.joins & (self.order[:, 0] != BEHIND)]
         loose = np.zeros(len(self.number), dtype=bool) if self.joins.all() else self.kept.loose(joined)
         return Overview(self.sizes, loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
                         self.met, self.used, self.supports, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
@@ -155,13 +155,14 @@ class Outline:
         for i in part.interfaces:
             there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
         interfaces, none = [], np.empty((0, 3 if part.mesh.cells.shape[1] == 4 else 6), dtype=int)
+        tools = {entry.name: entry.drives for entry in part.boundary if entry.drives}
         for k, (pair, title, entry) in enumerate(zip(map(tuple, self.sides.tolist()), self.titles, self.entry.tolist())):
             own = there[pair].pop(0) if there.get(pair) else None
             if own is not None and len(own.nodes[0]):
                 interfaces.append(replace(own, index=k, subdomains=pair, name=title))
                 continue
             at = np.arange(2)  # of all nodes those that the sides are least and farthest apart at
-            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool))
+            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool), tool=tools.get(self.bodies[pair[1]]))
             laws.apply(entry, own, (self.names[pair[0]],), self.apart[k])
             if self.laws[k] is not None:
                 own.law, *own.law_at_steps = self.laws[k]
@@ -178,7 +179,7 @@ class Outline:
 def _order(scene: Scene) -> np.ndarray:
     """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
     made = scene.interfaces
-    kind = np.array([GROUND if i.law.on_ground else 2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
+    kind = np.array([BEHIND if i.law.on_ground or i.tool else 2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
                      for i in made], dtype=int)
     pairs = np.sort(ends_of(made), axis=1)
     changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)

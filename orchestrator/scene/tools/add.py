@@ -1,15 +1,17 @@
 """Rigid tools in the scene: behind the faces that each may touch, a thin layer of tets is the tool, a body among the others.
 
 Its nodes are copies of the faces' own, so that contact pairs them, with the tool's own normals and gaps: the layer lies on the part,
-wherever the tool is. Where the whole motion is prescribed all of its nodes are; else its back follows a point that is loaded, and the
-layer, of the part's own matter, is so thin that it passes on what its back does. Then it resists nothing but that: what resists along
-it, as a thick layer of stiff matter does, keeps its nodes from finding the point's motion each by itself, for many iterations.
+wherever the tool is. Where the whole motion is prescribed all of its nodes are, and it is a subdomain of its own behind each one that it
+touches; else its back follows a point that is loaded, and the layer, of the part's own matter, is so thin that it passes on what its back
+does. Then it resists nothing but that: what resists along it, as a thick layer of stiff matter does, keeps its nodes from finding the
+point's motion each by itself, for many iterations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -41,9 +43,9 @@ class Pressed:
     faces: np.ndarray
 
 
-def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Mapping[str, Tool], factors: Sequence[Sequence[float]],
-                  problems: Problems) -> list[Pressed]:
-    """The tools in their places, each with its faces; adds problems.
+def pressed_tools(mesh: Mesh, faces: Faces, partition: Partition, entries: Sequence[Entry], tools: Mapping[str, Tool],
+                  factors: Sequence[Sequence[float]], problems: Problems) -> list[Pressed]:
+    """The tools in their places, each with its faces, of a piece of a mesh those of subdomains that are all there; adds problems.
 
     entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history of each
     """
@@ -65,7 +67,8 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
                          "parts with a mesh of this program's", "name these alone, or mesh the tool as a part")
         elif volumes:
             rigid = Rigid(name, surface, Driven.of(tool, surface.middle, times))
-            own = touched_faces(mesh, faces, np.array(volumes), rigid, entry, path, problems)
+            cells = np.isin(mesh.volume, volumes) & (partition.here is None or partition.here[partition.subdomain])
+            own = touched_faces(mesh, faces, cells, rigid, entry, path, problems)
             found.append(Pressed(rigid, i, entry, own))
     return found
 
@@ -91,27 +94,37 @@ def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.
     first : how many entries ``boundary`` has already
     Returns the interfaces with the tools as well, with their laws, and what moves or loads each
     """
-    layers = [Layer(one.tool.name, one.tool.name, faces.triangles[one.faces], faces.owner[one.faces], thickness=THIN) for one in pressed]
-    added, entries = add_layers(mesh, partition, cell_material, layers), []
-    for number, (one, layer, nodes, interfaces) in enumerate(zip(pressed, layers, added.nodes, added.interfaces)):
-        for interface in interfaces:
+    layers, entries = [list(_behind(one, faces, partition)) for one in pressed], []
+    mesh = replace(mesh, volumes=[*mesh.volumes, *(one.tool.name for one in pressed)])  # on pieces of a mesh, too
+    added = add_layers(mesh, partition, cell_material, [layer for own in layers for layer in own])
+    ends = np.cumsum([0, *map(len, layers)])
+    for number, one in enumerate(pressed):
+        own = slice(ends[number], ends[number + 1])
+        for interface in chain.from_iterable(added.interfaces[own]):
             points = added.mesh.nodes[interface.global_nodes]
             gaps, interface.normals = one.tool.gaps(points)
             laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
             interface.law = max(laws, key=lambda law: law.imposed)
             interface.law_at_steps = laws if (gaps != gaps[:1]).any() else []
             interface.entry, interface.tool = one.index, one.tool
-        entries.append(_driven(added, one, nodes, len(np.unique(layer.triangles)), first + number))
+        entries.append(_driven(added, one, layers[number], added.nodes[own], first + number))
     return added, [interface for own in added.interfaces for interface in own], entries
 
 
-def _driven(added: Added, one: Pressed, nodes: slice, front: int, index: int) -> BoundaryEntry:
-    """Motion of a layer: on all its faces, or on those of its back where it is loaded; ``front``: how many of its nodes lie on the part."""
-    outer = added.faces.outer
-    own = outer[(added.faces.triangles[outer] >= nodes.start).all(axis=1) & (added.faces.triangles[outer] < nodes.stop).all(axis=1)]
-    does = one.tool.driven.told
-    if does is one.tool.driven:
-        own = own[(added.faces.triangles[own] >= nodes.start + front).all(axis=1)]
+def _behind(one: Pressed, faces: Faces, partition: Partition) -> Iterator[Layer]:
+    """One layer behind each subdomain that a tool may touch; behind all of them, where it has to find its way."""
+    owner, name = partition.subdomain[faces.owner[one.faces]], one.tool.name
+    for e in np.unique(owner) if one.tool.driven.held else [None][: len(owner)]:
+        own = one.faces[slice(None) if e is None else owner == e]
+        yield Layer(name if e is None else f"{name} on {partition.names[e]}", name, faces.triangles[own], faces.owner[own], thickness=THIN)
+
+
+def _driven(added: Added, one: Pressed, layers: Sequence[Layer], nodes: Sequence[slice], index: int) -> BoundaryEntry:
+    """Motion of a tool's layers: on all their faces, or on those of the back of one that is loaded; ``nodes``: of each."""
+    outer, begin, end = added.faces.outer, *((nodes[0].start, nodes[-1].stop) if nodes else (0, 0))
+    if layers and not one.tool.driven.held:
+        begin += len(np.unique(layers[0].triangles))
+    own = outer[(added.faces.triangles[outer] >= begin).all(axis=1) & (added.faces.triangles[outer] < end).all(axis=1)]
     triangles = added.faces.triangles[own]
-    return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles), does,
-                         one.tool.name)
+    return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles),
+                         one.tool.driven.told, one.tool)

@@ -75,9 +75,14 @@ class Driven(Ground):
                 for move, load in zip(self.moves, self.loads)]
 
     @property
+    def held(self) -> bool:
+        """Whether all of its motions are prescribed."""
+        return bool(self.prescribed.all())
+
+    @property
     def told(self) -> Prescribed | Driven:
         """Conditions on the nodes of the tool: displacements where all of its motions are prescribed, else itself."""
-        return Prescribed(np.ones(3, dtype=bool), self.moves, SixMotions(self.about)) if self.prescribed.all() else self
+        return Prescribed(np.ones(3, dtype=bool), self.moves, SixMotions(self.about)) if self.held else self
 
     def displaced(self, points: np.ndarray) -> np.ndarray:
         """(steps, n, 3) how points (n, 3) move with what is prescribed."""

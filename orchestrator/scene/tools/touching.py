@@ -13,14 +13,16 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.tools.motion import Rigid
 
 
-def touched_faces(mesh: Mesh, faces: Faces, volumes: np.ndarray, tool: Rigid, entry: Entry, path: KeyPath,
+def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entry: Entry, path: KeyPath,
                   problems: Problems) -> np.ndarray:
-    """(k,) int, the outer faces of some volumes that a tool may touch; adds a problem where there are none, or where the tool begins
+    """(k,) int, the outer faces of some cells (m,) bool that a tool may touch; adds a problem where there are none, or where the tool begins
     inside.
 
     entry : of ``interfaces``, which says how far off faces may be, and how far turned away
     """
-    outer = faces.outer[np.isin(mesh.volume[faces.owner[faces.outer]], volumes)]
+    outer = faces.outer[cells[faces.owner[faces.outer]]]
+    if not len(outer):  # of a piece of a mesh
+        return outer
     triangles = faces.triangles[outer]
     nodes, local = np.unique(triangles, return_inverse=True)
     local, points = local.reshape(triangles.shape), mesh.nodes[nodes]
@@ -36,9 +38,9 @@ def touched_faces(mesh: Mesh, faces: Faces, volumes: np.ndarray, tool: Rigid, en
         apart = distance[local].min(axis=1)
         chosen |= looks & (apart <= room)
         near = min(near, float(apart[looks].min(initial=np.inf)))
-    if not chosen.any():
-        _nothing(mesh, volumes, tool, near, path, problems)
-    elif _pulled_away(mesh.nodes[np.unique(triangles[chosen])], tool):
+    if not chosen.any() and mesh.within is None:  # others may have faces that it touches
+        _nothing(mesh, cells, tool, near, path, problems)
+    elif chosen.any() and _pulled_away(mesh.nodes[np.unique(triangles[chosen])], tool):
         problems.add((*path, "between", 1, "force"), f"a force that draws {tool.name} away from the part, along which nothing holds it",
                      "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
     return outer[chosen]
@@ -59,9 +61,9 @@ def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid
     return True
 
 
-def _nothing(mesh: Mesh, volumes: np.ndarray, tool: Rigid, near: float, path: KeyPath, problems: Problems) -> None:
+def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyPath, problems: Problems) -> None:
     """No face: the tool is elsewhere, turned the other way, or inside altogether."""
-    corners = mesh.nodes[mesh.cells[np.isin(mesh.volume, volumes), :4]]
+    corners = mesh.nodes[mesh.cells[cells, :4]]
     if (barycentric(corners, tool.surface.middle) > 0).all(axis=1).any():
         found, cure = "begins inside the part altogether", "move it out, and press it by its displacement or force"
     elif np.isfinite(near):
