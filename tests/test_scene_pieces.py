@@ -17,7 +17,7 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.files import read
-from orchestrator.scene.mesh import grain_meshes, solids as solid_meshes
+from orchestrator.scene.mesh import grain_meshes, quadratic, solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
 from orchestrator.scene.mesh.grains import tidied
@@ -194,11 +194,21 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
     {"output": {"probes": [{"on": "xmax", "part": "slice 1"}]}}, {"output": {"probes": [{"on": "top"}]}},
     {"output": {"probes": [{"on": "xmax", "part": "nobody"}]}}, {"output": {"probes": [{"section": {"plane": "x", "at": 4}}]}},
-    {"output": {"probes": [{"section": {"plane": "x", "at": 1}}]}, "interfaces": [{"law": "contact"}]}, {"subdomains": {"metis": 4}},
-    {"blackbox": {"element": "auto"}}])
+    {"output": {"probes": [{"section": {"plane": "x", "at": 1}}]}, "interfaces": [{"law": "contact"}]}, {"subdomains": {"metis": 4}}])
 def test_what_one_has_to_judge_is_left_to_it(change):
     config = config_from({"name": "pieces", **BLOCK, **change})
     assert_left(among(2, lambda team: make(config, team)))
+
+
+@pytest.mark.parametrize("largest, told", [(1000, "P1: ten-node tets would have 1,"), (10**6, "P2: ν = 0.49")])
+def test_the_element_is_chosen_by_all_of_the_mesh(largest, told, monkeypatch):
+    """Of which a rank alone has the matter that locks."""
+    monkeypatch.setattr(quadratic, "LARGEST", largest)
+    rows = [_block(str(k), [k, 0, 0], material={"young": 1.0, "poisson": 0.1 + 0.13 * k}) for k in range(4)]
+    config = config_from({"name": "auto", "parts": rows, "subdomains": "groups", "boundary": [{"on": "0/xmin", "displacement": [0, 0, 0]}],
+                          "blackbox": {"element": "auto"}})
+    assert str(build_scene(config).element).startswith(told)
+    same_as_one(config, 4)
 
 
 PLANE = {"plane": {"at": [0, 0, 1.01], "normal": [0, 0, -1]}}

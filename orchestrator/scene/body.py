@@ -15,7 +15,7 @@ from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quadratic import choose_element, quadratic
+from orchestrator.scene.mesh.quadratic import TET_EDGES, choose_element, edges_of, quadratic, stiffest
 from orchestrator.scene.mesh.size_map import Sizes
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Material
@@ -69,7 +69,8 @@ class Meshed:
         mesh, faces = self._of_source(config, run_programs)
         element, choice = config.codes[0].element, None
         if element == "auto":
-            choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
+            unknowns = 3 * (len(mesh.nodes) + len(edges_of(mesh.cells, TET_EDGES)[0]))
+            choice = choose_element(unknowns, stiffest(*assign_materials(mesh, config.matter, Problems())), bool(mesh.foreign))
             element = choice.element
         if element == "P2":
             check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",

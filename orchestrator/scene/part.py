@@ -66,7 +66,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                  bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
                  probes=[probe.of_part(cells, own[scene.cell_subdomain]) if isinstance(probe, Surface | Section) else probe
                          for probe in scene.probes],
-                 thermal=None if scene.thermal is None else scene.thermal[:, cells],
+                 element=scene.element, thermal=None if scene.thermal is None else scene.thermal[:, cells],
                  body_force=None if scene.body_force is None else scene.body_force[:, cells])
 
 

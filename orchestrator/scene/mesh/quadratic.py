@@ -140,12 +140,18 @@ class Choice:
         return f"{self.element}: {self.why}"
 
 
-def choose_element(mesh: Mesh, materials: list[Any], cell_material: np.ndarray) -> Choice:
-    """Element to take for a mesh of four-node tets; materials and cell_material are empty where they are wrong, which is told elsewhere."""
-    if mesh.foreign:
+def stiffest(materials: list[Any], cell_material: np.ndarray) -> float:
+    """Largest ratio of Poisson of cells; of none where materials and cell_material are empty, which is told elsewhere."""
+    return max((materials[m].poisson for m in np.unique(cell_material) if m >= 0), default=0.0) if materials else 0.0
+
+
+def choose_element(unknowns: int, poisson: float, foreign: bool = False) -> Choice:
+    """Element to take for a mesh that would have some unknowns with ten-node tets.
+
+    poisson : as ``stiffest``; foreign : whether parts are of other programs
+    """
+    if foreign:
         return Choice("P1", "parts of other programs are met by four-node tets alone")
-    unknowns = 3 * (len(mesh.nodes) + len(edges_of(mesh.cells, TET_EDGES)[0]))
-    poisson = max((materials[m].poisson for m in np.unique(cell_material) if m >= 0), default=0.0) if materials else 0.0
     if unknowns > LARGEST:
         return Choice("P1", f"ten-node tets would have {unknowns:,} unknowns, which takes more memory than most machines have; but " + (
             f"four-node tets lock at ν = {poisson:g}: a coarser mesh with element: P2 is better" if poisson > LOCKING else

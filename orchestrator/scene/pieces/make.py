@@ -44,7 +44,7 @@ JUDGED = "something is amiss, or hangs on all of the mesh"
 def source_of(config: Config, team: Team = ALONE) -> Source | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
     for left, why in ((config.refines, "an accuracy"), (config.output.mesh_bound, "mesh_bound"),
-                      (config.method.tolerance.error == "auto", "error: auto"), (any(c.element == "auto" for c in config.codes), "element: auto"),
+                      (config.method.tolerance.error == "auto", "error: auto"),
                       (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
         if left:
             return why
@@ -99,8 +99,8 @@ def _pieces(config: Config, source: Source, mine: np.ndarray, team: Team) -> tup
     """This rank's piece, with some subdomains, alone in a list that it can be taken out of, None on all ranks where one cannot make its; and
     what the whole mesh is then."""
     made, extent = [agreed(lambda: source.piece(mine), team)], source.extent
-    if made[0] is not None and config.codes[0].element == "P2":
-        piece, nodes = made.pop().of_ten_nodes(extent.nodes, team)
+    if made[0] is not None:
+        piece, nodes = made.pop().of_element(config.codes[0].element, config.matter, extent.nodes, team)
         made, extent = [piece], replace(extent, nodes=nodes)
         del piece
     return [cut(made.pop(), config.bolts, team) if made[0] is not None and config.bolts else made[0]], extent
@@ -136,8 +136,8 @@ class Local:
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
             piece = made.pop()
             problems.warnings += piece.cautions
-            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), partition=piece.partition,
-                        cuts=piece.cuts, surfaces=surfaces)
+            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), piece.choice, piece.partition,
+                        piece.cuts, surfaces)
 
         scene = build_scene(config, meshed=meshed)
         before = {i.subdomains[1]: i for i in scene.interfaces if i.tool or i.law.on_ground}

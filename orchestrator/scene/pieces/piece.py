@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import wrong
+from orchestrator.errors import Problems, wrong
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
 from orchestrator.scene.bolts import BoltCut
+from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of, quadratic
+from orchestrator.scene.mesh.quadratic import TET_EDGES, Choice, choose_element, edges_of, quadratic, stiffest
 from orchestrator.scene.partition import PATH, Partition
 
 
@@ -38,6 +40,7 @@ class Piece:
     count : how many that leaves room for
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
     cuts : of bolts of which some cells are here; cautions : what is said of them
+    choice : of the element, where that was left open
     """
 
     mesh: Mesh
@@ -49,6 +52,7 @@ class Piece:
     count: int
     cuts: Sequence[BoltCut] = ()
     cautions: Sequence[str] = ()
+    choice: Choice | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, faces: Faces, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, name: Callable[[int], str],
@@ -69,10 +73,16 @@ class Piece:
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
         return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present], here=np.isin(present, mine)), present, *numbers, count)
 
-    def of_ten_nodes(self, nodes: int, team: Team) -> tuple[Piece, int]:
-        """The same with a node in the middle of every edge, of a mesh of so many corners; and how many nodes it has then. All ranks ask
-        together."""
-        ends, _ = edges_of(self.mesh.cells, TET_EDGES)
+    def of_element(self, element: str, matter: Sequence[Any], nodes: int, team: Team) -> tuple[Piece, int]:
+        """The same, with a node in the middle of every edge of P2, or where ``auto`` chooses that, of a mesh of so many corners; and how
+        many nodes it has then. All ranks ask together; ``matter`` of the configuration."""
+        if element == "P1":
+            return self, nodes
+        ends, choice = edges_of(self.mesh.cells, TET_EDGES)[0], None
         middles, edges = numbered(self.number[ends] @ [nodes, 1], team)
+        if element == "auto":
+            choice = choose_element(3 * (nodes + edges), team.max(stiffest(*assign_materials(self.mesh, matter, Problems())))[0])
+            if choice.element == "P1":
+                return replace(self, choice=choice), nodes
         mesh, faces = quadratic(self.mesh, self.faces)
-        return replace(self, mesh=mesh, faces=faces, number=np.concatenate([self.number, nodes + middles])), nodes + edges
+        return replace(self, mesh=mesh, faces=faces, number=np.concatenate([self.number, nodes + middles]), choice=choice), nodes + edges
