@@ -30,7 +30,6 @@ from orchestrator.results.whole import tell
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.screen import print_summary
 from orchestrator.scene.body import Meshed
-from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.outline import hollow
 from orchestrator.solving import Ranks, scene_of, solve
@@ -74,11 +73,12 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         with closing(Progress(quiet)) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
-            team.share((config, reference, means.judge is not None, True))
+            team.share((config, reference))
             with watch("mesh"):
                 made = [scene_of(config, means.ranks, reference, means.meshed)]
             known = hollow(made[0]) if made[0].overview else made[0]
             with closing(Record(folder, config, known, watch, artist, resume=resume)) as record:
+                team.share("solve and estimate" if means.judge else "solve")
                 solution = _balanced(config, [*record.subscribers, progress], record, made, reference, means.ranks)
                 if means.judge is None:  # who judges a mesh asks for the energy error
                     first, solution = solution, _paired_anew(config, solution, [*record.subscribers, progress], record, means)
@@ -124,15 +124,16 @@ def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: 
 
 def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
     """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
-    ranks, progress = replace(means.ranks, may_stop=None), told[-1]
+    ranks, progress = replace(means.ranks, may_stop=None, whole=False), told[-1]
 
     def built(config: Config) -> Scene:
         progress.stage("pairing sides anew")
+        ranks.team.share((config, False))
         with record.watch("mesh"):
-            return build_scene(config, run_programs=True, meshed=means.meshed)
+            return scene_of(config, ranks, meshed=means.meshed)
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
-        ranks.team.share((config, False, False, False))  # the whole scene is here
+        ranks.team.share("solve")
         return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch, ranks=ranks)
 
     return paired_anew(config, first, built, again)
@@ -141,18 +142,19 @@ def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], re
 def follow(team: Team) -> int:
     """Work of the other ranks, which print nothing: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
     is rank 0's."""
-    pieces: list[Piece] = []
+    pieces, ranks = [], Ranks(team, whole=False)
     while (given := team.share(None)) is not None:
         if isinstance(given, int):  # which of them is written
             _written(pieces[given], config)
             pieces = []
-            continue
-        config, reference, judged, apart = given
-        ranks = Ranks(team, whole=False)
-        pieces.append(_piece_of(config, [scene_of(config, ranks, reference)] if apart else [], reference, ranks))
-        if judged:
-            pieces[0].estimate(False)  # as the judge has it
-            _written(pieces.pop(), config)
+        elif isinstance(given, tuple):
+            config, reference = given
+            made = [scene_of(config, ranks, reference)]
+        else:
+            pieces.append(_piece_of(config, made, reference, ranks))
+            if given == "solve and estimate":
+                pieces[0].estimate(False)  # as the judge has it
+                _written(pieces.pop(), config)
     return CONVERGED
 
 

@@ -280,18 +280,19 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
 
 
 PLACED = "placed anew"  # after the third iteration, whatever the ranks' codes have taken
+PAIRED = "paired anew"  # too, once it has converged, where sides have slid to
+AGAIN = {PLACED: CASES["contact"], PAIRED: CASES["parts that slide on"] | {"interfaces": [{"law": "contact", "friction": 0.2}]}}
 
 
-def placed(folder: Path, team: Team) -> None:
-    """A run that is set up again on the way, in a results folder."""
-    method = CASES["contact"]["method"]
-    config = {"name": PLACED, **CASES["contact"], "method": method, "output": {"figures": False}}
+def again(name: str, folder: Path, team: Team) -> None:
+    """A run that is set up again, in a results folder."""
+    config = {"name": name, **AGAIN[name], "output": {"figures": False}}
     with patch.multiple(placing, IMBALANCE=0.0, NOTICED=0.0, CERTAIN=0.0):
         if team.rank:
             follow(team)
         else:
-            (folder / f"{PLACED}.yaml").write_text(json.dumps(config))
-            run(load_config(folder / f"{PLACED}.yaml", []), output=folder / PLACED, quiet=True, means=Means(Ranks(team)))
+            (folder / f"{name}.yaml").write_text(json.dumps(config))
+            run(load_config(folder / f"{name}.yaml", []), output=folder / name, quiet=True, means=Means(Ranks(team)))
             team.share(None)
 
 
@@ -358,8 +359,8 @@ if __name__ == "__main__":
         if ranks.size != 3:
             eliminate(ranks)
         for case in sys.argv[2:]:
-            if case == PLACED:
-                placed(Path(sys.argv[1]), ranks)
+            if case in AGAIN:
+                again(case, Path(sys.argv[1]), ranks)
                 continue
             if case in REFINED:
                 refined(case, Path(sys.argv[1]) / case, ranks)

@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 import pytest
 from processes import begin, gone
-from ranks_case import CASES, PLACED, found, refined
+from ranks_case import CASES, PAIRED, PLACED, found, refined
 from quick import late, quick
 
 from orchestrator import folders
@@ -101,7 +101,7 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     four = several[::2]
     names = {2: [case for case in CASES if case not in four], 3: several[1:2], 4: four}[ranks]  # each by some number of ranks
     meshes = {2: ["refined contact"], 3: ["refined bonds"], 4: []}[ranks]
-    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *meshes)
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *[PAIRED] * (ranks == 2), *meshes)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
     for case in names:
@@ -125,6 +125,10 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
                 assert off <= 1e-10 * np.abs(expected).max() or off <= rounding(case, name), (case, name, off)
     for name in meshes:
         same_meshes(name, tmp_path, ranks)
+    if ranks == 2:  # in pieces both times
+        twice, expected = Solution.read(tmp_path / PAIRED), alone("parts that slide on")
+        assert twice.converged and "paired anew" in twice.summary["warnings"][0] and twice.summary["scene_in_pieces"]
+        assert np.abs(twice.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
     if ranks == 3:  # set up again on the way, with other subdomains on every rank: as if nothing had happened
         again, expected = Solution.read(tmp_path / PLACED), alone("contact")
         assert again.converged and "placed anew" in again.summary["warnings"][-1]
