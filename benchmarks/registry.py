@@ -86,6 +86,7 @@ _LISTED = {
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }
+KEPT = frozenset(("certified", "gallery", "grains", "intervals", "large", "load_paths", "metamorphic", "places"))  # row by row, for ``--resume``
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
 
 
@@ -108,7 +109,7 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides
 
     Raises
     ------
-    InputError : no such study, none of its settings, or the folder cannot be written
+    InputError : no such study, none of its settings, one that keeps no runs, or the folder cannot be written
     BlackBoxError : from the code; the cases finished so far are on disk
     """
     if name not in STUDIES:
@@ -116,12 +117,14 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides
     if name == "metamorphic" and find_spec("hypothesis") is None:
         raise InputError(Problem((), f"study '{name}' without hypothesis, which draws its scenes", "the packages of the tests",
                                  "pip install hypothesis, or make test once"))
+    if resume and name not in KEPT:
+        raise InputError(Problem((), "--resume", f"nothing: the study {name} keeps no runs", "run it anew, without"))
     from benchmarks.kit.study import Study
     from benchmarks.kit.settings import arguments
 
     function = function_of(name)
-    asked = arguments(name, function, overrides, resume)
-    study = Study(name, STUDIES[name], folder)
+    asked = arguments(name, function, overrides)
+    study = Study(name, STUDIES[name], folder, resume)
     function(study, **asked)
     study.close()
 

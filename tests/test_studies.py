@@ -3,6 +3,7 @@
 import csv
 import inspect
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -26,7 +27,7 @@ from benchmarks.problems.cases import contact_defaults, defaults, paper, paper_c
 from benchmarks.problems.error_cases import MODELS
 from benchmarks.problems.hard_scenes import blocks
 from benchmarks.problems.contact_cases import pushed
-from benchmarks.registry import STUDIES, function_of, run_study
+from benchmarks.registry import KEPT, STUDIES, function_of, run_study
 from benchmarks.studies import (
     accuracy,
     certified,
@@ -498,8 +499,8 @@ def test_contact_of_six_node_faces(tmp_path):
 
 
 def grains_study(folder, **settings):
-    study = Study("grains", "few grains", folder)
-    grains.run(study, grains.Settings(elements=2.0, seeds=[1], figures=False, **settings), resume=True)
+    study = Study("grains", "few grains", folder, resume=True)
+    grains.run(study, grains.Settings(elements=2.0, seeds=[1], figures=False, **settings))
     study.close()
     return study
 
@@ -684,6 +685,7 @@ def test_what_a_study_may_be_told(tmp_path):
         with pytest.raises(InputError, match=message):
             run_study(name, tmp_path / "none", **asked)
     assert not (tmp_path / "none").exists()
+    assert KEPT == {name for name in STUDIES if re.search(r"study\.(kept|resume)\b", inspect.getsource(inspect.getmodule(function_of(name))))}
 
 
 @pytest.mark.parametrize("share, before", [(0.7, None), (0.1, 0.7), (-0.7, 0.7)])

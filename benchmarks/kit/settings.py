@@ -1,4 +1,4 @@
-"""What a study may be told: ``--set key=value`` and ``--resume``."""
+"""What a study may be told: ``--set key=value``."""
 
 from __future__ import annotations
 
@@ -28,29 +28,24 @@ class RandomScenes(Keys):
     code: str = Field("freefem", description="the code that solves the bodies")
 
 
-def arguments(name: str, function: Callable[..., None], overrides: Sequence[str], resume: bool) -> dict[str, Any]:
+def arguments(name: str, function: Callable[..., None], overrides: Sequence[str]) -> dict[str, Any]:
     """What the study's function is called with beside the study: nothing that has not been asked for.
 
     Parameters
     ----------
     name : of the study
-    function : with a parameter ``settings``, whose default is a ``Keys``, if there is something to set; with a
-        parameter ``resume`` if it keeps its runs
+    function : with a parameter ``settings``, whose default is a ``Keys``, if there is something to set
 
     Raises
     ------
-    InputError : it has no settings, or not these; it keeps no runs
+    InputError : it has no settings, or not these
     """
-    known, result = inspect.signature(function).parameters, {}
-    if overrides:
-        if "settings" not in known:
-            raise InputError(Problem((), f"--set {overrides[0]}", f"nothing: the study {name} has no settings", "leave it out"))
-        result["settings"] = _settings(type(known["settings"].default), overrides)
-    if resume:
-        if "resume" not in known:
-            raise InputError(Problem((), "--resume", f"nothing: the study {name} keeps no runs", "run it anew, without"))
-        result["resume"] = True
-    return result
+    if not overrides:
+        return {}
+    known = inspect.signature(function).parameters
+    if "settings" not in known:
+        raise InputError(Problem((), f"--set {overrides[0]}", f"nothing: the study {name} has no settings", "leave it out"))
+    return {"settings": _settings(type(known["settings"].default), overrides)}
 
 
 def _settings(model: type[Keys], overrides: Sequence[str]) -> Keys:

@@ -52,6 +52,7 @@ class Study:
     ----------
     name, title : as listed
     folder : default results/studies/<name>
+    resume : take over what the folder has of the same runs
 
     Raises
     ------
@@ -64,8 +65,8 @@ class Study:
     columns : that are printed at the end; all of them where there are none
     """
 
-    def __init__(self, name: str, title: str, folder: str | os.PathLike[str] | None = None):
-        self.name, self.title = name, title
+    def __init__(self, name: str, title: str, folder: str | os.PathLike[str] | None = None, resume: bool = False):
+        self.name, self.title, self.resume = name, title, resume
         self.folder = Path(folder or Path("results", "studies", name)).absolute()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -124,16 +125,16 @@ class Study:
         self.write()
         self.console.print(f"  {len(self.rows):3}  {line}")
 
-    def kept(self, name: str, asked: Mapping[str, Any], measure: Callable[[], dict[str, Any]], resume: bool) -> dict[str, Any]:
+    def kept(self, name: str, asked: Mapping[str, Any], measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """A row that an earlier run of the study has kept in NAME.json, or as it is measured now, and then kept.
 
         Parameters
         ----------
         asked : all that the row depends on
-        resume : whether kept ones count; a row with a ``failure`` is not kept
+        measure : () → the row; one with a ``failure`` is not kept
         """
         path, asked = self.folder / f"{name}.json", json.loads(json.dumps(asked))
-        if resume and path.is_file():
+        if self.resume and path.is_file():
             known = json.loads(path.read_text(encoding="utf-8"))
             if known["asked"] == asked:
                 return known["row"]

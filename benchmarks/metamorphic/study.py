@@ -30,10 +30,10 @@ class Settings(Keys):
     limit: float = Field(300.0, gt=0, description="seconds for a scene with its relations; longer is a hang")
 
 
-def run(study, settings: Settings = Settings(), resume: bool = False) -> None:
+def run(study, settings: Settings = Settings()) -> None:
     """Draws, solves and compares; ends with tables of what was tried."""
     table = Path(study.folder) / "scenes.csv"  # a study begins without its table
-    rows = read(table) if resume else []
+    rows = read(table) if study.resume else []
     first = settings.seed * 1_000_000
     done = {(int(r["seed"]), int(r["index"])) for r in rows}
     with open(table, "a" if rows else "w", newline="", encoding="utf-8") as file:

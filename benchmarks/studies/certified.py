@@ -43,13 +43,8 @@ class Settings(RandomScenes):
     follow: bool = Field(True, description="whether one scene is followed over its iterations")
 
 
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
-    """All scenes, then the one that is followed.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: Settings = Settings()) -> None:
+    """All scenes, then the one that is followed."""
     study.columns = ("scene", "kind", "bodies", "loose", "friction", "gap", "contrast", "steps", "element", "asked", "iterations",
                      "stop_reason", "error_kind", "true_error", "solutions", "error_bound", "effectivity", "seconds")
     numbers = range(settings.first, settings.first + settings.scenes)
@@ -59,10 +54,9 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
         if settings.asked:
             labels["asked"] = settings.asked[number % len(settings.asked)]
             data["method"]["tolerance"]["error"] = labels["asked"]
-        row = {"scene": scene, **labels, **study.kept(f"scene-{scene}", data, lambda: _judged(data), resume)}
+        row = {"scene": scene, **labels, **study.kept(f"scene-{scene}", data, lambda: _judged(data))}
         study.note(row, f"scene {scene}, {', '.join(f'{key} {value}' for key, value in labels.items())}: {_told(row)}")
-    followed = study.kept("followed", {"data": _followed(settings.code)}, lambda: _curves(_followed(settings.code)),
-                          resume) if settings.follow else {}
+    followed = study.kept("followed", {"data": _followed(settings.code)}, lambda: _curves(_followed(settings.code))) if settings.follow else {}
     study.figure(_picture(study.rows, followed))
     judge(study)
 

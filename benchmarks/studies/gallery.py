@@ -48,7 +48,7 @@ class Settings(Keys):
     skip: list[str] = []  # configurations that are not run: their numbers are dashes, their pictures stay as they are
 
 
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
+def run(study: Study, settings: Settings = Settings()) -> None:
     """One run each, by the commands that the page names; a tutorial's are all of its commands."""
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))  # who draws finds this file
     PICTURES.mkdir(parents=True, exist_ok=True)
@@ -56,11 +56,11 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
     for path in configurations():
         row = None
         if path.stem not in settings.skip:
-            row = study.kept(path.stem, {"text": path.read_text(encoding="utf-8")}, lambda: _configuration(study, path), resume)
+            row = study.kept(path.stem, {"text": path.read_text(encoding="utf-8")}, lambda: _configuration(study, path))
             study.note(row, f"{path.stem}: {row['dofs']:,} dofs, {row['seconds']:.1f} s")
         lines.append(_line(path.stem, told(path), f"`orchestrator run configs/{path.name}`", row))
     for path in tutorials():
-        row = study.kept(path.stem, {"text": path.read_text(encoding="utf-8")}, lambda: _tutorial(study, path), resume)
+        row = study.kept(path.stem, {"text": path.read_text(encoding="utf-8")}, lambda: _tutorial(study, path))
         study.note(row, f"{path.stem}: {row['dofs']:,} dofs, {row['seconds']:.1f} s")
         lines.append(_line(path.stem, title(path), f"[tutorial](tutorials/{path.name})", row))
     PAGE.write_text(_HEAD + "\n".join(lines) + "\n", encoding="utf-8")

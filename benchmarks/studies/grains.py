@@ -55,13 +55,8 @@ def problem(count: int, seed: int, elements: float, lloyd: int = 0, friction: fl
     return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), friction, TOP, seed=seed, lloyd=lloyd)
 
 
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
-    """All runs, the smallest first; table and figure grow with each.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: Settings = Settings()) -> None:
+    """All runs, the smallest first; table and figure grow with each."""
     study.columns = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
                      "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
                      "spring_force", "live_by_springs", "detached", "far")
@@ -71,7 +66,7 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
         config["output"] = {"figures": settings.figures}
         name = f"grains-{count}-seed-{seed}-{tolerance:g}"
         row = {"grains": count, "seed": seed, "tolerance": tolerance, **study.kept(
-            name, {"config": config, "ranks": settings.ranks}, lambda: _measured(study, name, config, settings.ranks), resume)}
+            name, {"config": config, "ranks": settings.ranks}, lambda: _measured(study, name, config, settings.ranks))}
         study.note(row, f"{count} grains, seed {seed}, {tolerance:g}: " + (
             f"{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
             f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB" if "iterations" in row else

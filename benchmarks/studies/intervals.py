@@ -35,19 +35,14 @@ KINDS = ("displacement", "stress", "reaction", "force", "section", "resultant", 
 LIKE = {"section": "reaction", "resultant": "reaction"}  # kinds of which all may be none, and whose largest value is theirs
 
 
-def run(study: Study, settings: RandomScenes = RandomScenes(), resume: bool = False) -> None:
-    """All scenes.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: RandomScenes = RandomScenes()) -> None:
+    """All scenes."""
     study.columns = ("scene", "kind", "bodies", "friction", "steps", "element", "asked", "error_kind", "error_bound",
                      *(f"{kind}_width" for kind in KINDS), "outside", "without", "seconds")
     values: dict[int, list] = {}
     for number in range(settings.first, settings.first + settings.scenes):
         data, labels = asked(number, settings.code)
-        row = {"scene": number, **labels, **study.kept(f"scene-{number}", data, lambda: compared(data), resume)}
+        row = {"scene": number, **labels, **study.kept(f"scene-{number}", data, lambda: compared(data))}
         values[number] = row.pop("values", [])
         study.note(row, f"scene {number}, {', '.join(f'{key} {value}' for key, value in labels.items())}: " + (
             f"failed, {row['failure']}" if "failure" in row else f"{row['error_kind']} {row['error_bound']:.1e}, {row['outside']} of "

@@ -55,16 +55,11 @@ class Settings(Keys):
     most: PositiveInt = Field(100, description="iterations after which ours has failed")
 
 
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
-    """The parts, one after the other; table and figure grow with each row.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: Settings = Settings()) -> None:
+    """The parts, one after the other; table and figure grow with each row."""
     study.columns = ("part", "case", "method", "dofs", "subdomains", "stop_reason", "iterations", "bound", "before", "codes",
                      "seconds", "cpu_seconds", "memory_mb", "others")
-    bench = Bench(study, settings, resume)
+    bench = Bench(study, settings)
     for part, function in (("rivals", rivals), ("many", many), ("million", million), ("beam", small)):
         if part in settings.parts:
             function(bench)
@@ -79,15 +74,15 @@ class Bench:
 
     Parameters
     ----------
-    study, settings : as for ``run``; resume : rows of the same runs are taken over
+    study, settings : as for ``run``
 
     Attributes
     ----------
     rows : so far, of this study's own parts
     """
 
-    def __init__(self, study: Study, settings: Settings, resume: bool):
-        self.study, self.settings, self.resume = study, settings, resume
+    def __init__(self, study: Study, settings: Settings):
+        self.study, self.settings = study, settings
         self.rows: list[dict[str, Any]] = []
 
     def row(self, name: str, asked: Mapping[str, Any], labels: Mapping[str, Any], measure) -> dict[str, Any]:
@@ -101,7 +96,7 @@ class Bench:
             others = round(os.getloadavg()[0], 1)
             return {**labels, **measure(), "others": others}
 
-        row = self.study.kept(f"row-{name}", asked, measured, self.resume)
+        row = self.study.kept(f"row-{name}", asked, measured)
         self.rows.append(row)
         self.study.note(row, told(row))
         return row

@@ -37,18 +37,13 @@ class Settings(Keys):
     iterations: PositiveInt = Field(250, description="after which a run has failed")
 
 
-def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
-    """All runs, path by path.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: Settings = Settings()) -> None:
+    """All runs, path by path."""
     study.columns = ("path", "seed", "tolerance", "stop_reason", "iterations", "error_bound", "newton_steps", "seconds")
     for (path, seed, config), tolerance in product(problems(settings), settings.tolerances):
         asked = with_method(config, {"tolerance": {"error": tolerance}, "max_iterations": settings.iterations})
         name = f"{path}-{seed}-{tolerance:g}".replace(" ", "-").replace(",", "")
-        row = {"path": path, "seed": seed, "tolerance": tolerance, **study.kept(name, asked, lambda: _measured(asked), resume)}
+        row = {"path": path, "seed": seed, "tolerance": tolerance, **study.kept(name, asked, lambda: _measured(asked))}
         study.note(row, f"{path}, {seed}, {tolerance:g}: " + (
             f"failed, {row['failure']}" if "failure" in row else f"{row['iterations']} iterations, {row['stop_reason']}"))
     for path, tolerance in product(dict.fromkeys(row["path"] for row in study.rows), settings.tolerances):

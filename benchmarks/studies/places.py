@@ -25,13 +25,8 @@ COUNTS = 1e-2  # of the tolerance: how far a body has to be off to count
 CRITERIA = ("error", "law")
 
 
-def run(study: Study, settings: RandomScenes = RandomScenes(), resume: bool = False) -> None:
-    """All scenes, by both criteria.
-
-    Parameters
-    ----------
-    resume : take over what the folder has of the same runs
-    """
+def run(study: Study, settings: RandomScenes = RandomScenes()) -> None:
+    """All scenes, by both criteria."""
     study.columns = ("scene", "criterion", "bodies", "loose", "friction", "contrast", "steps", "asked", "iterations", "stop_reason",
                      "ratio", "missed", "undetermined", "seconds")
     bodies: dict[str, list] = {criterion: [] for criterion in CRITERIA}
@@ -40,7 +35,7 @@ def run(study: Study, settings: RandomScenes = RandomScenes(), resume: bool = Fa
         for criterion in CRITERIA:
             asked = with_method(data, {**data["method"], "tolerance": {criterion: labels["asked"]}})
             row = {"scene": number, "criterion": criterion, **labels,
-                   **study.kept(f"scene-{number}-{criterion}", asked, lambda: compared(asked, labels["asked"]), resume)}
+                   **study.kept(f"scene-{number}-{criterion}", asked, lambda: compared(asked, labels["asked"]))}
             each = row.pop("each", [])
             row["missed"] = sum(true > FAR and told <= NAMED for told, true in each)
             bodies[criterion] += each
