@@ -22,6 +22,8 @@ from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
 from orchestrator.scene.mesh.grains import tidied
 from orchestrator.scene.mesh.polyhedra import scattered
+from orchestrator.method.delivery.passing import passing
+from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
@@ -273,8 +275,9 @@ def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
     assert bool(whole.warnings[1:]) == (shift == 0.003)
 
 
-def test_arms_that_are_near_each_other_are_left_to_one(tmp_path):
-    """A fork's, on ranks that share no nodes of theirs: in the end it is seen whether they pass through each other."""
+@pytest.mark.parametrize("far, told", [(0.03, 0), (0.3, 1)])
+def test_arms_that_are_near_each_other(tmp_path, far, told):
+    """A fork's, on ranks that share no nodes of theirs: in the end these see whether they pass through each other."""
     with session():
         occ = gmsh.model.occ
         occ.cut([(3, occ.addBox(0, 0, 0, 6, 1, 2.04))], [(3, occ.addBox(2, 0, 1, 4, 1, 0.04))])
@@ -285,9 +288,20 @@ def test_arms_that_are_near_each_other_are_left_to_one(tmp_path):
         gmsh.model.mesh.partition(4)
         gmsh.write(str(tmp_path / "fork.msh"))
     config = config_from({"name": "fork", "mesh": {"file": str(tmp_path / "fork.msh")}, "subdomains": "groups",
-                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]})
-    assert build_scene(config).near
-    assert_left(among(4, lambda team: make(config, team)))
+                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], "history": "two"}],
+                          "histories": {"two": [1, 1]}})
+    whole = build_scene(config)
+    assert whole.near
+    same_as_one(config, 4)
+
+    def passed(scene, team=ALONE):  # the upper arm comes down
+        points = [scene.mesh.nodes[s.nodes] for s in scene.subdomains]
+        return passing(scene, [np.stack([0 * x, -far * x[:, :1] / 6 * (x[:, 2:] > 1.02) * [0, 0, 1]]) for x in points], team)
+
+    alone = passed(whole)
+    assert bool(alone) == bool(told) and all(one.step == 1 for one in alone)
+    for found in among(4, lambda team: passed(make(config, team), team)):
+        assert [*differing([*map(tuple, found)], [*map(tuple, alone)])] == []
 
 
 def _block(name, corner, cells=(2, 2, 2), **more):

@@ -19,6 +19,7 @@ from orchestrator.scene.conditions.ground import add_grounds, held_rows, within_
 from orchestrator.scene.conditions.finder import OVER_FACES, Finder
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import join_bolts, leave_free, straighten
+from orchestrator.scene.interfaces.overlap import sagittas
 from orchestrator.scene.interfaces.search import Laws, Search
 from orchestrator.scene.conditions.loose import joins
 from orchestrator.scene.interfaces.mortar.fitting import fitted
@@ -90,7 +91,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
     joints = _joined(config, body, cut, boundary, problems)
-    plain = replace(body)
+    plain, sagitta = replace(body), _sagittas(body, cut, joints)
     _with_tools(config, body, cut, joints, boundary, problems)
     bodies = replace(body)  # without grounds
     if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
@@ -108,7 +109,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
-                 fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, joints.bolts, thermal,
+                 fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, sagitta, joints.bolts, thermal,
                  probes=probes, element=body.choice, body_force=body_force)
 
 
@@ -158,6 +159,13 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
             entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems(),  # told before
                                 body.surfaces.get(entry.index))
     return Joints(interfaces, near, bolts)
+
+
+def _sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]:
+    """Of volumes that are near others, see ``Scene``."""
+    here, beside = cut.partition.here, sorted({v for pair in joints.near for v in pair})
+    elsewhere = () if here is None or not beside else body.mesh.volume[~here[cut.partition.subdomain]]
+    return sagittas(body.mesh, body.faces, np.setdiff1d(beside, elsewhere).astype(int).tolist())
 
 
 def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:

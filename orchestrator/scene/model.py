@@ -318,6 +318,7 @@ class Scene:
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface; with a sentence on their gap
+    sagitta : of these volumes, where they are all there, how far surfaces are off their outer faces, see ``interfaces.overlap``
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
@@ -342,6 +343,7 @@ class Scene:
     steps: int
     warnings: list[str] = field(default_factory=list)
     near: dict[tuple[int, int], str] = field(default_factory=dict)
+    sagitta: dict[int, np.ndarray] = field(default_factory=dict)
     bolts: list[PlacedBolt] = field(default_factory=list)
     thermal: np.ndarray | None = None
     overview: Overview | None = None

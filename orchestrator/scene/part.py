@@ -43,6 +43,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     own = np.zeros(len(scene.subdomains), dtype=bool)
     own[np.asarray(mine, dtype=int)] = True
     touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
+    elsewhere = scene.mesh.volume[~own[scene.cell_subdomain]] if scene.sagitta else ()
     rows = _rows(scene, own, touched)
     cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
     kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own) if len(rows[e])}
@@ -63,6 +64,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
                  scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
+                 near=scene.near, sagitta={v: scene.sagitta[v] for v in np.setdiff1d([*scene.sagitta], elsewhere).tolist()},
                  bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
                  probes=[probe.of_part(cells, own[scene.cell_subdomain]) if isinstance(probe, Surface | Section) else probe
                          for probe in scene.probes],

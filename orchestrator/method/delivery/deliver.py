@@ -15,6 +15,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, all_i
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.moved import Moved
+from orchestrator.method.delivery.passing import Passed, passing
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.slid import with_slides
@@ -62,6 +63,7 @@ class Delivered:
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
+    passed: list[Passed] | None = None  # parts that are inside each other; None: not known, as of subdomains that rank 0 has got from others
     tools: Sequence[Placed] = ()  # where rigid tools are
     intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
@@ -119,7 +121,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools)
+                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools,
+                     passed=None if gathered else passing(d.scene, ours, d.space.team))
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -56,12 +56,15 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
     cells = [i.cells for i in found] + mesh.one_body
     joined = {tuple(pair) for pair in np.sort(mesh.volume[np.concatenate(cells)], axis=1).tolist()} if cells else set()
     beside, governing = _beside(search, found)
+    if (here := search.partition.here) is not None:  # others see more of pairs of which neither is all there
+        mine = np.unique(mesh.volume[here[search.partition.subdomain]])
+        beside = {pair: seen for pair, seen in beside.items() if np.isin(pair, mine).any()}
     count, piece = search.pieces
     inside = _overlaps(search, governing) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
     told = set(inside)
-    for pair, seen in beside.items():
-        apart = not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
+    for pair, seen in beside.items():  # of a piece of a mesh nothing is made that is apart from all of it
+        apart = mesh.within is None and not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
         if laws[governing[pair]].found:  # what faces beside a pair of theirs do later is looked at in the end
             if pair not in inside and apart:
                 told.add(pair)

@@ -3,14 +3,17 @@ outer faces: all that tells of parts whose faces lie in one another's, as of a p
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Facets
-from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
+from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.geometry import barycentric
+from orchestrator.scene.mesh.mesh import Mesh
 
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
 AROUND, DEEP = 8, 0.1
@@ -59,6 +62,24 @@ class Overlap:
     depth: float
     where: np.ndarray
     size: float
+
+
+def solid_of(mesh: Mesh, volume: int) -> tuple[np.ndarray, Solid]:
+    """(n,) int, a volume's nodes, and the volume on these."""
+    number, cells = np.unique(mesh.cells[mesh.volume == volume], return_inverse=True)
+    cells = cells.reshape(-1, mesh.cells.shape[1])
+    faces = faces_of(cells[:, :4], len(number))
+    return number, Solid(mesh.nodes[number], cells, faces.triangles[faces.outer])
+
+
+def sagittas(mesh: Mesh, faces: Faces, volumes: Iterable[int]) -> dict[int, np.ndarray]:
+    """Volume → (k,) how far the surface that its outer faces, as of ``solid_of``, stand for is off these."""
+    result, smooth = {}, smooth_faces(mesh, faces)
+    for volume in volumes:
+        number, solid = solid_of(mesh, volume)
+        at = number[solid.outer]
+        result[volume] = surface_of(mesh.nodes, at, smooth[faces.find(at)]).sagitta
+    return result
 
 
 def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None, deep: float = DEEP) -> Overlap | None:

@@ -12,7 +12,7 @@ from itertools import chain
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.errors import Problems, wrong
+from orchestrator.errors import Problems
 from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
@@ -87,7 +87,8 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
     bodies = np.flatnonzero(kind < grounds)
     free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
-    if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted:
+    beside = {v for pair in whole.near for v in pair}.difference(*(team.all_gather([*local.part.sagitta]) if whole.near else ()))
+    if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted or beside:
         return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -146,8 +147,6 @@ class Local:
             entry, body = i.entry if i.tool else len(config.interfaces) + int(behind.held_by.max()), i.subdomains[0]
             here, present = np.append(here, here[body]), np.append(present, (1 + entry) * count + present[body] % count)
         own = np.flatnonzero(here)
-        if np.isin(scene.mesh.volume[np.isin(scene.cell_subdomain, own)], [*chain.from_iterable(scene.near)]).any():
-            raise wrong(("interfaces",), "faces that are near each other", "faces that are joined, or far apart")
         part = part_of(scene, own, None)
         given = np.searchsorted(part.number, len(number)), np.searchsorted(part.cell_number, len(cell_number))
         part.number, part.cell_number = (np.pad(of[at[:end]], (0, len(at) - end)) for of, at, end in (

@@ -35,7 +35,7 @@ class Outline:
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
-    acting : what acts on them
+    acting : what acts on them; near : as of a scene
     """
 
     number: np.ndarray
@@ -67,6 +67,7 @@ class Outline:
     ratio: np.ndarray
     told: list[str]
     acting: Acting
+    near: dict[tuple[int, int], str]
 
     @classmethod
     def of(cls, scene: Scene, part: Scene, present: np.ndarray, own: np.ndarray) -> Outline:
@@ -92,7 +93,7 @@ class Outline:
                    [bolts.get(i.index) for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
-                   with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains))
+                   with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains), scene.near)
 
     @classmethod
     def joined(cls, several: Sequence[Outline]) -> Outline:
@@ -109,6 +110,8 @@ class Outline:
                 return np.arange(len(own)) if name == "number" else sides[pairs]
             if name == "acting":
                 return Acting.joined(values)
+            if name == "near":
+                return dict(sorted({pair: text for told in values for pair, text in told.items()}.items()))
             if name in ("supports", "kept"):
                 return Supports.joined(values, own)
             if name == "told":
@@ -169,7 +172,7 @@ class Outline:
             interfaces.append(without_nodes(own))
         bolts = [replace(bolt, interface=i, name=bolt.name if bolt.entry >= 0 else i.name) for bolt, i in zip(self.bolts, interfaces) if bolt]
         bolts.sort(key=lambda bolt: (bolt.entry < 0, bolt.entry))
-        return replace(part, bolts=bolts, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
+        return replace(part, near=self.near, bolts=bolts, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
 
     def _hollow(self, e: int, part: Scene) -> Subdomain:
         return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),
