@@ -6,6 +6,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+from boxes import boxed
 from in_process import IN_PROCESS
 
 from orchestrator.accuracy.loop import run as accuracy
@@ -18,10 +19,6 @@ from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import ALONE, Team, join
 from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
-
-
-def _box(name: str, size: list, cells: list, corner: list) -> dict:
-    return {"name": name, "mesh": {"box": {"size": size, "cells": cells}}, "move": {"translate": corner}}
 
 
 CERTIFIED = {"probes": [{"at": [1.1, 0.3, 0.4], "certified": True}, {"on": {"plane": "z", "at": 1}, "certified": True},
@@ -78,9 +75,9 @@ CASES = {
     },
     # two bolts that are cut, tightened one after the other, and a joint with the law of one; in contact with what is between
     "bolted": {
-        "parts": [_box("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), _box("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
-                  _box("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), _box("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), _box("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
-                  _box("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
+        "parts": [boxed("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), boxed("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
+                  boxed("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), boxed("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), boxed("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
+                  boxed("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS, "histories": {"first": [1, 1], "then": [0, 1]},
         "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]}, {"law": "perfect", "between": ["one*", "high"]},
                        {"law": "perfect", "between": ["two*", "low"]}, {"law": "perfect", "between": ["two*", "high"]},
@@ -124,22 +121,22 @@ CASES = {
     },
     # sides meshed each on its own: a T in which all is bonded, and one that slides on one side; supports beside interfaces
     "parts bonded": {
-        "parts": [_box("base", [2, 1, 0.5], [7, 4, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 5, 2], [0, 0, 0.5]),
-                  _box("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5]), _box("end", [0.5, 1, 0.5], [2, 3, 2], [2, 0, 0])],
+        "parts": [boxed("base", [2, 1, 0.5], [7, 4, 2], [0, 0, 0]), boxed("left", [0.9, 1, 0.5], [4, 5, 2], [0, 0, 0.5]),
+                  boxed("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5]), boxed("end", [0.5, 1, 0.5], [2, 3, 2], [2, 0, 0])],
         "subdomains": "groups",
         "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "perfect"}], "blackbox": IN_PROCESS,
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "traction": [[10, 0, 5], [0, 10, 1]]}],
     },
     "leaps between parts": {
-        "parts": [_box("low", [2, 1, 0.5], [2, 2, 1], [0, 0, 0]), _box("high", [2, 1, 0.5], [3, 3, 1], [1, 0, 0.5])],
+        "parts": [boxed("low", [2, 1, 0.5], [2, 2, 1], [0, 0, 0]), boxed("high", [2, 1, 0.5], [3, 3, 1], [1, 0, 0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {**IN_PROCESS, "element": "P2"},
         "interfaces": [{"law": "perfect"}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "x", "at": 3}, "traction": [10, 0, 0]}],
     },
     "parts in contact": {
-        "parts": [_box("base", [2, 1, 0.5], [6, 3, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 4, 2], [0, 0, 0.5]),
-                  _box("right", [1.1, 1, 0.5], [3, 2, 2], [0.9, 0, 0.5]), _box("end", [0.5, 1, 0.5], [2, 2, 2], [2, 0, 0])],
+        "parts": [boxed("base", [2, 1, 0.5], [6, 3, 2], [0, 0, 0]), boxed("left", [0.9, 1, 0.5], [4, 4, 2], [0, 0, 0.5]),
+                  boxed("right", [1.1, 1, 0.5], [3, 2, 2], [0.9, 0, 0.5]), boxed("end", [0.5, 1, 0.5], [2, 2, 2], [2, 0, 0])],
         "subdomains": "groups",
         "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2},
@@ -149,7 +146,7 @@ CASES = {
         "method": {"tolerance": {"error": 1e-6}}, "output": CERTIFIED,
     },
     "parts that slide on": {
-        "parts": [_box("base", [4, 1, 0.5], [8, 2, 1], [0, 0, 0]), _box("block", [1, 1, 0.5], [3, 3, 2], [0.25, 0, 0.5])],
+        "parts": [boxed("base", [4, 1, 0.5], [8, 2, 1], [0, 0, 0]), boxed("block", [1, 1, 0.5], [3, 3, 2], [0.25, 0, 0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow"}],
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
@@ -158,7 +155,7 @@ CASES = {
     },
     # little friction in one load step: the error is guaranteed, with a factor
     "a little friction": {
-        "parts": [_box("base", [1, 1, 0.5], [2, 2, 1], [0, 0, 0]), _box("block", [1, 1, 0.5], [3, 3, 1], [0, 0, 0.5])],
+        "parts": [boxed("base", [1, 1, 0.5], [2, 2, 1], [0, 0, 0]), boxed("block", [1, 1, 0.5], [3, 3, 1], [0, 0, 0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"law": "contact", "friction": 0.1}],
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
@@ -211,8 +208,8 @@ CASES = {
     },
     # made in pieces: gaps that are read, sides that touch and match, of which one is bonded, and supports on one of several bodies
     "parts apart": {
-        "parts": [_box("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [2, 2, 1], [0, 0, 0.501]),
-                  _box("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), _box("top", [2, 1, 0.5], [3, 1, 1], [0, 0, 1.002])],
+        "parts": [boxed("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), boxed("left", [0.9, 1, 0.5], [2, 2, 1], [0, 0, 0.501]),
+                  boxed("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), boxed("top", [2, 1, 0.5], [3, 1, 1], [0, 0, 1.002])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {**IN_PROCESS, "element": "P2"},
         "interfaces": [{"law": "contact", "friction": 0.3, "gap": "geometry"}, {"between": ["base", "right"], "law": "perfect"}],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "left/xmin", "displacement": [0, None, None]},
@@ -222,8 +219,8 @@ CASES = {
     },
     # two tools: a plane that comes down on two bodies, and a ball that is pushed into one of them from aside
     "tools": {
-        "parts": [_box("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), _box("left", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5]),
-                  _box("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), _box("foot", [2, 1, 0.5], [4, 2, 1], [0, 0, -0.5])],
+        "parts": [boxed("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), boxed("left", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5]),
+                  boxed("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), boxed("foot", [2, 1, 0.5], [4, 2, 1], [0, 0, -0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"law": "perfect"}, {"law": "contact", "friction": 0.2, "between": [
             "*t", {"plane": {"at": [0, 0, 1.001], "normal": [0, 0, -1]}, "displacement": [[0, 0, -0.002], [0.001, 0, -0.003]]}]},

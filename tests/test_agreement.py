@@ -3,6 +3,7 @@ refused."""
 
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 
 from orchestrator import build_scene, config_from
@@ -29,9 +30,7 @@ def blocks(names, laws, *boundary, cells=None, **changes) -> dict:
     places = dict(zip("abcd", ([0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0])))
     made = box(*boundary, subdomains={"groups": True}, interfaces=laws, **changes)
     del made["mesh"]
-    return {**made, "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [(cells or {}).get(n, 2)] * 3}},
-                               "move": {"translate": places[n]}}
-                              for n in names]}
+    return {**made, "parts": [boxed(n, cells=[(cells or {}).get(n, 2)] * 3, at=places[n]) for n in names]}
 
 
 def turned(degrees, digits, *boundary) -> dict:

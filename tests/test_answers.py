@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 import results_case as case
+from boxes import boxed
 from in_process import IN_PROCESS
 from yaml_case import call
 
@@ -111,11 +112,9 @@ def test_normal_forces_of_rounding_have_no_centre():
 @pytest.mark.parametrize("element, law", [("P1", {"law": "contact", "friction": 0.5}), ("P2", {"law": "perfect"})])
 def test_resultants_are_in_equilibrium_where_meshes_do_not_match(element, law):
     """Force and moment of the interface, of the support, and of probes on either side: one and the same."""
-    block = {"size": [1, 1, 0.5], "cells": [2, 2, 1]}
     found = solve(config_from({
         "name": "blocks", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3, "expansion": 1e-3}], "interfaces": [law],
-        "parts": [{"name": "base", "mesh": {"box": block}},
-                  {"name": "top", "mesh": {"box": {**block, "cells": [3, 3, 1]}}, "move": {"translate": [0, 0, 0.5]}}],
+        "parts": [boxed("base", [1, 1, 0.5], [2, 2, 1]), boxed("top", [1, 1, 0.5], [3, 3, 1], [0, 0, 0.5])],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
                      {"on": "top/zmax", "resultant": {"force": [0.1, 0, -2], "moment": [0.05, 0.1, 0.02]}}],
         "loads": [{"on": "base", "temperature": 5.0}], "blackbox": IN_PROCESS | {"element": element},
@@ -140,8 +139,7 @@ def test_resultants_are_their_own_where_contact_meets_the_rim(cut):
     made = {
         "name": "pillar", "subdomains": cut, "materials": [{"young": 100.0, "poisson": 0.3}], "boundary": [
             *held, {"on": "side/ymax", "displacement": [None, 0, 0]}], "loads": [{"on": "side", "body_force": [-1, 0, 0]}],
-        "parts": [{"name": "pillar", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}}},
-                  {"name": "side", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 3, 3]}}, "move": {"translate": [1, 0, 0]}}],
+        "parts": [boxed("pillar", [1, 1, 2], [2, 2, 4]), boxed("side", [1, 1, 2], [2, 3, 3], [1, 0, 0])],
         "interfaces": [{"between": ["side", "pillar"], "law": "contact", "friction": 0.3, "gap": -0.01}], "blackbox": IN_PROCESS,
         "method": {"tolerance": {"error": 1e-8}}, "output": {"probes": [
             {"on": entry["on"], "quantity": "resultant", "about": [0, 0, 0]} for entry in held]}}
@@ -159,7 +157,7 @@ def test_moments_balance_where_meshes_are_shifted(gap, thick):
     block = {"size": [2, 2, thick], "cells": [2, 2, 1]}
     found = solve(config_from({
         "name": "shifted", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}],
-        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": block}, "move": {"translate": [0.2, 0.15, thick]}}],
+        "parts": [boxed("base", **block), boxed("top", **block, at=[0.2, 0.15, thick])],
         "interfaces": [{"between": ["base", "top"], "law": "contact", "friction": 0.5, **gap}], "blackbox": IN_PROCESS,
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "top/zmax", "displacement": [0.002, 0, -0.01]}],
         "method": {"tolerance": {"error": 1e-6}}})).summary
@@ -173,8 +171,7 @@ def test_probes_of_bodies_that_nothing_holds_are_told():
     block = {"size": [1, 1, 1], "cells": [1, 1, 1]}
     found = solve(config_from({
         "name": "lifted", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}], "histories": {"h": [-1, 1]},
-        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": block}, "move": {"translate": [0, 0, 1]}},
-                  {"name": "lid", "mesh": {"box": block}, "move": {"translate": [0, 0, 2]}}],
+        "parts": [boxed("base", **block), boxed("top", **block, at=[0, 0, 1]), boxed("lid", **block, at=[0, 0, 2])],
         "interfaces": [{"law": "contact", "friction": 0.5}], "blackbox": IN_PROCESS,
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "lid/zmax", "displacement": [0, 0, 0.01], "history": "h"}],
         "output": {"probes": [{"name": "above", "at": [0.5, 0.5, 1.5]}, {"name": "low", "at": [0.5, 0.5, 0.5]},
@@ -191,8 +188,7 @@ def test_sections_carry_the_whole_wherever_they_go():
         (0.2, {}), (0.7, {}), (1.2, {}), (1.8, {}), (0.7, {"part": "base"}), (1.2, {"part": "t*"}))]
     made = {
         "name": "column", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}],
-        "parts": [{"name": "base", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}},
-                  {"name": "top", "mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 2]}}, "move": {"translate": [0, 0, 1]}}],
+        "parts": [boxed("base"), boxed("top", [1, 1, 1], [3, 3, 2], [0, 0, 1])],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}], "interfaces": [
             {"between": ["base", "top"], "law": "perfect"},
             {"between": ["top", {"plane": {"at": [0, 0, 2], "normal": [0, 0, -1]}, "displacement": [1e-3, 0, -0.01]}], "law": "contact",
@@ -207,12 +203,10 @@ def test_sections_carry_the_whole_wherever_they_go():
 
 def test_friction_turns_work_into_heat():
     """A block is pressed by N, pushed over its base by d: D = μ N d; the interface carries N, μ N."""
-    block = {"size": [1, 1, 0.5], "cells": [2, 2, 1]}
     press, push, slip = 0.02, 0.05, 0.3
     made = config_from({
         "name": "block", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.0}],
-        "parts": [{"name": "base", "mesh": {"box": block}},
-                  {"name": "top", "mesh": {"box": {**block, "cells": [3, 3, 1]}}, "move": {"translate": [0, 0, 0.5]}}],
+        "parts": [boxed("base", [1, 1, 0.5], [2, 2, 1]), boxed("top", [1, 1, 0.5], [3, 3, 1], [0, 0, 0.5])],
         "interfaces": [{"law": "contact", "friction": slip}], "blackbox": IN_PROCESS,
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
                      {"on": "top/zmax", "displacement": [[0, 0, -press], [push, 0, -press], [2 * push, 0, -press]]}],

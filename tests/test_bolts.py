@@ -4,6 +4,7 @@
 import meshio
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 from quick import quick
 
@@ -165,9 +166,8 @@ def test_histories_multiply_jumps_and_gaps():
 
 def test_what_slides_off_a_bolt_that_is_held_is_told():
     """Both halves of the bolt are held, so that no rigid motion reaches its cut."""
-    block = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}}
     solution = solve(config_from({
-        "name": "off", "parts": [{"name": "bolt", **block}, {"name": "block", **block, "move": {"translate": [0, 0, 1]}}],
+        "name": "off", "parts": [boxed("bolt"), boxed("block", at=[0, 0, 1])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.1}],
         "boundary": [*({"on": f"bolt/{face}", "displacement": [0, 0, 0]} for face in ("xmin", "xmax")),
                      {"on": "block/zmax", "traction": [8, 0, -10]}],

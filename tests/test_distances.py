@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 from method_case import config, saved
 
@@ -17,12 +18,9 @@ AUTO = {"between": "auto", "law": "contact"}
 
 def boxes(z: float, down: float, *, low=(3, 3, 2), up=(4, 4, 2), entry=AUTO, size=1.0, **changes) -> dict:
     """A cube at a height z above the ground, on another one of height 1, moved by ``down`` at its top; E = 1000, ν = 0."""
-    def part(name, cells, height):
-        return {"name": name, "mesh": {"box": {"size": [size] * 3, "cells": list(cells)}}, "move": {"translate": [0, 0, height * size]}}
-
-    return {"name": "boxes", "parts": [part("low", low, 0.0), part("up", up, z)], "subdomains": "groups", "interfaces": [entry],
-            "materials": [{"young": 1000, "poisson": 0}], "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-9}},
-            "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", "displacement": [0, 0, -down * size]}], **changes}
+    return {"name": "boxes", "parts": [boxed("low", [size] * 3, low), boxed("up", [size] * 3, up, [0, 0, z * size])],
+            "subdomains": "groups", "interfaces": [entry], "materials": [{"young": 1000, "poisson": 0}], "blackbox": IN_PROCESS,
+            "method": {"tolerance": {"error": 1e-9}}, "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", "displacement": [0, 0, -down * size]}], **changes}
 
 
 @pytest.mark.parametrize("z, down, changes, force", [
@@ -64,7 +62,7 @@ def test_parts_that_touch_do_so_wherever_they_are(up):
 def test_parts_that_pass_through_each_other_are_told_however_little():
     """Beyond reach of the pairs that are found, between parts that a third one connects."""
     made = boxes(1.04, 0.05, entry={**AUTO, "friction": 0.0})
-    made["parts"].append({"name": "post", "mesh": {"box": {"size": [1, 1, 2.04], "cells": [2, 2, 4]}}, "move": {"translate": [1, 0, 0]}})
+    made["parts"].append(boxed("post", [1, 1, 2.04], [2, 2, 4], [1, 0, 0]))
     made["boundary"].append({"on": "post/xmax", "displacement": [0, 0, 0]})
     assert any("'low' and 'up' pass through each other by about 0.01" in w for w in solve(config_from(made)).summary["warnings"])
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 from mortar_case import POISSON, YOUNG
 from quick import late
@@ -26,9 +27,7 @@ WHERE = (2.0, 5.0, 4.0)  # of the block, per load step: on, and back
 def sliding(path, block=(3, 1, 1), slab=(8, 2, 1), error=1e-10, **law):
     """A block of length 2 on a slab of length 8 with elements of length 1; the block's top is moved along a path (T, 3)."""
     return config_from({
-        "name": "sliding", "parts": [
-            {"name": "slab", "mesh": {"box": {"size": [8, 1, 1], "cells": list(slab)}}},
-            {"name": "block", "mesh": {"box": {"size": [2, 1, 1], "cells": list(block)}}, "move": {"translate": [0, 0, 1]}}],
+        "name": "sliding", "parts": [boxed("slab", [8, 1, 1], slab), boxed("block", [2, 1, 1], block, [0, 0, 1])],
         "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
         "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow", **law}],
         "boundary": [{"on": "slab/zmin", "displacement": [0, 0, 0]}, {"on": "block/zmax", "displacement": path}],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from boxes import boxed
 from foreign_case import HEAT, SIZE, STEEL, elements, more_inside, numbered, restart_displacements, stiffness, tets, write_deck, write_matrix
 from in_process import IN_PROCESS
 from quick import late
@@ -28,7 +29,7 @@ from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.mesh.geometry import area_vectors
 
 CALCULIX = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
-BLOCK = {"name": "block", "mesh": {"box": {"size": list(SIZE), "cells": [2, 1, 1]}}, "move": {"translate": [2, 0, 0]}}
+BLOCK = boxed("block", SIZE, [2, 1, 1], [2, 0, 0])
 
 
 def data(part, error=1e-9, **changes) -> dict:
@@ -382,9 +383,8 @@ def test_a_deck_rubs(tmp_path):
     pulls = [[0.0, 0.0, -50.0], [8.0, 0.0, -50.0], [11.0, 0.0, -50.0], [-5.0, 8.0, -50.0]]
     common = data(BLOCK, interfaces=[{"between": ["base", "block"], "law": "contact", "friction": 0.3}],
                   method={"tolerance": {"error": 1e-6}})
-    base = {"name": "base", "mesh": {"box": {"size": [2, 2, 1], "cells": [3, 3, 1]}}}
-    ours = {"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0.5, 0.5, 1]},
-            "material": {"young": 100e3, "poisson": 0.3}}
+    base = boxed("base", [2, 2, 1], [3, 3, 1])
+    ours = boxed("block", at=[0.5, 0.5, 1], material={"young": 100e3, "poisson": 0.3})
     held = {"on": "base/zmin", "displacement": [0, 0, 0]}
     mine = solve(config_from({**common, "parts": [base, ours], "boundary": [held, {"on": "block/zmax", "traction": pulls}]}))
     forces = next(s for s in mine.scene.subdomains if s.name == "block").loads

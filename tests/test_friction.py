@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from contact_case import BOTTOM, TOP, contact
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
@@ -39,8 +40,7 @@ def apart(friction, first=0.4, second=0.3, error=1e-6, top=PRESSED):
 SIX = {"blackbox": {**IN_PROCESS, "element": "P2"}}  # six-node faces
 
 
-HALVES = [{"name": name, "mesh": {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
-          for name, z in (("soft", 0), ("stiff", 0.5))]
+HALVES = [boxed(name, [1, 1, 0.5], [2, 2, 2], [0, 0, z]) for name, z in (("soft", 0), ("stiff", 0.5))]
 UNLIKE = {"mesh": None, "parts": HALVES, "subdomains": "groups",
           "materials": [{"young": 200e3, "poisson": 0.3}, {"young": 200.0, "poisson": 0.3, "on": "soft"}]}
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 from ring_case import ring
 
@@ -65,14 +66,14 @@ def test_a_bar_between_walls_presses_as_hard_as_theory_says():
 
 
 HELD = [{"on": side, "symmetry": True} for side in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")]
+CUBES = [boxed("a"), boxed("b", at=[0, 0, 1])]
 STILL = {
     "held": {}, "ten nodes": {"blackbox": {**IN_PROCESS, "element": "P2"}}, "pieces": {"subdomains": {"metis": 3}},
     "no slip": {"boundary": [{"on": "*", "displacement": [0, 0, 0]}]},
     "moved": {"boundary": [{"on": "*", "displacement": [0.01, 0.02, 0.03]}]},
     "steps of nothing": {"loads": [{"temperature": 100.0, "history": "h"}], "histories": {"h": [1.0, 0.0]}},
     "contact": {"interfaces": [{"law": "contact", "friction": 0.2}],
-                "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
-                          for n, z in (("a", 0), ("b", 1))],
+                "parts": CUBES,
                 "boundary": [{"on": on, "symmetry": True} for on in ("*/x*", "*/y*", "a/zmin", "b/zmax")], "subdomains": {"groups": True}}}
 
 
@@ -98,9 +99,7 @@ def test_a_body_that_is_carried_away_as_a_whole_is_sound():
                                                                                 "rotate": {"axis": "z", "degrees": 1}}}], histories={})))
     assert solution.converged and np.abs(solution.fields.stress(0)).max() < 1e-6 * STEEL["young"]
     assert solution.summary["discretisation_error"] < 1e-5
-    cubes = [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}}
-             for n, z in (("a", 0), ("b", 1))]
-    apart = {**bar(loads=[], boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}], histories={}), "parts": cubes,
+    apart = {**bar(loads=[], boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}], histories={}), "parts": CUBES,
              "subdomains": {"groups": True},
              "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [0.01, 0, 0.01]}]}
     del apart["mesh"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from method_case import config, method, saved, solved
 
 from orchestrator.config.load import config_from
@@ -95,7 +96,6 @@ def test_an_edge_is_a_hinge(tmp_path):
                           **method(tolerance={"error": 1e-6})))
 
 
-CUBE = {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}
 SPRINGS = {"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e5}
 
 
@@ -104,8 +104,7 @@ def pads(at, law, cells=(2, 2, 1), size=(2, 2, 1)):
     names = [f"p{i}" for i in range(len(at))]
     return config_from({
         "name": "pads", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-        "parts": [{"name": "slab", "mesh": {"box": {"size": list(size), "cells": list(cells)}}, "move": {"translate": [0, 0, 1]}}] +
-                 [{"name": name, "mesh": CUBE, "move": {"translate": [*xy, 0]}} for name, xy in zip(names, at)],
+        "parts": [boxed("slab", size, cells, [0, 0, 1]), *(boxed(name, cells=(1, 1, 1), at=[*xy, 0]) for name, xy in zip(names, at))],
         "boundary": [{"on": f"{name}/zmin", "displacement": [0, 0, 0]} for name in names] + [{"on": "slab/zmax", "traction": [1, 0, -1]}],
         "interfaces": [{"between": ["slab", name], **law} for name in names]})
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import gmsh
 import numpy as np
 import pytest
+from boxes import boxed
 from contact_case import contact
 from benchmarks.problems.lap_joint import lap_joint
 from yaml_case import call
@@ -128,9 +129,7 @@ def test_two_rings_of_nodes_are_a_cylinder():
 
 
 def slabs(**entry):
-    slab = {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 1]}}
-    return config_from({"name": "slabs", "parts": [{"name": "base", "mesh": slab},
-                                                   {"name": "lid", "mesh": slab, "move": {"translate": [0, 0, 0.5]}}],
+    return config_from({"name": "slabs", "parts": [boxed("base", [1, 1, 0.5], [2, 2, 1]), boxed("lid", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5])],
                         "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}],
                         "interfaces": [{"between": "auto", "law": "perfect"}],
                         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], **entry}]})

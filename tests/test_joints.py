@@ -1,6 +1,7 @@
 """Joints of very different load in one scene: each is judged by what it carries itself."""
 
 import numpy as np
+from boxes import boxed
 from in_process import IN_PROCESS
 
 from orchestrator import config_from, solve
@@ -11,8 +12,7 @@ LESS = 1e-3  # what the light joint's top is moved by, over the heavy one's
 def piles(tolerance, which=("heavy", "light")):
     """Two piles of two blocks apart from each other: one pressed hard without friction, one pressed and sheared a thousandth of it with friction."""
     place, path = {"heavy": 0.0, "light": 10.0}, {"heavy": [0.0, 0.0, -0.005], "light": [0.004 * LESS, 0.002 * LESS, -0.005 * LESS]}
-    parts = [{"name": f"{pile} {side}", "mesh": {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}},
-              "move": {"translate": [0, 0, place[pile] + 0.5 * (side == "top")]}} for pile in which for side in ("base", "top")]
+    parts = [boxed(f"{pile} {side}", [1, 1, 0.5], [4, 4, 2], [0, 0, place[pile] + 0.5 * (side == "top")]) for pile in which for side in ("base", "top")]
     return config_from({
         "name": "piles", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "z", "at": place[pile] + height}, "displacement": moved}

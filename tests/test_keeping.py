@@ -13,6 +13,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from boxes import boxed
 from method_case import CUBES, METIS, config
 from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
 from processes import begin
@@ -39,9 +40,7 @@ PRESSED = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subd
                         {"on": "zmax", "displacement": [[0, 0, -0.005], [0.004, 0, -0.005], [-0.004, 0, -0.006]]}]}
 TURNED = {"boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
                        {"on": "xmax", "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]}
-APART = {"mesh": None, "subdomains": "groups", "parts": [
-    {"name": "low", "mesh": {"box": {"size": [2.0, 1.0, 1.0], "cells": [4, 2, 2]}}},
-    {"name": "up", "mesh": {"box": {"size": [2.0, 1.0, 1.0], "cells": [5, 3, 2]}}, "move": {"translate": [0.0, 0.0, 1.0]}}]}
+APART = {"mesh": None, "subdomains": "groups", "parts": [boxed("low", [2, 1, 1], [4, 2, 2]), boxed("up", [2, 1, 1], [5, 3, 2], [0, 0, 1])]}
 FORGETFUL = "bonded, three directions kept"
 CASES = {
     "bonded": {**METIS, **TURNED},

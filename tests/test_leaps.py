@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from in_process import IN_PROCESS
 
 from benchmarks.kit.apart import apart
@@ -14,7 +15,7 @@ from orchestrator.solving import solve
 
 def lap(low: list, high: list) -> dict:
     """Two plates that overlap by half, and are pulled apart; the lower one is ten times as stiff."""
-    parts = [{"name": name, "mesh": {"box": {"size": [20, 5, 3], "cells": cells}}, "material": {"young": young, "poisson": 0.3}}
+    parts = [boxed(name, [20, 5, 3], cells, material={"young": young, "poisson": 0.3})
              for name, cells, young in (("low", low, 200e3), ("high", high, 20e3))]
     parts[1]["move"] = {"translate": [10, 0, 3]}
     return {"name": "lap", "parts": parts, "subdomains": "groups", "interfaces": [{"between": "auto", "law": "perfect"}],

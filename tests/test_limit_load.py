@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.problems.limits import shaft, wedge
+from boxes import boxed
 from contact_case import BOTTOM, TOP, contact
 from in_process import IN_PROCESS
 from test_keeping import stopped_and_resumed
@@ -163,7 +164,7 @@ def test_a_press_fit_with_its_own_weight_does_not_diverge():
 
 def test_a_run_that_obeys_the_laws_to_its_tolerance_is_no_balance_where_a_light_body_slides_off():
     """Two stacks on an incline, tan a = 2 μ: what holds the heavy one, whose top is held, is no measure of the light one."""
-    parts = [{"name": name, "mesh": {"box": {"size": [1, 1, 0.5], "cells": [2, 2, 1]}}, "move": {"translate": at}}
+    parts = [boxed(name, [1, 1, 0.5], [2, 2, 1], at)
              for name, at in (("base", [0, 0, 0]), ("pressed", [0, 0, 0.5]), ("ground", [3, 0, 0]), ("box", [3, 0, 0.5]))]
     made = contact(0.2, mesh=None, parts=parts, subdomains="groups",
                    boundary=[BOTTOM, {"on": {"box": [[0, 0, 1], [1, 1, 1]]}, "displacement": [0, 0, -1e-2]}],

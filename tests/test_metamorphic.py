@@ -11,6 +11,7 @@ pytest.importorskip("hypothesis")
 from benchmarks.metamorphic import judge as judges  # noqa: E402
 from benchmarks.metamorphic.answers import REFUSED, answer  # noqa: E402
 from benchmarks.metamorphic.chunks import chunk  # noqa: E402
+from boxes import boxed  # noqa: E402
 from benchmarks.metamorphic.judge import FINDINGS, judge  # noqa: E402
 from benchmarks.metamorphic.kept import judged_again, read  # noqa: E402
 from benchmarks.metamorphic.relations import DOORS, RELATIONS  # noqa: E402
@@ -22,14 +23,13 @@ from benchmarks.registry import run_study  # noqa: E402
 
 KEPT = sorted((Path(__file__).parent / "scenes").glob("*.yaml"))
 TWO = {"name": "two", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "histories": {"h": [0.5, 1.0]},
-       "parts": [{"name": "a", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}},
-                 {"name": "b", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, 1]}}],
+       "parts": [boxed("a"), boxed("b", at=[0, 0, 1])],
        "boundary": [{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [5, 0, -200], "history": "h"}],
        "interfaces": [{"between": ["a", "b"], "law": "contact", "friction": 0.2, "gap": -1e-4}],
        "method": {"tolerance": {"error": 1e-6}}, "blackbox": {"code": "in-process", "workers": 1}}
 
 
-THREE = {**TWO, "parts": [*TWO["parts"], {**TWO["parts"][0], "name": "c", "move": {"translate": [0, 0, 2]}}],
+THREE = {**TWO, "parts": [*TWO["parts"], boxed("c", at=[0, 0, 2])],
          "boundary": [TWO["boundary"][0], {**TWO["boundary"][1], "on": "c/zmax"}],
          "interfaces": [{"between": ["b", "c"], "law": "perfect"}, {"between": ["a", "b"], "law": "contact", "friction": 0.3}]}
 BONDED = {**THREE, "interfaces": [{"between": ["b", "c"], "law": "jump", "jump": [0, 0, 1e-4]}, {"between": ["a", "b"], "law": "perfect"}]}

@@ -6,6 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from boxes import boxed
 from foreign_case import elements, numbered, restart_displacements, tets, write_deck
 from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
@@ -86,9 +87,7 @@ def test_a_part_moved_by_its_supports_in_contact_with_an_elastic_one():
 def test_a_part_that_flows_and_slides_by_a_third_of_itself(tmp_path):
     """It is not asked under forces that nothing bears: a load step begins with the elastic answer to what it adds."""
     data = {"name": "slides", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-            "parts": [{"name": "table", "mesh": {"box": {"size": [4, 3, 1], "cells": [4, 3, 2]}}},
-                      {"name": "slider", "mesh": {"box": {"size": [1.2, 1.2, 1], "cells": [2, 2, 2]}},
-                       "move": {"translate": [0.7, 0.9, 1]}}],
+            "parts": [boxed("table", [4, 3, 1], [4, 3, 2]), boxed("slider", [1.2, 1.2, 1], [2, 2, 2], [0.7, 0.9, 1])],
             "boundary": [{"on": "table/zmin", "displacement": [0, 0, 0]},
                          {"on": "slider/zmax", "displacement": [[0, 0, -0.0013], [0.4, 0, -0.0013]]}],
             "interfaces": [{"between": "auto", "law": "contact", "friction": 0.1}], "method": {"tolerance": {"error": 1e-4}},
@@ -216,7 +215,7 @@ def test_two_decks_and_a_solver_in_python_that_flow(tmp_path):
     both = {name: {"calculix": str(tmp_path / name / "part.inp"), "nonlinear": True} for name in ("one", "two")}
     data = {"name": "bar", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [],
             "parts": [{"name": "one", "deck": {**both["one"], "joints": "FLANGE"}},
-                      {"name": "middle", "mesh": {"box": {"size": [2, 1, 1], "cells": [2, 1, 1]}}, "move": {"translate": [2, 0, 0]}},
+                      boxed("middle", [2, 1, 1], [2, 1, 1], [2, 0, 0]),
                       {"name": "two", "deck": {**both["two"], "joints": "ROOT", "loads": [str(file) for file in files]}}],
             "interfaces": [{"between": "auto", "law": "perfect"}], "method": {"tolerance": {"error": 5e-7}},
             "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "options": {"yield_stress": 200.0, "hardening": 2000.0}, "on": "middle"}]}
@@ -266,10 +265,10 @@ def test_a_deck_that_flows_in_frictional_contact(tmp_path):
     write_deck(tmp_path, "C3D4", (2, 1, 1), matter=PLASTIC)
     pressed = {"name": "pressed", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                "method": {"tolerance": {"error": 1e-5}}, "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}]}
-    block = {"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}, "move": {"translate": [2, 0, 0]}}
+    block = boxed("block", [1, 1, 1], [1, 1, 1], [2, 0, 0])
     dragged = {"on": "block/xmax", "displacement": [[-0.003, 0.002, 0], [-0.001, 0, 0]]}
     deck = {"name": "hull", "deck": {"calculix": str(tmp_path / "part.inp"), "joints": "FLANGE", "nonlinear": True}}
-    same = {"name": "hull", "mesh": {"box": {"size": [2, 1, 1], "cells": [2, 1, 1]}}}
+    same = boxed("hull", [2, 1, 1], [2, 1, 1])
     flows = {**IN_PROCESS_PLASTIC, "options": {"yield_stress": 200.0, "hardening": 2000.0}, "on": "hull"}
     theirs = solve(config_from({**pressed, "parts": [deck, block], "boundary": [dragged], "blackbox": IN_PROCESS}))
     ours = solve(config_from({**pressed, "parts": [same, block], "blackbox": [IN_PROCESS, flows],

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from boxes import boxed
 from foreign_case import write_deck
 from in_process import IN_PROCESS
 from ruamel.yaml import YAML
@@ -343,9 +344,8 @@ def test_a_program_that_remembers_load_steps(tmp_path):
     corners = corners_of(block.nodes)
     (tmp_path / "facets.csv").write_text("".join(" ".join(str(1 + corners.index(i)) for i in row) + "\n" for row in foot))
     data = {"name": "flows", "subdomains": "groups", "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-7}},
-            "parts": [{"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}},
-                      {"name": "bars",
-                       "program": {"run": str(run), "facets": str(tmp_path / "facets.csv"), "held": True, "nonlinear": True}}],
+            "parts": [boxed("block", cells=[1, 1, 1]),
+                      {"name": "bars", "program": {"run": str(run), "facets": str(tmp_path / "facets.csv"), "held": True, "nonlinear": True}}],
             "materials": [{"young": 500.0, "poisson": 0.25}], "boundary": [{"on": "block/zmax", "traction": steps}],
             "interfaces": [{"between": "auto", "law": "perfect"}]}
     made = config_from(data)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 from test_tools import block, solved
 
 TOLD = "hardly wider than a face"
@@ -22,9 +23,8 @@ def test_a_ball_on_a_coarse_block(element, radius, force, few):
 
 def test_plane_sides_that_part():
     """A plate whose ends are lifted off a block: a row of points is left closed, but not by shape."""
-    low, high = ({"box": {"size": [1, 0.25, height], "cells": [8, 2, 2]}} for height in (0.25, 0.1))
     found = solved({**{key: value for key, value in block({}).items() if key != "mesh"}, "subdomains": "groups",
-                    "parts": [{"name": "low", "mesh": low}, {"name": "high", "mesh": high, "move": {"translate": [0, 0, 0.25]}}],
+                    "parts": [boxed("low", [1, 0.25, 0.25], [8, 2, 2]), boxed("high", [1, 0.25, 0.1], [8, 2, 2], [0, 0, 0.25])],
                     "interfaces": [{"between": ["low", "high"], "law": "contact"}], "boundary": [
                         {"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "traction": [0, 0, -1.0]},
                         *({"on": f"high/{end}", "displacement": [0, 0, 0.01]} for end in ("xmin", "xmax"))]})

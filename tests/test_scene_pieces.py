@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from meshes.bar import bar
 from quick import late
+from boxes import boxed
 from ranks_case import CASES
 from threads import among
 
@@ -206,7 +207,7 @@ def test_what_one_has_to_judge_is_left_to_it(change):
 def test_the_element_is_chosen_by_all_of_the_mesh(largest, told, monkeypatch):
     """Of which a rank alone has the matter that locks."""
     monkeypatch.setattr(quadratic, "LARGEST", largest)
-    rows = [_block(str(k), [k, 0, 0], material={"young": 1.0, "poisson": 0.1 + 0.13 * k}) for k in range(4)]
+    rows = [boxed(str(k), at=[k, 0, 0], material={"young": 1.0, "poisson": 0.1 + 0.13 * k}) for k in range(4)]
     config = config_from({"name": "auto", "parts": rows, "subdomains": "groups", "boundary": [{"on": "0/xmin", "displacement": [0, 0, 0]}],
                           "blackbox": {"element": "auto"}})
     assert str(build_scene(config).element).startswith(told)
@@ -304,13 +305,9 @@ def test_arms_that_are_near_each_other(tmp_path, far, told):
         assert [*differing([*map(tuple, found)], [*map(tuple, alone)])] == []
 
 
-def _block(name, corner, cells=(2, 2, 2), **more):
-    return {"name": name, "mesh": {"box": {"size": [1, 1, 1], "cells": list(cells)}}, "move": {"translate": corner}, **more}
-
-
 # four blocks of a square that meet in a line, and one on top of two of them
-FIVE = [_block("one", [0, 0, 0]), _block("two", [1, 0, 0]), _block("three", [1, 1, 0], material={"young": 1e5, "poisson": 0.2}),
-        _block("four", [0, 1, 0]), _block("five", [0.5, 0, 1])]
+FIVE = [boxed("one", at=[0, 0, 0]), boxed("two", at=[1, 0, 0]), boxed("three", at=[1, 1, 0], material={"young": 1e5, "poisson": 0.2}),
+        boxed("four", at=[0, 1, 0]), boxed("five", at=[0.5, 0, 1])]
 
 
 @pytest.mark.parametrize("interfaces", [{}, {"interfaces": [{"law": "perfect"}]}, {"interfaces": [
@@ -327,7 +324,7 @@ def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
 
 def test_blocks_far_apart_that_an_entry_reaches():
     """Farther than two elements, beyond which nothing is looked for otherwise."""
-    row = [_block(f"block {k}", [1.8 * k, 0, 0], (4, 4, 4)) for k in range(4)]
+    row = [boxed(f"block {k}", cells=(4, 4, 4), at=[1.8 * k, 0, 0]) for k in range(4)]
     config = config_from({"name": "row", "parts": row, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "interfaces": [{"law": "contact", "gap": "geometry", "within": 1.0}],
                           "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
@@ -338,8 +335,8 @@ def test_blocks_far_apart_that_an_entry_reaches():
 @pytest.mark.parametrize("element", ["P1", late("P2")])
 def test_blocks_that_slide_on(element):
     """Each on a face of its own, one across an edge of the base beneath."""
-    sliding = [_block(f"block {k}", [at, 0, 0.5], (3, 3, 2)) for k, at in enumerate((0.25, 3.5, 7.25))]
-    base = {"name": "base", "mesh": {"box": {"size": [8, 1, 0.5], "cells": [16, 2, 1]}}}
+    sliding = [boxed(f"block {k}", cells=(3, 3, 2), at=[at, 0, 0.5]) for k, at in enumerate((0.25, 3.5, 7.25))]
+    base = boxed("base", [8, 1, 0.5], [16, 2, 1])
     config = config_from({"name": "slides", "parts": [base, *sliding], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow", "slave": "block*"}],
                           "blackbox": {"element": element},
@@ -353,8 +350,8 @@ def test_blocks_that_slide_on(element):
     {"interfaces": [{"law": "contact", "exclude": [["one", "nobody"]]}]}, {"interfaces": [{"law": "contact", "slave": "nobody"}]},
     {"interfaces": [{"law": "perfect"}, {"law": "contact", "between": ["one", "three"]}]},  # which meet in an edge
     {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks
-    {"parts": [*FIVE, _block("six", [1.5, 0.001, 1])]}, {"parts": [*FIVE, _block("apart", [9, 0, 0])]},
-    {"parts": [*FIVE, _block("inside", [0.25, 0.25, 0.25])]},
+    {"parts": [*FIVE, boxed("six", at=[1.5, 0.001, 1])]}, {"parts": [*FIVE, boxed("apart", at=[9, 0, 0])]},
+    {"parts": [*FIVE, boxed("inside", at=[0.25, 0.25, 0.25])]},
     {"boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0}]}])  # half of it is covered
 def test_parts_that_one_has_to_judge_are_left_to_it(change):
     config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
@@ -394,7 +391,7 @@ def one_gmsh(monkeypatch):
 def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, element, part):
     """Each its own, with the shapes of faces; as a CAD model, or as one of several parts."""
     mesh = {"mesh": {**solids, "rename": {"solid_4": "post"}}} if not part else {
-        "parts": [_block("foot", [-1, 0, 0]), {"name": "row", "mesh": solids}, _block("end", [3, 0, 0])]}
+        "parts": [boxed("foot", at=[-1, 0, 0]), {"name": "row", "mesh": solids}, boxed("end", at=[3, 0, 0])]}
     config = config_from({"name": "solids", **mesh, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "interfaces": [{"law": "perfect"}], "blackbox": {"element": element},
                           "boundary": [{"on": {"plane": "x", "at": -1.0 * part}, "displacement": [0, 0, 0]},

@@ -1,6 +1,7 @@
 """Where the energy error comes from: shares of bodies and interfaces, and what is a body's own."""
 
 import numpy as np
+from boxes import boxed
 from in_process import IN_PROCESS
 from test_certificate import Exact
 
@@ -15,8 +16,7 @@ def two_piles(lightly=1e-4, slabs=3, contrast=100.0):
     """Two piles that nothing joins: two blocks pressed by a hundredth, and slabs, soft and stiff, by a share of that."""
     heights = {"heavy": np.full(2, 0.5), "light": np.full(slabs, 1 / slabs)}
     names = {pile: [f"{pile} {k + 1}" for k in range(len(each))] for pile, each in heights.items()}
-    parts = [{"name": name, "mesh": {"box": {"size": [1, 1, float(h)], "cells": [3, 3, 2]}},
-              "move": {"translate": [3.0 * (pile == "light"), 0, float(h * k)]}}
+    parts = [boxed(name, [1, 1, float(h)], [3, 3, 2], [3.0 * (pile == "light"), 0, float(h * k)])
              for pile, each in heights.items() for k, (name, h) in enumerate(zip(names[pile], each))]
     top = {"heavy": 0.01, "light": 0.01 * lightly}
     boundary = [{"on": f"{name[0]}/zmin", "displacement": [0, 0, 0]} for name in names.values()]

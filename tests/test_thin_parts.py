@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from boxes import boxed
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 
 PLATE = {"mesh": {"box": {"size": [1000, 1000, 0.001], "cells": [3, 3, 1]}}}
-HALL = {"parts": [{"name": "hall", "mesh": {"box": {"size": [1000, 1000, 1000], "cells": [2, 2, 2]}}},
-                  {"name": "chip", "mesh": {"box": {"size": [0.1, 0.1, 0.0008], "cells": [2, 2, 1]}}, "move": {"translate": [1100, 0, 0]}}]}
+HALL = {"parts": [boxed("hall", [1000, 1000, 1000]), boxed("chip", [0.1, 0.1, 0.0008], [2, 2, 1], [1100, 0, 0])]}
 
 
 def forces(source, on, element="P1") -> tuple[np.ndarray, np.ndarray]:

@@ -95,15 +95,20 @@ def deck(scene: Scene, pulls: Sequence[Sequence[float | None]] = (), heat: np.nd
     return "\n".join(lines) + "\n"
 
 
-def displacements(scene: Scene, folder: Path, *rest: object, **others: object) -> np.ndarray:
-    """(T, n, 3) as CalculiX has them, parameters as for ``deck``; at a section those of side 2."""
-    (folder / "job.inp").write_text(deck(scene, *rest, **others))
+def printed(folder: Path, text: str) -> list[str]:
+    """The lines that CalculiX prints of an input file, its files in ``folder``. Raises BlackBoxError where it does not solve it."""
+    (folder / "job.inp").write_text(text)
     done = subprocess.run(["ccx", "-i", "job"], cwd=folder, capture_output=True, text=True, timeout=TIMEOUT,
                           env=dict(os.environ, OMP_NUM_THREADS="1"))
     if done.returncode or "ERROR" in done.stdout:
         raise BlackBoxError(f"CalculiX does not solve {folder / 'job.inp'}", log_tail=done.stdout[-2000:])
+    return (folder / "job.dat").read_text().splitlines()
+
+
+def displacements(scene: Scene, folder: Path, *rest: object, **others: object) -> np.ndarray:
+    """(T, n, 3) as CalculiX has them, parameters as for ``deck``; at a section those of side 2."""
     found = []
-    for line in (folder / "job.dat").read_text().splitlines():
+    for line in printed(folder, deck(scene, *rest, **others)):
         if "displacements" in line:
             found.append(np.zeros((len(scene.mesh.nodes), 3)))
         elif found and len(parts := line.split()) == 4 and int(parts[0]) <= len(scene.mesh.nodes):

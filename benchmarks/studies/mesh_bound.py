@@ -13,12 +13,9 @@ from benchmarks.kit.apart import apart
 from benchmarks.kit.commands import cpu_seconds
 from benchmarks.kit.drawing import BLUE, GREY, panels
 from benchmarks.kit.study import Study
-from benchmarks.studies.accuracy import problem
+from benchmarks.studies.accuracy import graded, problem
 from orchestrator import Solution, config_from, solve
-from orchestrator.accuracy.loop import run as refined
-from orchestrator.config.load import Loaded
 from orchestrator.method.stopping.mesh_bound import MeshBounds
-from orchestrator.run import Means
 
 MOST = 3.0  # times the true error
 
@@ -51,14 +48,8 @@ def run(study: Study, cases: tuple[str, ...] = ("l_shape", "hole", "slit", "punc
 
 def _reference(study: Study, name: str, elements: int) -> tuple[Solution, float]:
     """The last of meshes that are refined, and its estimated error."""
-    found: list[Solution] = []
-
-    def kept(solution: Solution) -> Solution:
-        found.append(solution)
-        return solution
-
-    made = {**problem(study.folder, name, "P2"), "name": f"{name}-reference", "method": {"accuracy": {"error": 1e-3, "elements": elements}}}
-    refined(Loaded(config_from(made)), output=study.folder / made["name"], quiet=True, means=Means(judge=kept))
+    made = {**problem(study.folder, name, "P2"), "name": f"{name}-reference"}
+    found, _ = graded(study, made, {"accuracy": {"error": 1e-3, "elements": elements}})
     return found[-1], found[-1].summary["discretisation_error"]
 
 

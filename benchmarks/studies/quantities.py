@@ -7,21 +7,16 @@ distances from a solution that is asked for a tenth of the smallest accuracy. Se
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
-from benchmarks.kit.commands import cpu_seconds
 from benchmarks.kit.drawing import BLUE, ORANGE, panels
 from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
-from benchmarks.studies.accuracy import problem
-from orchestrator import Solution, config_from
-from orchestrator.accuracy.loop import run as refined
-from orchestrator.config.load import Loaded
-from orchestrator.run import Means
+from benchmarks.studies.accuracy import graded, problem
+from orchestrator import Solution
 
 FEWER = 5.0  # times the seconds that the whole field takes
 FINEST = 0.1  # of the accuracy asked for: what the reference is asked for
@@ -59,16 +54,10 @@ def run(study: Study, settings: Settings = Settings()) -> None:
 
 def _run(study: Study, case: str, element: str, probe: Mapping[str, Any] | None, accuracy: Mapping[str, Any]) -> tuple[Solution, float]:
     """The solution on the last mesh, and seconds of the processor, results written and all."""
-    found: list[Solution] = []
-
-    def kept(solution: Solution) -> Solution:
-        found.append(solution)
-        return solution
-
-    made, begin = problem(study.folder, case, element), cpu_seconds()
-    made = {**made, "output": {**made["output"], "probes": [dict(probe)] if probe else []}, "method": {"accuracy": dict(accuracy)}}
-    refined(Loaded(config_from(made)), output=Path(study.folder / "run"), quiet=True, means=Means(judge=kept))
-    return found[-1], cpu_seconds() - begin
+    made = problem(study.folder, case, element)
+    made = {**made, "name": "run", "output": {**made["output"], "probes": [dict(probe)] if probe else []}}
+    found, seconds = graded(study, made, {"accuracy": accuracy})
+    return found[-1], seconds
 
 
 def _value(solution: Solution) -> np.ndarray:
