@@ -403,7 +403,7 @@ def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mod
         at = re.search(start, sound).end()
         for words in [(2**60, 1 << 15, 0), (1, 2**60, 0), (1, 1 << 15, 2**60), (2**33, 2**33, 0)] if compressed else []:
             head = struct.pack(f"<{len(words)}Q", *words)
-            head = base64.b64encode(head)[: None if compressed else 10] if coded else head  # what follows is in the same text
+            head = base64.b64encode(head) if coded else head
             name.write_bytes(sound[:at] + head + sound[at + len(head):])
             with pytest.raises(InputError, match="(?s)cannot be read.*GB of memory"):
                 read(name)
