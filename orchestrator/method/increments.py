@@ -222,6 +222,7 @@ class _Run:
                 return None
             if now.verdict.reason:
                 break
+            del now, event, state, kept  # the next iteration forms its own
         with self.watch("linear_stage"):
             best = now.problem.stage.ended(now.best)
         with self.watch("bound"):

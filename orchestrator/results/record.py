@@ -143,7 +143,7 @@ class Record(Subscriber):
         self._history.close()
 
     def iteration(self, event: Iteration) -> None:
-        self._last = event
+        self._last = event.without_state()
 
     def finished(self, event: Finished) -> None:
         """Have the convergence drawn while the fields are computed."""

@@ -20,7 +20,7 @@ Then ρ = 0 says f = ±f̂ there, the local stage itself, solved together with a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 
 import numpy as np
@@ -118,7 +118,8 @@ class CoarseCorrection:
     def _respond(self, response: Responses) -> None:
         """Move bodies in these fields."""
         space, U = self.stage.space, response.U
-        self.response, self.everywhere = response, space.extended(response.W, response.F)  # ghosts last: own parts keep their places
+        self.response, self.everywhere = response, space.extended(response.W, response.F)
+        response.W, response.F = (x[:, : space.size] for x in self.everywhere)  # ghosts come last: own parts need no room of their own
         K0, each = per_body(space, U, response.F), np.arange(len(U))
         dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
         K0[:, each, each] += dropped  # fields a body lacks stay at rest
@@ -127,9 +128,8 @@ class CoarseCorrection:
 
     def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)
-        T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-        L = pairs.masked(np.concatenate(pairs.responses(*self.everywhere)))
-        fields = PairFields.of(pairs, *(np.ascontiguousarray(x.transpose(2, 1, 0)) for x in (T, L)), self.bodies)
+        T = _at_points([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
+        fields = PairFields.of(pairs, T, _at_points(map(pairs.masked, pairs.responses(*self.everywhere)), np.float32), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
                              [self.response.W[:, part].T for part in self.parts], self.anew,
                              self.half if self.response is self.usual else 0)
@@ -222,6 +222,11 @@ class CoarseCorrection:
     def _of_all(self, own: np.ndarray) -> np.ndarray:
         """(bodies, …) from what each rank knows of its own bodies."""
         return of_all(self.stage.space.team, self.bodies, self.stage.space.subdomains, own)
+
+
+def _at_points(sides: Iterable[np.ndarray], kind: type = float) -> np.ndarray:
+    """(P, 3, 2n) what fields of the first body and of the second do, (n, 3, P) each."""
+    return np.concatenate([side.transpose(2, 1, 0).astype(kind, order="C") for side in sides], axis=2)
 
 
 def _affine_fields(scene: Scene, space: TraceSpace, parts: list[slice]) -> np.ndarray:

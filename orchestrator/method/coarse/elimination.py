@@ -35,7 +35,7 @@ class Elimination:
     size : rows of a block; those that are eliminated, which are the first ``rigid`` alone where that saves much
     order : (bodies,) int, in which they are eliminated
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
-    layout : where they lie
+    layout : where they lie, those that are this rank's
     shared : which are whose
     entered : (n,) bool, the blocks that enter this rank's fronts; each enters one
     operations : of an elimination
@@ -62,6 +62,9 @@ class Elimination:
         self.shared = side_by_side(parent, each, hands, team.size)
         rank, inside = self.shared.rank, np.isin(np.arange(len(parent)), self.shared.above, invert=True)
         tops = np.flatnonzero(inside & (parent >= 0) & ~inside[parent] & (self.layout.sizes[:, 1] > 0))
+        here = np.repeat((rank == team.rank)[:, None], 3, axis=1)
+        here[tops, 2] |= team.rank == 0  # what subtrees leave comes to it
+        self.layout, self._room = self.layout.placed(here)
         self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]
         self.owner = np.empty(count, dtype=int)
         self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
@@ -102,11 +105,11 @@ class Elimination:
         if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))
         order, bounds, ranks = self.shared if stale is None else self._stale(stale)
-        (a, m), result, mine = self.layout.sizes.T, instead, ranks[self.team.rank : self.team.rank + 2]
+        result, mine = instead, ranks[self.team.rank : self.team.rank + 2]
         if self._work is None:  # fresh pages cost as much as what is done on them
-            self._work = np.empty((m**2).sum())
+            self._work = np.empty(self._room[2])
         if result is None:
-            result = Factors(self, np.empty(((a + m) * a).sum()), np.empty((a * m).sum()))
+            result = Factors(self, np.empty(self._room[0]), np.empty(self._room[1]))
         given = PRODUCT, blocks, tuple(self.layout), result.own, result.beside, self._work, order
         sound = all(in_parts(eliminate, mine[1] - mine[0], *given, bounds[mine[0] :], part=1)) if mine[1] > mine[0] else True
         if self.spread:

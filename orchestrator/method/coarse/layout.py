@@ -16,7 +16,7 @@ class Layout(NamedTuple):
 
     panel, band : their rows
     sizes : (F, 2) int, rows that are eliminated, rows that are left
-    places : (F, 3) int, where a front begins in all L, all U, and all that is left
+    places : (F, 3) int, where a front begins in all L, all U, and all that is left S, see ``placed``
     starts : (F,) int, the first body of each
     enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
     children : (F + 1,) int, where its children begin in ``child``
@@ -43,6 +43,12 @@ class Layout(NamedTuple):
         result[self.child] = np.repeat(np.arange(len(self.sizes)), np.diff(self.children))
         return result
 
+    def placed(self, here: np.ndarray) -> tuple[Layout, np.ndarray]:
+        """The same where some L, U and S, ``here`` (F, 3) bool, lie one after the other; and (3,) how many numbers these are."""
+        a, m = self.sizes.T
+        lengths = np.where(here, np.column_stack([(a + m) * a, a * m, m**2]), 0)
+        return self._replace(places=np.cumsum(lengths, axis=0) - lengths), lengths.sum(axis=0)
+
     @classmethod
     def of(cls, fronts: np.ndarray, rests: Sequence[np.ndarray], entries: tuple[np.ndarray, np.ndarray], size: int) -> Layout:
         """Of fronts (F, 2).
@@ -62,10 +68,9 @@ class Layout(NamedTuple):
         blocks, enters = np.argsort(of, kind="stable"), _starts(np.bincount(of, minlength=len(fronts)))
         enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
                  for front, own in enumerate(np.split(blocks, enters[1:-1]))]
-        child, (a, m) = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):], size * fronts.T
+        child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
         return cls(panel, max(1, BAND // panel) * panel, size * fronts,
-            np.column_stack([_starts(lengths)[:-1] for lengths in ((a + m) * a, a * m, m**2)]), starts[:-1],
-            enters, np.concatenate([np.zeros((0, 3), int), *enter]),
+            np.zeros((len(fronts), 3), int), starts[:-1], enters, np.concatenate([np.zeros((0, 3), int), *enter]),
             np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]), np.concatenate([none, *rests]),
             np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -102,13 +102,13 @@ class Pairs:
         """Traces (T, D + G) at the points."""
         return PointTraces(self.transfer, self.points, self.nodes, self.slid, w, f)
 
-    def responses(self, W: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def responses(self, W: np.ndarray, F: np.ndarray) -> Iterator[np.ndarray]:
         """Changes of F by fields W, F (m, D + G) of the bodies, those of the first sides and of the second: (m, 3, P) each."""
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
         linear = replace(self, slid=None)
-        return tuple(linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
+        return (linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
     def force(self, F: np.ndarray, before: History, step: int, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law.

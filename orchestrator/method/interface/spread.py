@@ -139,9 +139,11 @@ class CommonBlocks:
 
     def __init__(self, block: np.ndarray, place: np.ndarray, total: int, team: Team):
         self._place, self._total, self._team = place, total, team
-        whole = np.zeros((total, total))
+        whole = np.zeros((total, total), order="F")
         whole[np.ix_(place, place)] = block
-        self._solve = _factorised(*team.sum(whole))
+        triangle = lapack.dtrttf(whole, uplo="L")[0] if total else np.empty(0)
+        del whole  # one triangle travels and is kept, not the square
+        self._solve = _factorised(*team.sum(triangle), total)
 
     def __call__(self, parts: np.ndarray) -> np.ndarray:
         """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the right-hand sides."""
@@ -151,15 +153,15 @@ class CommonBlocks:
         return self._solve(carried.T).T[:, self._place]
 
 
-def _factorised(whole: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """A solver with a dense symmetric matrix: columns (n, T) to columns."""
-    if not whole.size:
+def _factorised(triangle: np.ndarray, size: int) -> Callable[[np.ndarray], np.ndarray]:
+    """A solver with a dense symmetric matrix (size, size), columns (n, T) to columns; its lower triangle as LAPACK packs it (RFP)."""
+    if not size:
         return lambda right: right
-    size = len(whole)
-    factor, failed = lapack.dpftrf(size, lapack.dtrttf(whole, uplo="L")[0], uplo="L")  # one triangle is kept, not the square
+    factor, failed = lapack.dpftrf(size, triangle, uplo="L")
     if not failed:
         return lambda right: lapack.dpftrs(size, factor, right, uplo="L")[0]
-    lower, pivots = la.lu_factor(whole)  # not quite positive definite: on all ranks alike, which hold the same numbers
+    whole = np.tril(lapack.dtfttr(size, triangle, uplo="L")[0])
+    lower, pivots = la.lu_factor(whole + np.tril(whole, -1).T)  # not quite positive definite: on all ranks alike, which hold the same numbers
     if not np.diagonal(lower).all():
         raise RuntimeError("a pivot vanishes")
     return partial(la.lu_solve, (lower, pivots))
