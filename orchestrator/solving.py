@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from orchestrator.method.delivery.dual import check_duals
 from orchestrator.method.delivery.quantities import check_sections, quantities, unit_answers
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver
-from orchestrator.method.delivery.recovery import on_mesh
+from orchestrator.method.delivery.recovery import Parts, on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
@@ -31,6 +32,7 @@ from orchestrator.method.setup import Part, prepare
 from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND, MeshBounds
 from orchestrator.optional import check_there
 from orchestrator.paired_anew import paired_anew, without_checkpoints
+from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import reusing, trim
@@ -192,12 +194,12 @@ class _Solving:
             self.wanted = self._wanted(made.scene)
             own = [made.scene.subdomains[e] for e in made.space.subdomains]
             self.cases: LoadCases = load_cases(made.scene, self.config.method.skip, own, team)
+            estimate = DiscretisationEstimate(self.whole, self.cases, partial(_estimated, made.meeting))
             parts = [made]
             del made, own
-        estimate, needed = DiscretisationEstimate(self.whole, self.cases), self.reference or self._follows_mesh
-        with set_aside(self.whole, team.size > 1 and not needed and not self.apart):
+        with set_aside(self.whole, team.size > 1 and not self.reference and not self.apart):
             delivered, piece, answers, setup_sweeps, spent = self._part_solved(
-                parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
+                parts, estimate, team.size > 1 and self.ranks.speeds is None and not self.reference)
             trim()  # of this rank's part nothing is left
         fields, lost = None, [] if team.rank else unsound(self.whole, spent)
         delivered = delivered.without(self.wanted, lost)
@@ -316,3 +318,8 @@ class _Solving:
         if team.size > 1:
             return replace(delivered, discretisation=piece.estimate(wanted, gathered=not self.apart))
         return replace(delivered, discretisation=estimate.estimator(delivered.continuous)) if wanted else delivered
+
+
+def _estimated(meeting: Meeting, d: Decomposition, parts: Parts, numbers: Sequence[int] | None) -> float:
+    """The estimated relative error of displacements on several ranks, see ``DiscretisationEstimate``."""
+    return Piece.of(d.scene, d.own, parts, not d.all_perfect, meeting).estimate(True, gathered=False, numbers=numbers).relative

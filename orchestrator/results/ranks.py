@@ -90,11 +90,12 @@ class Piece:
         return cls(fields, scene.cell_number[chosen], meeting.team, None if body_force is None else body_force[:, chosen], loads, scene.lame[chosen],
                    ~scene.stand_ins[scene.cell_subdomain[chosen]], found, scene.number[nodes], copy, counts, probes)
 
-    def estimate(self, wanted: bool, known: Estimate | None = None, gathered: bool = True) -> Estimate | None:
+    def estimate(self, wanted: bool, known: Estimate | None = None, gathered: bool = True, numbers: Sequence[int] | None = None) -> Estimate | None:
         """Estimate of the discretisation error, where it is wanted, with the shares of this rank's cells.
 
         known : on rank 0, what has been estimated of the whole already
         gathered : whether rank 0 gets the shares of all cells
+        numbers : (T,) which load steps of the scene the displacements are of; none: all
         """
         wanted, there = self.team.share((wanted, known is not None))
         if there:
@@ -107,7 +108,7 @@ class Piece:
         estimator = kind_of(f.cells.shape[1])(f.nodes, f.cells, f.meeting, self.lame, f.thermal, self.body_force, [self.loads])
         estimator.ours = self.ours
         estimator.leaps = lambda _: self.leaps
-        found = estimator([f.displacement])
+        found = estimator([f.displacement], numbers)
         self._know(discretisation_error=found.cells)
         return self._whole(found) if gathered else found
 

@@ -15,6 +15,7 @@ interfaces meet, do no harm. Nothing of the decomposed method is used but the op
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,7 +26,7 @@ from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
+from orchestrator.method.delivery.recovery import Parts, of_all, on_mesh, recover
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import unit_rows
 from orchestrator.method.iterated import LoadCases
@@ -156,24 +157,23 @@ class TrueError:
 
 
 class DiscretisationEstimate:
-    """The estimated discretisation error of what would be delivered; rank 0 estimates, and prepares that when first asked.
+    """The estimated discretisation error of what would be delivered; one process prepares that when first asked.
 
-    scene : the whole one, of four-node or ten-node tets; on rank 0
+    scene : the whole one, of four-node or ten-node tets
     cases : how all load steps follow from those that are solved
+    on_ranks : where there are several, (decomposition, displacement per subdomain, which load steps) → relative, of their pieces
     """
 
-    def __init__(self, scene: Scene | None, cases: LoadCases):
-        self.scene, self.cases = scene, cases
+    def __init__(self, scene: Scene | None, cases: LoadCases, on_ranks: Callable[[Decomposition, Parts, Sequence[int] | None], float]):
+        self.scene, self.cases, self.on_ranks = scene, cases, on_ranks
 
     @cached_property
     def estimator(self) -> Estimator:
         return estimator_of(self.scene)
 
     def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
-        """Relative, energy norm, shared with all ranks; one back-substitution per subdomain and load step."""
-        parts = of_all(d, recover(d, fields, bound)[0])
-        if d.space.team.rank:
-            return d.space.team.share(None)
+        """Relative, energy norm, the same on all ranks; one back-substitution per subdomain and load step."""
+        parts, numbers = recover(d, fields, bound)[0], None if d.all_perfect else d.local.pairs.numbers
         if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
-            parts = [self.cases.all_steps(u) for u in parts]
-        return d.space.team.share(self.estimator(parts, None if d.all_perfect else d.local.pairs.numbers).relative)
+            parts = [u if u is None else self.cases.all_steps(u) for u in parts]
+        return self.estimator(parts, numbers).relative if d.space.team.size == 1 else self.on_ranks(d, parts, numbers)

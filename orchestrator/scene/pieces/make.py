@@ -43,9 +43,7 @@ JUDGED = "something is amiss, or hangs on all of the mesh"
 
 def source_of(config: Config, team: Team = ALONE) -> Source | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
-    for left, why in ((config.refines, "an accuracy"), (config.output.mesh_bound, "mesh_bound"),
-                      (config.method.tolerance.error == "auto", "error: auto"),
-                      (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
+    for left, why in ((config.refines, "an accuracy"), (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
         if left:
             return why
     boxes = Boxes.of(config.mesh, config.subdomains)
