@@ -253,7 +253,7 @@ def test_files_that_do_not_belong_together_are_left_to_one(saved, folder, told):
 
 @pytest.mark.parametrize("shift, joined", [(0.0, 2), (0.003, 1), (30.0, 1)])
 def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
-    """What touches is bonded; one that has all of the mesh warns of what is near, and sees whether bodies apart are held."""
+    """What touches is bonded; one that has all of the mesh warns of what is near and nothing joins."""
     with session():
         for corner in (0.0, 1.0 + shift):
             gmsh.model.occ.addBox(corner, 0, 0, 1, 1, 1)
@@ -270,8 +270,8 @@ def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
     config = config_from({"name": "boxes", "mesh": {"file": str(tmp_path / "boxes.msh")}, "subdomains": "groups",
                           "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": ends})
     found, whole = among(2, lambda team: make(config, team)), build_scene(config)
-    assert [isinstance(part, str) for part in found] == [joined == 1] * 2
-    assert joined == 1 or [len(part.interfaces) for part in found] == [len(whole.interfaces)] * 2
+    assert [isinstance(part, str) for part in found] == [shift == 0.003] * 2
+    assert shift == 0.003 or [len(part.interfaces) for part in found] == [len(whole.interfaces)] * 2
     assert components(*np.array([i.subdomains for i in whole.interfaces]).T, len(whole.subdomains))[0] == 3 - joined
     assert bool(whole.warnings[1:]) == (shift == 0.003)
 
@@ -322,6 +322,13 @@ def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
     same_as_one(config, 3)
 
 
+def test_bodies_that_nothing_joins():
+    """Each held by itself."""
+    config = config_from({"name": "apart", "parts": [*FIVE, boxed("apart", at=[9, 0, 0])], "subdomains": "groups",
+                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
+    same_as_one(config, 3)
+
+
 def test_blocks_far_apart_that_an_entry_reaches():
     """Farther than two elements, beyond which nothing is looked for otherwise."""
     row = [boxed(f"block {k}", cells=(4, 4, 4), at=[1.8 * k, 0, 0]) for k in range(4)]
@@ -350,7 +357,7 @@ def test_blocks_that_slide_on(element):
     {"interfaces": [{"law": "contact", "exclude": [["one", "nobody"]]}]}, {"interfaces": [{"law": "contact", "slave": "nobody"}]},
     {"interfaces": [{"law": "perfect"}, {"law": "contact", "between": ["one", "three"]}]},  # which meet in an edge
     {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks
-    {"parts": [*FIVE, boxed("six", at=[1.5, 0.001, 1])]}, {"parts": [*FIVE, boxed("apart", at=[9, 0, 0])]},
+    {"parts": [*FIVE, boxed("six", at=[1.5, 0.001, 1])]}, {"parts": [*FIVE, boxed("falls", at=[9, 0, 1])]},
     {"parts": [*FIVE, boxed("inside", at=[0.25, 0.25, 0.25])]},
     {"boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0}]}])  # half of it is covered
 def test_parts_that_one_has_to_judge_are_left_to_it(change):

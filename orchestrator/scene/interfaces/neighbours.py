@@ -63,7 +63,7 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
     inside = _overlaps(search, governing) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
     told = set(inside)
-    for pair, seen in beside.items():  # of a piece of a mesh nothing is made that is apart from all of it
+    for pair, seen in beside.items():  # of pieces of a mesh it is seen once they are together
         apart = mesh.within is None and not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
         if laws[governing[pair]].found:  # what faces beside a pair of theirs do later is looked at in the end
             if pair not in inside and apart:

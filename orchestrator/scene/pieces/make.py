@@ -79,14 +79,13 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
     kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, and as ``Local.of`` has it
     extent = local.numbered(whole, np.sort(number), extent, team)
-    apart = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[0] > 1
+    body = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[1]
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
     grounds = 1 + len(config.interfaces)  # their first kind
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
     bodies = np.flatnonzero(kind < grounds)
-    free = Supports.joined([whole.kept], bodies).free(np.zeros(len(bodies), dtype=int)).any()
-    beside = {v for pair in whole.near for v in pair}.difference(*(team.all_gather([*local.part.sagitta]) if whole.near else ()))
-    if (whole.faces == 0).any() or apart or free or not _of_use(laws, whole) or parted or beside:
+    free = Supports.joined([whole.kept], bodies).free(np.unique(body[bodies], return_inverse=True)[1].ravel()).any()
+    if (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or _near(local, whole, body, team):
         return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -168,6 +167,14 @@ class Local:
         points = part.mesh.nodes[self.given[0]:]
         low, high = np.reshape(team.max(*-points.min(axis=0, initial=np.inf), *points.max(axis=0, initial=-np.inf)), (2, 3))
         return Extent(extent.nodes + int(whole.nodes[added].sum()), np.stack([np.minimum(extent.box[0], -low), np.maximum(extent.box[1], high)]))
+
+
+def _near(local: Local, whole: Outline, body: np.ndarray, team: Team) -> bool:
+    """Whether parts are near each other that nothing joins; ``body`` (subdomains,) int that each is of. All ranks ask together."""
+    part = local.part
+    own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
+    of = {v: number for told in (team.all_gather(own) if whole.near else ()) for v, number in told.items()}
+    return any(of.get(one, -1) != of.get(two, -2) for one, two in whole.near)
 
 
 def _tell_areas(part: Scene, team: Team) -> None:
