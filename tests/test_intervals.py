@@ -99,6 +99,18 @@ def test_bonds_are_cut():
     assert 0 < ux["high"][0] - ux["low"][0] < 4 * ROUGH * ux["high"][0]
 
 
+def test_mean_stress_behind_faces():
+    """Of a bar that is pulled: the same everywhere, over eight faces as over one."""
+    solved = solve(config_from({
+        "name": "pulled", "mesh": {"box": {"size": [4, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
+        "materials": [{"young": 200e3, "poisson": 0.0}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}],
+        "output": {"probes": [{"name": "end", "on": "xmax", "of": "stress", "certified": True}], "fields": False, "figures": False}}))
+    ends = solved.summary["intervals"]["probes"][0]["values"]
+    assert np.allclose([ends["sxx"]["low"], ends["sxx"]["high"]], 10.0, atol=1e-3)
+    assert ends["sxx"]["low"][0] <= 10.0 + 1e-9 and 10.0 - 1e-9 <= ends["sxx"]["high"][0]
+
+
 def test_an_edge_that_bonds_share():
     """What each of them carries there is not determined: no interval is told, but of reactions."""
     solved, scene = certified(case("cubes", law=[{"law": "perfect"}]))

@@ -107,7 +107,7 @@ def _measured(copies: Copies, probe: Point | Surface) -> Measured:
     given = np.zeros((scene.steps, 6 if stress else 3))
     if stress:
         local = np.broadcast_to(np.arange(scene.mesh.cells.shape[1]), (len(cells), scene.mesh.cells.shape[1]))
-        each = share[:, None] * _stress_of_nodes(scene, cells)  # (6, k, n, 3)
+        each = share[:, None, None] * _stress_of_nodes(scene, cells)  # (6, k, n, 3)
         if scene.thermal is not None:
             lam, mu = scene.lame[cells].T
             given[:, :3] = -((share * (3 * lam + 2 * mu)) @ scene.thermal[:, cells].mean(axis=2).T)[:, None]
