@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import scipy.linalg as la
@@ -86,10 +85,15 @@ def on_borders(block: np.ndarray, number: np.ndarray, team: Team) -> Callable[[n
     Raises RuntimeError: it is singular
     """
     place, owned = places(number, team)
-    petsc = shared_by(team) if owned.sum() >= SPREAD else None
-    if petsc is None:
-        return CommonBlocks(block, place, int(owned.sum()), team)
-    return SpreadBlocks(petsc, block, place, int(owned[team.rank]), team)
+    total = int(owned.sum())
+    petsc = shared_by(team) if total >= SPREAD else None
+    if petsc is not None:
+        return SpreadBlocks(petsc, block, place, int(owned[team.rank]), team)
+    whole = np.zeros((total, total), order="F")
+    whole[np.ix_(place, place)] = block
+    triangle = lapack.dtrttf(whole, uplo="L")[0] if total else np.empty(0)
+    del whole  # one triangle travels and is kept, not the square
+    return CommonBlocks(_factorised(*team.sum(triangle), total), place, total, team)
 
 
 def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable[[np.ndarray], np.ndarray]:
@@ -109,14 +113,7 @@ def semidefinite(part: sp.csr_array, number: np.ndarray, team: Team) -> Callable
             pass
     entries = sp.coo_array(part)
     data, row, column = (np.concatenate(same) for same in zip(*team.all_gather((entries.data, *(place[at] for at in entries.coords)))))
-    solve = semidefinite_solver(sp.csr_array((data, (row, column)), shape=(total, total)))
-
-    def solved(parts: np.ndarray) -> np.ndarray:
-        whole = np.zeros((len(parts), total))
-        whole[:, place] = parts
-        return solve(team.sum(whole)[0])[:, place]
-
-    return solved
+    return CommonBlocks(semidefinite_solver(sp.csr_array((data, (row, column)), shape=(total, total))), place, total, team)
 
 
 def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
@@ -130,38 +127,32 @@ def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
 
 
 class CommonBlocks:
-    """Solves with Σ, dense and on every rank: one sum per solution, and nobody waits for rank 0. Right where borders are small.
+    """Solves with all of Σ on every rank: one sum per solution, and nobody waits for rank 0. Right where borders are small.
 
-    block : (n, n) this rank's part of Σ, symmetric
-    place : (n,) int, where its unknowns are among ``total``
-    Raises RuntimeError: it is singular
+    solve : of rows (T, total), with Σ
+    place : (n,) int, where this rank's unknowns are among ``total``
     """
 
-    def __init__(self, block: np.ndarray, place: np.ndarray, total: int, team: Team):
-        self._place, self._total, self._team = place, total, team
-        whole = np.zeros((total, total), order="F")
-        whole[np.ix_(place, place)] = block
-        triangle = lapack.dtrttf(whole, uplo="L")[0] if total else np.empty(0)
-        del whole  # one triangle travels and is kept, not the square
-        self._solve = _factorised(*team.sum(triangle), total)
+    def __init__(self, solve: Callable[[np.ndarray], np.ndarray], place: np.ndarray, total: int, team: Team):
+        self._solve, self._place, self._total, self._team = solve, place, total, team
 
     def __call__(self, parts: np.ndarray) -> np.ndarray:
         """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the right-hand sides."""
         carried = np.zeros((len(parts), self._total))
         carried[:, self._place] = parts
-        carried, = self._team.sum(carried)
-        return self._solve(carried.T).T[:, self._place]
+        return self._solve(*self._team.sum(carried))[:, self._place]
 
 
 def _factorised(triangle: np.ndarray, size: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A solver with a dense symmetric matrix (size, size), columns (n, T) to columns; its lower triangle as LAPACK packs it (RFP)."""
+    """A solver with a dense symmetric matrix (size, size), for rows (T, n); its lower triangle as LAPACK packs it (RFP). Raises
+    RuntimeError: it is singular"""
     if not size:
-        return lambda right: right
+        return lambda rows: rows
     factor, failed = lapack.dpftrf(size, triangle, uplo="L")
     if not failed:
-        return lambda right: lapack.dpftrs(size, factor, right, uplo="L")[0]
+        return lambda rows: lapack.dpftrs(size, factor, rows.T, uplo="L")[0].T
     whole = np.tril(lapack.dtfttr(size, triangle, uplo="L")[0])
     lower, pivots = la.lu_factor(whole + np.tril(whole, -1).T)  # not quite positive definite: on all ranks alike, which hold the same numbers
     if not np.diagonal(lower).all():
         raise RuntimeError("a pivot vanishes")
-    return partial(la.lu_solve, (lower, pivots))
+    return lambda rows: la.lu_solve((lower, pivots), rows.T).T
