@@ -169,7 +169,7 @@ def test_where_pairs_cannot_follow(changes, told):
         build_scene(config_from({k: v for k, v in {**made, **changes}.items() if v is not None}))
 
 
-@pytest.mark.parametrize("most", [5, 17])
+@pytest.mark.parametrize("most", [5, late(17)])
 def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, most):
     """After the fifth iteration the sides are to be paired anew, before the seventeenth they have been."""
     made = sliding([[2.4, 0, -0.002]], error=1e-8)

@@ -7,7 +7,7 @@ import pytest
 from contact_case import BOTTOM, CASES, TOP, contact, converged, written
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
-from quick import late, quick
+from quick import quick
 from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
@@ -141,7 +141,7 @@ def test_what_holds_together_is_left_alone():
     assert all(np.array_equal(a, b) for a, b in zip(one.parts, other.parts))
 
 
-@pytest.mark.parametrize("case", ["eight cubes", late("ten grains"), "sliding block"])
+@pytest.mark.parametrize("case", quick(["eight cubes", "ten grains", "sliding block"], "sliding block"))
 def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
     """Forces on the supports, and displacements where all bodies are held by more than springs."""
     tolerance, changes = 1e-6, CASES.get(case) or {"boundary": SLID}
