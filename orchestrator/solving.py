@@ -234,11 +234,6 @@ class _Solving:
         wanted = Wanted.of(scene, certified, output.certified, output.moments_about, self.rank_of if team.size > 1 else None, team)
         return replace(wanted, balanced=bool(self.config.accuracies))
 
-    @property
-    def _follows_mesh(self) -> bool:
-        """Whether the tolerance follows the mesh's error, which then is estimated on the way."""
-        return self.config.method.tolerance.error == "auto"
-
     def _undecomposed(self) -> Reference:
         check_reference(self.whole)
         self.told.stage("solving undecomposed")
@@ -314,7 +309,7 @@ class _Solving:
 
     def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
         """Add the mesh's estimated error; a rank's piece of the fields learns it."""
-        team, wanted = self.ranks.team, self._follows_mesh or self.config.output.fields
+        team, wanted = self.ranks.team, self.config.method.tolerance.error == "auto" or self.config.output.fields
         if team.size > 1:
             return replace(delivered, discretisation=piece.estimate(wanted, gathered=not self.apart))
         return replace(delivered, discretisation=estimate.estimator(delivered.continuous)) if wanted else delivered

@@ -43,9 +43,10 @@ JUDGED = "something is amiss, or hangs on all of the mesh"
 
 def source_of(config: Config, team: Team = ALONE) -> Source | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
-    for left, why in ((config.refines, "an accuracy"), (any(c.brings_loads or c.remembers for c in config.codes), "matter or loads of a code's own")):
-        if left:
-            return why
+    if config.refines:
+        return "an accuracy"
+    if any(code.brings_loads or code.remembers for code in config.codes):
+        return "matter or loads of a code's own"
     boxes = Boxes.of(config.mesh, config.subdomains)
     if boxes is not None:
         return "bolts that several subdomains share" if config.bolts else boxes
