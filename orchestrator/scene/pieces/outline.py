@@ -205,4 +205,4 @@ def hollow(scene: Scene) -> Scene:
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
                                                          held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
                    interfaces=[without_nodes(i) for i in scene.interfaces],
-                   boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], **none)
+                   boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], sagitta={}, **none)
