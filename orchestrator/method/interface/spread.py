@@ -16,7 +16,7 @@ from orchestrator.parallel.team import Team
 
 COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns are at hand
 # Unknowns on the borders between ranks from which PETSc pays. With 4,800 it takes 9 and 13 s on eight and four ranks instead of 28 and 20,
-# and 174 and 294 MB instead of 420 and 379; with 1,200 both take some seconds (``benchmarks.studies.borders``).
+# and 174 and 294 MB instead of 282 and 140; with 1,200 both take some seconds (``benchmarks.studies.borders``).
 SPREAD = 5000
 
 
