@@ -21,10 +21,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import dot, norm
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bodies import RIGID, Bodies
@@ -176,9 +176,9 @@ def softest_modes(matrix: sp.csr_array, count: int) -> tuple[np.ndarray, np.ndar
     Lanczos' method misses some or breaks down.
     """
     n = matrix.shape[0]
-    inverse = sla.splu(sp.csc_array(matrix + FREE * sp.eye_array(n)))
+    inverse = Factor(sp.tril(matrix + FREE * sp.eye_array(n)))
     X = np.modf(np.sin(np.arange(n * count).reshape(n, count) * 12.9898 + 1.0) * 43758.5453)[0]
     for _ in range(SWEEPS):
-        X = np.linalg.qr(inverse.solve(X))[0]
+        X = np.linalg.qr(inverse(X.T).T)[0]
     values, turned = np.linalg.eigh(X.T @ (matrix @ X))
     return values, X @ turned
