@@ -9,7 +9,7 @@ eliminated last.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,27 +18,11 @@ from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.kernels import formed
-from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.coarse.rigid_first import RigidFirst
 from orchestrator.parallel.team import Team
 
 WORTH = 1 << 10  # blocks, over which a loop takes much longer than to hand them out to a thread
-
-
-class Slopes(NamedTuple):
-    """What Newton's matrices with the same springs have in common.
-
-    fields : at the pairs that this rank adds up
-    counted : int, their interfaces
-    weight : (P,) the laws' share at all points
-    affine : (k, size, size) what laws do not change, of the blocks that enter this rank's fronts
-    """
-
-    fields: PairFields
-    counted: np.ndarray
-    weight: np.ndarray
-    affine: np.ndarray
 
 
 class Assembly:
@@ -51,7 +35,7 @@ class Assembly:
 
     def __init__(self, team: Team, ends: np.ndarray, counts: Sequence[int], bodies: int, size: int, order: np.ndarray, rigid: int = 0):
         self.team, self.pattern = team, BlockPattern(ends, bodies, size, order, team, rigid)
-        self._of: Slopes | None = None
+        self._of: Any = None
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
         if team.size == 1:
             return
@@ -87,18 +71,20 @@ class Assembly:
                            {other: everyones[at] for other, at in self._wants.items() if other != rank})
         return everyones
 
-    def matrix(self, of: Slopes, answer: Answer) -> np.ndarray:
+    def matrix(self, of: Any, answer: Answer) -> np.ndarray:
         """(k, size, size) K₀ − ΣTᵀA L, of the blocks that enter this rank's fronts; the next one takes its place.
 
+        of : ``load_step.Bodies`` with some springs; others have another matrix
         answer : with the laws' derivative A, at the pairs that this rank adds up
         """
+        fields, counted = of.summed[1], of.counted
         if anew := self._of is not of:
-            self._of, self._derivative, self._slopes = of, np.full((3, 3, len(of.fields.chosen)), np.inf), of.fields.no_slopes()
+            self._of, self._derivative, self._slopes = of, np.full((3, 3, len(fields.chosen)), np.inf), fields.no_slopes()
             self._values, self._stale = of.affine.copy(), np.ones(len(of.affine), bool)
-        changed = of.fields.changed(answer, self._derivative) | anew
-        of.fields.slopes(answer, of.weight, changed, self._slopes)
-        slopes = self._slopes if len(of.counted) == len(changed) else self._slopes[of.counted]
-        changed = changed[of.counted]
+        changed = fields.changed(answer, self._derivative) | anew
+        fields.slopes(answer, of.weight, changed, self._slopes)
+        slopes = self._slopes if len(counted) == len(changed) else self._slopes[counted]
+        changed = changed[counted]
         if self.team.size > 1:
             slopes, before = self._wanted(slopes), None if anew else self._before
             changed = np.ones(len(slopes), bool) if anew else (slopes != before).any(axis=(1, 2, 3, 4))

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.assembly import Assembly, Slopes
+from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.dealing import dealt
 from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.pair_fields import PairFields
@@ -66,11 +66,6 @@ class Bodies:
         """The pairs that this rank adds up, (Q,) int, and the fields at them."""
         chosen = np.flatnonzero(self.theirs)
         return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
-
-    @cached_property
-    def slopes(self) -> Slopes:
-        """For Newton's matrices."""
-        return Slopes(self.summed[1], self.counted, self.weight, self.affine)
 
     @classmethod
     def of(cls, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, rigid: int = 0) -> Bodies:
@@ -153,7 +148,7 @@ class LoadStep:
 
     def matrix(self) -> np.ndarray:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern: of the blocks that enter this rank's fronts."""
-        return self.bodies.assembly.matrix(self.bodies.slopes, self.answer(self.F, derivative=True))
+        return self.bodies.assembly.matrix(self.bodies, self.answer(self.F, derivative=True))
 
     def factors(self, matrix: np.ndarray, shift: float) -> Factors | RigidFirst:
         """Of (matrix + shift), what solves with it."""
