@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from boxes import boxed
 from benchmarks.studies.intervals import LIKE, Exact, asked, compared, inside
 from in_process import IN_PROCESS
 from method_case import config as bar
@@ -52,6 +53,18 @@ def judged(solved, scene):
         assert all(inside(kind, *each, size) for each in zip(low[known], high[known], true[known]))
         widths.append(((high - low)[known] / (2 * size)).max(initial=0.0))
     return np.array(widths), unknown
+
+
+@pytest.mark.parametrize("top", [{"displacement": [0.01, 0, -0.01]}, {"pressure": 100.0}])
+def test_where_a_body_is_that_slides_freely_is_not_known(top):
+    """However little asks for it: across, and not where it is pressed."""
+    parts = [boxed("low", [1, 1, 0.3], [2, 2, 1]), boxed("amid", [1, 1, 0.3], [3, 3, 1], [0, 0, 0.3]), boxed("up", [1, 1, 0.3], [2, 2, 1], [0, 0, 0.6])]
+    solved = solve(config_from({
+        "name": "plates", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"law": "contact"}], "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", **top}],
+        "method": {"tolerance": {"error": 1e-4}}, "output": {"probes": [{"at": [0.4, 0.6, 0.45], "certified": True}]}}))
+    known = solved.summary["intervals"]["probes"][0]["values"]
+    assert [np.isfinite([known[name]["low"], known[name]["high"]]).all() for name in ("ux", "uy", "uz")] == [False, False, True]
 
 
 def test_forces_that_nothing_makes_have_an_interval():

@@ -27,6 +27,7 @@ from orchestrator.method.interface.search_direction import SearchDirection
 RIGID = 6
 BALANCED = 1e-13  # of the resultants, what rounding leaves of a balance
 TOLERATED = 100.0  # of that, what is left by another way of summing up
+CARRIED = 1e-3  # of the resultants of further loads, what may be left: less of them than rounding leaves would all seem carried
 FAR = 1e6  # of the largest displacement, how far a body may be moved: no limit to speak of
 
 
@@ -86,13 +87,15 @@ class AdmissibleForces:
         """
         team, own = self.space.team, self.space.subdomains
         pushed = np.array([self.U[:, part] @ f[part] for part in self.parts])
-        resultant = of_all(team, self.bodies, own, pushed if more is None else pushed - np.array(more))
+        further = np.zeros_like(pushed) if more is None else np.array(more)
+        resultant, further = of_all(team, self.bodies, own, np.stack([pushed - further, further], axis=1)).swapaxes(0, 1)
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
         self.problem.goal = goal = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
         y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
-        return Balanced(answer, there, y, np.linalg.norm(resultant - carried, axis=1) > TOLERATED * goal)
+        least = np.linalg.norm(further, axis=1).max() if further.any() else np.inf
+        return Balanced(answer, there, y, np.linalg.norm(resultant - carried, axis=1) > min(TOLERATED * goal, CARRIED * least))
 
     def displacement(self, y: np.ndarray) -> np.ndarray:
         """(B,) R y."""
