@@ -19,7 +19,7 @@ from orchestrator.method.stopping.dual_energy import CANCELLED
 from orchestrator.method.stopping.influence import Asked, InfluenceFields
 from orchestrator.method.stopping.intervals import PointLoads, of_displacements, of_forces
 
-NOTHING = 1e-12  # work in rigid motions, over that of all its parts, that is rounding
+NOTHING = 1e-12  # work in rigid motions, over the largest of that of all its parts, that is rounding
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def _displacements(d: Decomposition, iterated: Iterated, lawful: Lawful, probes:
         q = np.where(s.fixed, 0.0, q).reshape(count, -1)  # what is prescribed is known
         work, most = (of(q) @ of(d.made.modes[e]) for of in (np.asarray, np.abs))
         # stresses need no other body to be in balance: what rounding leaves of that is nothing
-        resultants.append(np.where(np.abs(work) > NOTHING * most, work, 0.0) @ lawful.certificate.forces.R[e])
+        resultants.append(np.where(np.abs(work) > NOTHING * most.max(axis=1, keepdims=True, initial=0.0), work, 0.0) @ lawful.certificate.forces.R[e])
         boundary[:, space.boundary[e]] = q[:, d.made.traces[e]]
         if q.any():
             requests[e] = np.hstack([q, np.zeros((count, 3 * d.made.node_counts[e] - q.shape[1]))])
