@@ -163,8 +163,10 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
 
 def _sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]:
     """Of volumes that are near others, see ``Scene``."""
+    if not joints.near:
+        return {}
     here, beside = cut.partition.here, sorted({v for pair in joints.near for v in pair})
-    elsewhere = () if here is None or not beside else body.mesh.volume[~here[cut.partition.subdomain]]
+    elsewhere = () if here is None else body.mesh.volume[~here[cut.partition.subdomain]]
     return sagittas(body.mesh, body.faces, np.setdiff1d(beside, elsewhere).astype(int).tolist())
 
 

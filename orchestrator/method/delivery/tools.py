@@ -46,14 +46,15 @@ def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields
     own : this rank's subdomains; sides : per subdomain (steps, n_E, 3) displacement, of these at least
     fields, interfaces : this rank's, and what they are of
     """
-    tools = {i.tool.name: i.tool for i in scene.interfaces if i.tool is not None}
+    meeting = [i for i in scene.interfaces if i.tool is not None]
+    tools = {i.tool.name: i.tool for i in meeting}
     if not tools:
         return []
     moved, touched = {}, {name: set() for name in tools}
-    for i in scene.interfaces:
-        if i.tool is not None and len(i.cells):
+    for i in meeting:
+        if len(i.cells):
             touched[i.tool.name].add(int(scene.mesh.volume[i.cells[0, 0]]))
-        if i.tool is not None and (e := i.subdomains[1]) in own and i.tool.name not in moved:
+        if (e := i.subdomains[1]) in own and i.tool.name not in moved:
             motions = motions_about(scene.mesh.nodes[scene.subdomains[e].nodes], i.tool.driven.about, 1.0).reshape(-1, 6)
             moved[i.tool.name] = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
     told = team.all_gather((moved, touched))

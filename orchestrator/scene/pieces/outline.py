@@ -93,7 +93,8 @@ class Outline:
                    [bolts.get(i.index) for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
-                   with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)], Acting.of(part, subdomains), scene.near)
+                   with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)],
+                   Acting.of(part, subdomains), scene.near)
 
     @classmethod
     def joined(cls, several: Sequence[Outline]) -> Outline:
@@ -172,7 +173,8 @@ class Outline:
             interfaces.append(without_nodes(own))
         bolts = [replace(bolt, interface=i, name=bolt.name if bolt.entry >= 0 else i.name) for bolt, i in zip(self.bolts, interfaces) if bolt]
         bolts.sort(key=lambda bolt: (bolt.entry < 0, bolt.entry))
-        return replace(part, near=self.near, bolts=bolts, subdomains=subdomains, interfaces=interfaces, cell_subdomain=present[part.cell_subdomain], overview=known)
+        return replace(part, near=self.near, bolts=bolts, subdomains=subdomains, interfaces=interfaces, overview=known,
+                       cell_subdomain=present[part.cell_subdomain])
 
     def _hollow(self, e: int, part: Scene) -> Subdomain:
         return Subdomain(e, self.names[e], _NONE, _NONE, part.mesh.cells[:0], _NONE, np.empty((0, 3), bool), np.empty((part.steps, 0, 3)),
@@ -205,4 +207,5 @@ def hollow(scene: Scene) -> Scene:
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
                                                          held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
                    interfaces=[without_nodes(i) for i in scene.interfaces],
-                   boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0], sagitta={}, **none)
+                   boundary=[b.of(np.empty(0, int)) for b in scene.boundary], prescribed=scene.prescribed[:, :0], loads=scene.loads[:, :0],
+                   sagitta={}, **none)
