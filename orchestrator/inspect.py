@@ -134,7 +134,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     if scene.element is not None:
         lines.append(f"element: {scene.element}")
     lines += _pairs(scene, config)
-    gaps = [sentence for sentence in scene.near.values() if sentence]
+    gaps = [beside.gap for beside in scene.near.values() if beside.gap]
     lines += [f"gap: {sentence}" for sentence in gaps[:PAIRS]] + [f"… and {len(gaps) - PAIRS} gaps more"] * (len(gaps) > PAIRS)
     return lines + [f"warning: {sentence}" for sentence in [*scene_cautions(scene), *stabilisation_cautions(config.method)]]
 

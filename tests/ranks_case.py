@@ -217,14 +217,14 @@ CASES = {
         "method": {"tolerance": {"error": 1e-4}},
         "output": {"certified": CERTIFIED["certified"], "probes": [{"at": [0.5, 0.5, 0.5], "part": "base"}, {"along": [[0, 0, 0.4], [2, 1, 1.2]]}]},
     },
-    # two tools: a plane that comes down on two bodies, and a ball that is pushed into one of them from aside
+    # two tools: a plane that comes down on two bodies, and a ball that is pushed into three from aside
     "tools": {
         "parts": [boxed("base", [2, 1, 0.5], [4, 2, 1], [0, 0, 0]), boxed("left", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5]),
                   boxed("right", [1, 1, 0.5], [2, 2, 1], [1, 0, 0.5]), boxed("foot", [2, 1, 0.5], [4, 2, 1], [0, 0, -0.5])],
         "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"law": "perfect"}, {"law": "contact", "friction": 0.2, "between": [
             "*t", {"plane": {"at": [0, 0, 1.001], "normal": [0, 0, -1]}, "displacement": [[0, 0, -0.002], [0.001, 0, -0.003]]}]},
-            {"law": "contact", "between": ["right", {"sphere": {"centre": [4, 0.5, 0.8], "radius": 2}, "force": [-20, 0, 0]}]}],
+            {"law": "contact", "between": ["*", {"sphere": {"centre": [4, 0.5, 0.8], "radius": 2}, "force": [-20, 0, 0]}]}],
         "boundary": [{"on": "foot/zmin", "displacement": [0, 0, 0]}], "method": {"tolerance": {"error": 1e-4}},
     },
 }

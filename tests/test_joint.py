@@ -159,11 +159,11 @@ def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
             "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}], "bolts": [{"on": "bolt", "force": 1000.0}]}
     scene = build_scene(config_from(data))
     assert np.allclose(scene.bolts[0].point, [10, 10, 9], atol=0.05)
-    gaps = [sentence for sentence in scene.near.values() if sentence]
+    gaps = [beside.gap for beside in scene.near.values() if beside.gap]
     assert len(gaps) == 2 and all("bolt" in gap and "nothing keeps them apart" in gap for gap in gaps)
     there = build_scene(config_from({**data, "bolts": [{"on": "bolt", "force": 1000.0, "cut": {"plane": "z", "at": 6.0}}],
                                      "interfaces": [{"between": "auto", "law": "contact", "friction": 0.2, "within": 0.7}]}))
-    assert any("(10, 10, 9) is amid one" in warning for warning in there.warnings) and not any(there.near.values())
+    assert any("(10, 10, 9) is amid one" in warning for warning in there.warnings) and not any(beside.gap for beside in there.near.values())
 
 
 def test_a_head_and_its_shank_are_two_faces(tmp_path):

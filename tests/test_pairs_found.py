@@ -15,6 +15,7 @@ from orchestrator.config.load import config_from
 from orchestrator.config.mesh import Mesh as Section, Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.inspection import ROOM, pairs_of_mesh
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.opposite import outer_bodies
@@ -235,7 +236,7 @@ def test_loads_on_faces_that_lie_on_another_part_are_told():
     for on, words in (({"plane": "z", "at": 0.5}, "50 faces of base, lid"), ("lid/zmax", "")):
         made = slabs(0.0, boundary=[{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": on, "pressure": 1.0},
                                     {"on": "lid/xmin", "displacement": [0, 0, 0]}])
-        warnings = build_scene(config_from(made)).warnings
+        warnings = scene_cautions(build_scene(config_from(made)))
         assert [words in w and "lie on another part" in w for w in warnings] == ([True] if words else [])
 
 

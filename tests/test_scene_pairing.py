@@ -10,6 +10,7 @@ from orchestrator.errors import InputError
 from orchestrator.laws.contact import Contact
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.interfaces.overlap import Solid, contained
 from orchestrator.scene.interfaces.opposite import REACH, Body, close_bodies
 from orchestrator.scene.mesh.sources import bricks
@@ -222,7 +223,7 @@ def unasked(folder, mesh):
     (lambda x: x + [0, 0, 0.01], "touch, at"), (lambda x: x + [0, 0, 0.1], "are 0.1 apart, at"),
     (lambda x: x + [0, 0, 0.7], ""), (lambda x: x, "")], ids=["a hundredth", "a tenth", "far", "joined"])
 def test_parts_merely_near_are_told(change, words, tmp_path):
-    warnings = build_scene(unasked(tmp_path, two_parts(change))).warnings
+    warnings = [w for w in scene_cautions(build_scene(unasked(tmp_path, two_parts(change)))) if "apart" in w or "interface" in w]
     assert len(warnings) == bool(words)
     assert not words or warnings[0].startswith(f"'lower' and 'upper' {words}")
 

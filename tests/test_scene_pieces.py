@@ -26,6 +26,7 @@ from orchestrator.scene.mesh.polyhedra import scattered
 from orchestrator.method.delivery.passing import passing
 from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.pieces.make import make
@@ -218,20 +219,35 @@ PLANE = {"plane": {"at": [0, 0, 1.01], "normal": [0, 0, -1]}}
 
 
 @pytest.mark.parametrize("ranks", [2, late(3), 4])
-@pytest.mark.parametrize("tool", [{**PLANE, "displacement": [[0, 0, -0.02], [0.1, 0, -0.02]], "rotation": [0, 0.1, 0]},
-                                  {"sphere": {"centre": [3.5, 0.5, 2], "radius": 1}, "force": [0, 0, -2]}])
-def test_rigid_tools(tool, ranks):
-    """Behind each block that it touches where it moves as prescribed, else behind a single one; in the middle nobody may have a face."""
+@pytest.mark.parametrize("tool, subdomains", [
+    ({**PLANE, "displacement": [[0, 0, -0.02], [0.1, 0, -0.02]], "rotation": [0, 0.1, 0]}, 8),
+    ({"sphere": {"centre": [3.5, 0.5, 2], "radius": 1}, "force": [0, 0, -2]}, 6), ({**PLANE, "force": [0, 0, -2]}, 6),
+    ({"cylinder": {"at": [2, 0, 2.01], "axis": "y", "radius": 1}, "force": [0, 0, -2]}, 6)])
+def test_rigid_tools(tool, subdomains, ranks):
+    """Behind each block that it touches where it moves as prescribed, else one body behind all; in the middle nobody may have a face."""
     config = config_from({"name": "tools", **BLOCK, "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}],
                           "interfaces": [{"law": "contact", "between": ["*", tool], "within": 0.1}]})
-    assert len(build_scene(config).subdomains) == (8 if "plane" in tool else 6)
+    assert len(build_scene(config).subdomains) == subdomains
     same_as_one(config, ranks)
 
 
-@pytest.mark.parametrize("tool", [{**PLANE, "force": [0, 0, -2]}, {"plane": {"at": [0, 0, 0.9], "normal": [0, 0, -1]}},
-                                  {"plane": {"at": [0, 0, 9], "normal": [0, 0, -1]}}])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_ball_that_is_pushed_into_parts(element):
+    """Of which it touches three, in contact; one more behind them it does not."""
+    config = config_from({"name": "ball", "parts": FIVE[:4], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "blackbox": {"element": element}, "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}],
+                          "interfaces": [{"law": "contact"}, {"law": "contact", "within": 0.1, "between": [
+                              "*", {"sphere": {"centre": [0.7, 0.7, 2.03], "radius": 1}, "force": [[0, 0, -2], [0, 0.1, -2]]}]}]})
+    touched = [i for i in build_scene(config).interfaces if i.tool]
+    assert len(touched) == 3
+    for ranks in (2, 4):
+        same_as_one(config, ranks)
+
+
+@pytest.mark.parametrize("tool", [{"plane": {"at": [0, 0, 0.9], "normal": [0, 0, -1]}}, {"plane": {"at": [0, 0, 9], "normal": [0, 0, -1]}},
+                                  {**PLANE, "force": [0, 0, 2]}])
 def test_tools_that_one_has_to_judge_are_left_to_it(tool):
-    """One pushed on blocks of two ranks; one that begins inside; one that touches nothing."""
+    """One that begins inside; one that touches nothing; one that is pulled off."""
     config = config_from({"name": "tools", **BLOCK, "interfaces": [{"law": "contact", "between": ["*", tool]}]})
     assert_left(among(2, lambda team: make(config, team)))
 
@@ -253,7 +269,7 @@ def test_files_that_do_not_belong_together_are_left_to_one(saved, folder, told):
 
 @pytest.mark.parametrize("shift, joined", [(0.0, 2), (0.003, 1), (30.0, 1)])
 def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
-    """What touches is bonded; one that has all of the mesh warns of what is near and nothing joins."""
+    """What touches is bonded; of what is near and nothing joins all warn."""
     with session():
         for corner in (0.0, 1.0 + shift):
             gmsh.model.occ.addBox(corner, 0, 0, 1, 1, 1)
@@ -269,11 +285,10 @@ def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
     ends = [{"on": {"plane": "x", "at": at}, "displacement": [0, 0, 0]} for at in (0.0, 2.0 + shift)]
     config = config_from({"name": "boxes", "mesh": {"file": str(tmp_path / "boxes.msh")}, "subdomains": "groups",
                           "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": ends})
-    found, whole = among(2, lambda team: make(config, team)), build_scene(config)
-    assert [isinstance(part, str) for part in found] == [shift == 0.003] * 2
-    assert shift == 0.003 or [len(part.interfaces) for part in found] == [len(whole.interfaces)] * 2
+    whole = build_scene(config)
     assert components(*np.array([i.subdomains for i in whole.interfaces]).T, len(whole.subdomains))[0] == 3 - joined
-    assert bool(whole.warnings[1:]) == (shift == 0.003)
+    assert any("without an interface" in text for text in scene_cautions(whole)) == (shift == 0.003)
+    same_as_one(config, 2)
 
 
 @pytest.mark.parametrize("far, told", [(0.03, 0), (0.3, 1)])
@@ -329,6 +344,19 @@ def test_bodies_that_nothing_joins():
     same_as_one(config, 3)
 
 
+def test_parts_that_are_near_each_other():
+    """One that nothing joins is told of, one whose nodes miss, and loads on faces that others cover; not two that something joins elsewhere."""
+    parts = [*FIVE, boxed("beside", at=[2.1, 0, 0]), boxed("six", [1, 0.5, 1], (2, 1, 2), at=[0.5, 1.5, 1]), boxed("post", [1, 0.5, 1], at=[-1, 1, 0])]
+    config = config_from({"name": "near", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0},
+                                       {"on": {"plane": "z", "at": 1}, "traction": [0, 0, -1]}]})
+    whole = build_scene(config)
+    told = scene_cautions(whole)
+    assert sum("without an interface" in text for text in told) == 2 < len(whole.near) and sum("lie on another part" in text for text in told) == 2
+    for ranks in (2, 3, 4):
+        same_as_one(config, ranks)
+
+
 def test_blocks_far_apart_that_an_entry_reaches():
     """Farther than two elements, beyond which nothing is looked for otherwise."""
     row = [boxed(f"block {k}", cells=(4, 4, 4), at=[1.8 * k, 0, 0]) for k in range(4)]
@@ -358,8 +386,9 @@ def test_blocks_that_slide_on(element):
     {"interfaces": [{"law": "perfect"}, {"law": "contact", "between": ["one", "three"]}]},  # which meet in an edge
     {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks
     {"parts": [*FIVE, boxed("six", at=[1.5, 0.001, 1])]}, {"parts": [*FIVE, boxed("falls", at=[9, 0, 1])]},
-    {"parts": [*FIVE, boxed("inside", at=[0.25, 0.25, 0.25])]},
-    {"boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0}]}])  # half of it is covered
+    {"parts": [*FIVE, boxed("inside", at=[0.25, 0.25, 0.25])]}, {"parts": [*FIVE, boxed("inside", [0.1, 0.1, 0.1], at=[0.45, 0.45, 0])]},
+    {"parts": [*FIVE, boxed("beside", at=[2.1, 0, 0])], "interfaces": [{"law": "contact"}]},  # which asks for a joint there
+    {"parts": [*FIVE, boxed("beside", at=[2.4, 0, 0])], "interfaces": [{"law": "contact", "between": "auto"}]}])
 def test_parts_that_one_has_to_judge_are_left_to_it(change):
     config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}], **change})

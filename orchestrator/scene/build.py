@@ -29,7 +29,7 @@ from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
-from orchestrator.scene.model import BoundaryEntry, Interface, PlacedBolt, Scene, Subdomain
+from orchestrator.scene.model import Beside, BoundaryEntry, Interface, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike
 from orchestrator.scene.bolts import BoltCut, cut_bolts
 from orchestrator.scene.partition import Partition, make_partition
@@ -52,14 +52,15 @@ class Cut:
 class Joints:
     """Where subdomains meet.
 
-    near : see ``Scene``
+    near, covered : see ``Scene``
     grounds : those of the interfaces that are with a ground, and the entry of ``boundary`` that each is of
     stands : per entry of ``boundary`` that stands on one, the nodes of its grounds
     """
 
     interfaces: list[Interface]
-    near: dict[tuple[int, int], str]
+    near: dict[tuple[int, int], Beside]
     bolts: list[PlacedBolt]
+    covered: np.ndarray
     grounds: list[tuple[int, Interface]] = field(default_factory=list)
     stands: dict[int, slice] = field(default_factory=dict)
 
@@ -110,7 +111,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
                  fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, sagitta, joints.bolts, thermal,
-                 probes=probes, element=body.choice, body_force=body_force)
+                 probes=probes, element=body.choice, body_force=body_force, covered=joints.covered)
 
 
 def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
@@ -145,9 +146,8 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
 
         report_joints(mesh, interfaces, cut.numbering, problems)
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
-    problems.warnings += (covered := loads_on_pairs(mesh, boundary, interfaces, cut.numbering))
-    if covered and mesh.within is not None:
-        problems.add(("boundary",), "loads on faces that lie on another part", "all of the mesh, to count them")
+    here = np.ones(len(mesh.cells), dtype=bool) if cut.partition.here is None else cut.partition.here[cut.partition.subdomain]
+    covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering, here)
     if any(i.surfaces is not None for i in interfaces):
         stays = matter.held.copy()
         for stand in mesh.foreign:
@@ -158,7 +158,7 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
         for entry, given, times in zip(boundary, config.boundary, _times(config, config.boundary)):
             entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems(),  # told before
                                 body.surfaces.get(entry.index))
-    return Joints(interfaces, near, bolts)
+    return Joints(interfaces, near, bolts, covered)
 
 
 def _sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]:
@@ -253,7 +253,10 @@ def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: l
 
 def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
     """Takes out of the interfaces what is prescribed on both sides."""
-    joints.interfaces = leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed, config.interfaces, problems)
+    before, joints.interfaces = joints.interfaces, leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed,
+                                                              config.interfaces, problems)
+    if joints.near and body.mesh.within is not None and len(joints.interfaces) < len(before):
+        problems.add(("interfaces",), "sides that are held altogether, beside parts that are near each other", "all of the mesh, to tell what joins them")
     joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
     within_free([i for _, i in joints.grounds], held, problems)
 

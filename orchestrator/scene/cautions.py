@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface, Scene, Subdomain
+from orchestrator.scene.model import Beside, BoundaryEntry, Interface, Scene, Subdomain
 from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.errors import some
 
@@ -91,7 +91,22 @@ def unloaded(scene: Scene) -> Iterator[str]:
     yield from Acting.of(scene, scene.subdomains).sentences(scene.boundary)
 
 
-RULES: list[Callable[[Scene], Iterator[str]]] = [lambda scene: locking(scene.mesh.volumes, ratios(scene)), noted, unloaded]
+def beside_others(near: Mapping[tuple[int, int], Beside], boundary: Sequence[BoundaryEntry], volumes: Sequence[str], covered: np.ndarray) -> Iterator[str]:
+    """Parts that are near others, and nothing connects them; tractions and pressures on faces that lie on another part.
+
+    near, covered : as of a ``Scene``
+    """
+    yield from (beside.alone for beside in near.values() if beside.alone)
+    for entry, faces in zip(boundary, covered):
+        if faces.any():
+            names = sorted(volumes[v] for v in np.flatnonzero(faces))
+            yield (f"boundary[{entry.index}], a {entry.kind}, acts on {faces.sum()} faces of {', '.join(names)} that lie on another "
+                   "part: name a surface of the part, as part/surface, or a smaller box, if that is not meant")
+
+
+RULES: list[Callable[[Scene], Iterator[str]]] = [
+    lambda scene: locking(scene.mesh.volumes, ratios(scene)), noted,
+    lambda scene: beside_others(scene.near, scene.boundary, scene.mesh.volumes, scene.covered), unloaded]
 
 
 def scene_cautions(scene: Scene) -> list[str]:
@@ -101,21 +116,16 @@ def scene_cautions(scene: Scene) -> list[str]:
     return [sentence for rule in RULES for sentence in rule(scene)]
 
 
-def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[Interface],
-                   numbering: SplitNumbering) -> list[str]:
-    """A sentence for each traction or pressure that acts on faces which an interface pairs with another part's.
+def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[Interface], numbering: SplitNumbering,
+                   here: np.ndarray) -> np.ndarray:
+    """(entries, volumes) int, on how many faces a traction or pressure acts which an interface pairs with another part's.
 
     interfaces : all there are; only sides with nodes of their own count, shared faces are no outer ones
+    here : (m,) bool, cells behind faces that count
     """
-    loads = [entry for entry in boundary if entry.forces and len(entry.triangles)]
-    if not loads:
-        return []
-    paired = paired_faces(numbering, interfaces)
-    result = []
-    for entry in loads if len(paired) else []:
-        hit = np.isin(pack(entry.triangles[:, :3], len(mesh.nodes)), paired)
-        if hit.any():
-            names = sorted({mesh.volumes[v] for v in mesh.volume[entry.cells[hit, 0]]})
-            result.append(f"boundary[{entry.index}], a {entry.kind}, acts on {hit.sum()} faces of {', '.join(names)} that lie on another "
-                          "part: name a surface of the part, as part/surface, or a smaller box, if that is not meant")
-    return result
+    counts, paired = np.zeros((len(boundary), len(mesh.volumes)), dtype=int), paired_faces(numbering, interfaces)
+    for entry, row in zip(boundary, counts):
+        if entry.forces and len(entry.triangles) and len(paired):
+            cells = entry.cells[np.isin(pack(entry.triangles[:, :3], len(mesh.nodes)), paired), 0]
+            np.add.at(row, mesh.volume[cells[here[cells]]], 1)
+    return counts

@@ -255,6 +255,20 @@ class PlacedBolt:
 
 
 @dataclass(frozen=True)
+class Beside:
+    """Two volumes with faces opposite each other, within reach, that belong to no interface.
+
+    gap : a sentence on their gap; empty where they touch
+    alone : a sentence on what may come of it where nothing connects the two; empty where something does
+    refused : that an entry asks for a joint there where nothing connects the two; in a piece of a mesh, which cannot tell whether anything does
+    """
+
+    gap: str
+    alone: str = ""
+    refused: bool = False
+
+
+@dataclass(frozen=True)
 class Difficulty:
     """What is difficult about a scene.
 
@@ -317,7 +331,8 @@ class Scene:
     loads : (steps, n, 3), consistent nodal forces on global nodes
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
-    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface; with a sentence on their gap
+    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface; and what is said of each
+    covered : (entries of ``boundary``, volumes) int, how many faces that an entry loads lie on another part
     sagitta : of these volumes, where they are all there, how far surfaces are off their outer faces, see ``interfaces.overlap``
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
@@ -342,7 +357,7 @@ class Scene:
     loads: np.ndarray
     steps: int
     warnings: list[str] = field(default_factory=list)
-    near: dict[tuple[int, int], str] = field(default_factory=dict)
+    near: dict[tuple[int, int], Beside] = field(default_factory=dict)
     sagitta: dict[int, np.ndarray] = field(default_factory=dict)
     bolts: list[PlacedBolt] = field(default_factory=list)
     thermal: np.ndarray | None = None
@@ -353,6 +368,7 @@ class Scene:
     element: object = None
     body_force: np.ndarray | None = None
     left: str = ""
+    covered: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

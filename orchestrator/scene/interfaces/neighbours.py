@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.errors import KeyPath, some
+from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.matching import match
@@ -25,7 +25,7 @@ from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.search import Search, paired_faces
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Beside, Interface
 
 FARTHER = 1.5  # search distance that is proposed, of the nearest faces' distance: chords of round faces vary
 
@@ -46,9 +46,8 @@ class Near:
     miss: float
 
 
-def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int, int], str]:
-    """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there, and a sentence of
-    each that has a gap.
+def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int, int], Beside]:
+    """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there.
 
     found : all interfaces
     """
@@ -62,17 +61,22 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
     count, piece = search.pieces
     inside = _overlaps(search, governing) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
-    told = set(inside)
-    for pair, seen in beside.items():  # of pieces of a mesh it is seen once they are together
-        apart = mesh.within is None and not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
-        if laws[governing[pair]].found:  # what faces beside a pair of theirs do later is looked at in the end
-            if pair not in inside and apart:
-                told.add(pair)
-                _beyond_reach(search, pair, seen, governing[pair])
-        elif pair not in inside and (apart or (seen.touching and not laws[governing[pair]].apart)):
-            _report(search, pair, seen, pair in joined, governing[pair])
+    told, near, whole = set(inside), {}, mesh.within is None
+    for pair, seen in beside.items():
+        entry, alone = laws[governing[pair]], Problems()
+        # of pieces of a mesh it is seen once they are together
+        apart = pair not in inside and not (whole and len(np.intersect1d(*(connected[mesh.volume == v] for v in pair))))
+        if pair not in inside and seen.touching and not entry.apart and not entry.found:
+            _report(search, pair, seen, governing[pair], pair in joined, search.problems)
+        elif apart and entry.found:  # what faces beside a pair of theirs do later is looked at in the end
+            told.add(pair)
+            _beyond_reach(search, pair, seen, governing[pair], alone)
+        elif apart:
+            _report(search, pair, seen, governing[pair], pair in joined, alone)
+        search.problems.found += alone.found * whole
+        near[pair] = Beside("" if seen.touching or pair in inside else _gap(search, pair, seen), "".join(alone.warnings), bool(alone.found))
     _report_alone(search, cells, told)
-    return {pair: "" if seen.touching or pair in inside else _gap(search, pair, seen) for pair, seen in beside.items()}
+    return near
 
 
 def _gap(search: Search, pair: tuple[int, int], seen: Near) -> str:
@@ -134,10 +138,9 @@ def _path(search: Search, index: int) -> KeyPath:
     return ("interfaces", index) if search.asked and index >= 0 else ("mesh",)
 
 
-def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, index: int) -> None:
+def _report(search: Search, pair: tuple[int, int], seen: Near, index: int, joined: bool, problems: Problems) -> None:
     """Tell what faces opposite each other mean for two parts that are joined elsewhere or not."""
-    problems, names = search.problems, " and ".join(repr(search.mesh.volumes[v]) for v in pair)
-    path, where = _path(search, index), format_point(seen.where)
+    names, path, where = " and ".join(repr(search.mesh.volumes[v]) for v in pair), _path(search, index), format_point(seen.where)
     if joined:
         if seen.touching:
             problems.add(path, f"{seen.touching} faces of {names} touch beside an interface of theirs and belong to none, the "
@@ -156,13 +159,13 @@ def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, ind
         problems.warnings.append(f"{names} {how}, without an interface: they may pass through each other")
 
 
-def _beyond_reach(search: Search, pair: tuple[int, int], seen: Near, index: int) -> None:
+def _beyond_reach(search: Search, pair: tuple[int, int], seen: Near, index: int, problems: Problems) -> None:
     """Faces that look at each other, of parts that nothing connects, and that are too far apart to have been paired."""
     one, two = (search.mesh.volumes[v] for v in pair)
     reach = search.laws[index].reach
     within = f"{reach:g}" if reach is not None else f"{search.laws.tolerance(index):g} of the element size, from surface to surface"
-    search.problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
-                        f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
+    problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
+                 f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
                  f"raise tolerance, move the parts, or say that they are none: exclude: [[{one}, {two}]]")
 
 

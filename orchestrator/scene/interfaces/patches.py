@@ -18,14 +18,14 @@ from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, close_
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import Faces, components, edge_patches
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface, ends_of
+from orchestrator.scene.model import Beside, Interface, ends_of
 from orchestrator.scene.names import suggestion
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50
 
 
-def make_interfaces(search: Search) -> tuple[list[Interface], dict[tuple[int, int], str]]:
+def make_interfaces(search: Search) -> tuple[list[Interface], dict[tuple[int, int], Beside]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces, then ``hinges``.
 
     Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as

@@ -53,11 +53,6 @@ class Bricks:
         made = Mesh(nodes, cells.reshape(-1, 4), np.zeros(TETS * len(bricks), dtype=int), [self.name], self._sides(bricks, number), self.name)
         return made, number, (TETS * bricks[:, None] + np.arange(TETS)).ravel()
 
-    def on_sides(self, number: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """(k,) bool, which triangles (k, 3) of nodes by their place in ``number`` (n,) lie on a side of the box."""
-        at = np.stack(np.unravel_index(number, tuple(self.counts + 1)), axis=1)[triangles]
-        return ((at == 0).all(axis=1) | (at == self.counts).all(axis=1)).any(axis=1)
-
     def _sides(self, bricks: np.ndarray, number: np.ndarray) -> dict[str, np.ndarray]:
         """The six sides, as outward triangles cut along the bricks' diagonals."""
         shape, sides = tuple(int(c) + 1 for c in self.counts), {}

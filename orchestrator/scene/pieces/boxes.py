@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from orchestrator.parallel.team import Team
-from orchestrator.scene.mesh.mesh import checked
+from orchestrator.scene.mesh.bricks import TETS
 from orchestrator.scene.mesh.sources import grid_of
 from orchestrator.scene.partition import AXES, block_name, layers, slice_name
 from orchestrator.scene.pieces.piece import Extent, Piece
+from orchestrator.scene.pieces.pushed import cells_at_tools
+from orchestrator.scene.pieces.share import Share
 
 ROUNDING = 1e-6  # of a brick, what its tets' centroids may be off; bricks more than are needed do no harm
 
@@ -25,7 +27,7 @@ class Boxes:
 
     def __init__(self, mesh: Any, blocks: np.ndarray, sliced: int = -1):
         self._bricks, self._blocks, self._sliced = grid_of(mesh), blocks, sliced
-        self._factor = float(mesh.scale or 1.0)
+        self._factor, self._beside = float(mesh.scale or 1.0), np.empty(0, dtype=int)
 
     @classmethod
     def of(cls, mesh: Any, subdomains: Any) -> Boxes | None:
@@ -66,19 +68,27 @@ class Boxes:
         place = [int(i) for i in np.unravel_index(index, self._blocks)]
         return block_name(*place) if self._sliced < 0 else slice_name(place[self._sliced])
 
-    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], team: Team) -> None:
-        """Nothing: every rank makes its own."""
+    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], tools: Sequence[Any], team: Team) -> None:
+        """Nothing but bricks elsewhere that some of the ``tools`` that are pushed may touch, too: every rank makes its own."""
+        if tools:
+            share, block = self._share(np.flatnonzero(rank_of == team.rank))
+            at = cells_at_tools(share.mesh, rank_of[block] == team.rank, np.concatenate([*share.mesh.surfaces.values()]), tools, team)
+            self._beside = np.unique(np.concatenate(team.deliver([share.cell_number[cells] // TETS for cells in at]))).astype(int)
 
     def piece(self, mine: np.ndarray) -> Piece:
         """Of some subdomains, ascending.
 
         Raises InputError: one of them has no tets or is not connected
         """
-        mesh, number, cells = self._bricks.some(np.unique(np.concatenate([np.empty(0, int), *self._around(mine)])))
+        share, block = self._share(mine)
+        return Piece.of(share, np.concatenate([*share.mesh.surfaces.values()]), block, mine, self)
+
+    def _share(self, mine: np.ndarray) -> tuple[Share, np.ndarray]:
+        """Some blocks, and what is around them; (m,) int, the block of each tet."""
+        mesh, *numbers = self._bricks.some(np.unique(np.concatenate([self._beside, *self._around(mine)])))
         mesh = replace(mesh, nodes=self._factor * mesh.nodes, within=self.extent.box)
-        mesh, faces = checked(mesh)
         block = np.ravel_multi_index([layers(mesh, axis, int(count)) for axis, count in enumerate(self._blocks)], self._blocks)
-        return Piece.of(mesh, faces, self._bricks.on_sides(number, faces.triangles[faces.outer]), block, mine, self.name, (number, cells), self.count)
+        return Share(mesh, *numbers), block
 
     def _around(self, mine: np.ndarray) -> Iterator[np.ndarray]:
         """Bricks of each of some blocks, and one layer around: a block has those with a tet whose centroid is in it, at 1/4 to 3/4."""

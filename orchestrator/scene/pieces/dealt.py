@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import wrong
 from orchestrator.parallel.borders import rendezvous
 from orchestrator.parallel.numbering import met
 from orchestrator.parallel.team import Team
 from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, faces_of
-from orchestrator.scene.mesh.mesh import Mesh, checked
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.pieces.piece import Extent, Piece
+from orchestrator.scene.pieces.pushed import cells_at_tools
 from orchestrator.scene.pieces.share import Share
 
 PLACES = 2**17  # along an axis: three of them are a number that messages can hold
@@ -57,9 +57,10 @@ class Dealt:
         pairs, common = met(np.tile(place[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
         return nodes, pairs[common > 2], common[common > 2]
 
-    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], team: Team) -> None:
-        """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's: cells that touch them, and those behind
-        outer faces that are near outer faces of theirs, as far as ``entries`` of ``interfaces`` reach."""
+    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], tools: Sequence[Any], team: Team) -> None:
+        """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's: cells that touch them, those behind
+        outer faces that are near outer faces of theirs, as far as ``entries`` of ``interfaces`` reach, and those that some of the ``tools``
+        that are pushed may touch, too."""
         share, self._share = self._share, None
         home = rank_of[share.mesh.volume]
         share = share.handed_on([np.flatnonzero(home == rank) for rank in range(team.size)], team)
@@ -71,7 +72,8 @@ class Dealt:
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        around = [np.union1d(some, near) for some, near in zip(around, _near(share.mesh, outer, entries, team))]
+        at = cells_at_tools(share.mesh, np.ones(len(share.mesh.cells), dtype=bool), outer, tools, team)
+        around = [np.unique(np.concatenate(some)) for some in zip(around, _near(share.mesh, outer, entries, team), at)]
         self._share = share.handed_on(around, team)
 
     def piece(self, mine: np.ndarray) -> Piece:
@@ -81,14 +83,8 @@ class Dealt:
         """
         share, self._share = self._share, None
         surfaces = dict(share.mesh.surfaces)
-        outer = surfaces.pop(OUTER)
-        given = replace(share.mesh, surfaces=surfaces, within=self.extent.box)
-        mesh, faces = checked(given)
-        if mesh is not given or not share.sound:
-            raise wrong(("mesh",), "tets that are inverted, or files that do not agree", "files of one sound mesh")
-        known = np.zeros(len(faces.keys), dtype=bool)
-        known[faces.find(outer)] = True
-        return Piece.of(mesh, faces, known[faces.outer], mesh.volume, mine, self.name, (share.number, share.cell_number), self.count)
+        outer, mesh = surfaces.pop(OUTER), replace(share.mesh, surfaces=surfaces, within=self.extent.box)
+        return Piece.of(replace(share, mesh=mesh), outer, mesh.volume, mine, self)
 
 
 def _touching(share: Share, team: Team) -> list[np.ndarray]:

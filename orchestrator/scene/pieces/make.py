@@ -24,13 +24,14 @@ from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Beside, Scene, prints
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.boxes import Boxes
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import BEHIND, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
+from orchestrator.scene.pieces.pushed import pushed_tools
 from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
 
@@ -69,7 +70,10 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return "more nodes of a rank than numbers allow"
-    source.deal(rank_of, config.interfaces, team)
+    tools = agreed(lambda: pushed_tools(config), team)
+    if tools is None:
+        return JUDGED
+    source.deal(rank_of, config.interfaces, tools, team)
     made, extent = _pieces(config, source, np.flatnonzero(rank_of == team.rank), team)
     surfaces = {} if made[0] is None else gathered(config, made[0], team)
     local = None if made[0] is None else agreed(lambda: Local.of(config, made, surfaces), team)
@@ -86,7 +90,10 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
     bodies = np.flatnonzero(kind < grounds)
     free = Supports.joined([whole.kept], bodies).free(np.unique(body[bodies], return_inverse=True)[1].ravel()).any()
-    if (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or _near(local, whole, body, team):
+    whole.near = _near(local, whole, team)
+    if team.max(float((whole.prints[local.present[local.tools]] != local.prints).any()))[0]:
+        return "a tool that ranks have not made alike"
+    if (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or any(beside.refused for beside in whole.near.values()):
         return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -113,6 +120,7 @@ class Local:
     present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered`` as of a ``Piece``, and then
         rigid tools and grounds, entry by entry, by that of what they are behind
     given : how many nodes and cells of the part are the mesh's; count : as of a ``Piece``
+    tools : (t,) int, its rigid tools, of which several ranks may have made one; prints : (t, 32) as of a scene
     """
 
     part: Scene
@@ -120,6 +128,8 @@ class Local:
     outline: Outline
     given: tuple[int, int]
     count: int
+    tools: np.ndarray
+    prints: np.ndarray
 
     @classmethod
     def of(cls, config: Config, made: list[Piece], surfaces: Mapping[int, np.ndarray]) -> Local:
@@ -139,7 +149,7 @@ class Local:
                         piece.cuts, surfaces)
 
         scene = build_scene(config, meshed=meshed)
-        before = {i.subdomains[1]: i for i in scene.interfaces if i.tool or i.law.on_ground}
+        before = {i.subdomains[1]: i for i in reversed(scene.interfaces) if i.tool or i.law.on_ground}
         for behind in scene.subdomains[len(present):]:  # tools, and grounds, which may be behind tools
             i = before[behind.index]
             entry, body = i.entry if i.tool else len(config.interfaces) + int(behind.held_by.max()), i.subdomains[0]
@@ -147,9 +157,13 @@ class Local:
         own = np.flatnonzero(here)
         part = part_of(scene, own, None)
         given = np.searchsorted(part.number, len(number)), np.searchsorted(part.cell_number, len(cell_number))
-        part.number, part.cell_number = (np.pad(of[at[:end]], (0, len(at) - end)) for of, at, end in (
+        for behind in scene.subdomains[-len(before):] if before else ():  # of a layer some nodes and cells may be there
+            part.number[part.subdomains[behind.index].nodes] -= behind.nodes[0]
+            part.cell_number[part.subdomains[behind.index].cells] -= behind.cells[0]
+        part.number, part.cell_number = (np.concatenate([of[at[:end]], at[end:]]) for of, at, end in (
             (number, part.number, given[0]), (cell_number, part.cell_number, given[1])))
-        return cls(part, present, Outline.of(scene, part, present, own), given, count)
+        tools = np.array([e for e, i in before.items() if i.tool], dtype=int)
+        return cls(part, present, Outline.of(scene, part, present, own), given, count, tools, prints(scene, [scene.subdomains[e] for e in tools]))
 
     def numbered(self, whole: Outline, order: np.ndarray, extent: Extent, team: Team) -> Extent:
         """Gives what has been added to the mesh its numbers; and what is around all of it. All ranks ask together.
@@ -163,19 +177,20 @@ class Local:
                                        (part.cell_number, "cells", whole.cells, int(whole.cells[~added].sum()))):
             starts = begin + np.cumsum(every * added) - every
             for e, s in zip(self.present.tolist(), part.subdomains):
-                if added[e] and len(s.nodes):
-                    of[getattr(s, what)] = starts[e] + np.arange(every[e])
+                of[getattr(s, what)] += starts[e] * added[e]
         points = part.mesh.nodes[self.given[0]:]
         low, high = np.reshape(team.max(*-points.min(axis=0, initial=np.inf), *points.max(axis=0, initial=-np.inf)), (2, 3))
         return Extent(extent.nodes + int(whole.nodes[added].sum()), np.stack([np.minimum(extent.box[0], -low), np.maximum(extent.box[1], high)]))
 
 
-def _near(local: Local, whole: Outline, body: np.ndarray, team: Team) -> bool:
-    """Whether parts are near each other that nothing joins; ``body`` (subdomains,) int that each is of. All ranks ask together."""
-    part = local.part
+def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Beside]:
+    """The pairs that are near each other; of those that something connects it is not said what they do alone. All ranks ask together."""
+    if not whole.near:
+        return {}
+    part, body = local.part, components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[1]  # tools connect nothing
     own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
-    of = {v: number for told in (team.all_gather(own) if whole.near else ()) for v, number in told.items()}
-    return any(of.get(one, -1) != of.get(two, -2) for one, two in whole.near)
+    of = {v: number for told in team.all_gather(own) for v, number in told.items()}
+    return {(one, two): beside if of[one] != of[two] else Beside(beside.gap) for (one, two), beside in whole.near.items()}
 
 
 def _tell_areas(part: Scene, team: Team) -> None:

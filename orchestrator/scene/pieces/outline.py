@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from orchestrator.scene.cautions import Acting, locking, noted, ratios
+from orchestrator.scene.cautions import Acting, beside_others, locking, noted, ratios
 from orchestrator.scene.conditions.loose import with_grounds
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Difficulty, Interface, Overview, Scene, Subdomain, ends_of
+from orchestrator.scene.model import Beside, Difficulty, Interface, Overview, Scene, Subdomain, ends_of
 from orchestrator.scene.part import overview, without_nodes
 from orchestrator.scene.pieces.piece import Extent
 
@@ -35,7 +35,7 @@ class Outline:
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
     supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
-    acting : what acts on them; near : as of a scene
+    acting : what acts on them; near, covered : as of a scene
     """
 
     number: np.ndarray
@@ -67,7 +67,8 @@ class Outline:
     ratio: np.ndarray
     told: list[str]
     acting: Acting
-    near: dict[tuple[int, int], str]
+    near: dict[tuple[int, int], Beside]
+    covered: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene, part: Scene, present: np.ndarray, own: np.ndarray) -> Outline:
@@ -94,7 +95,7 @@ class Outline:
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
                    with_grounds(scene, subdomains), np.isin(np.arange(len(scene.materials)), used), ratios(scene), [*noted(scene)],
-                   Acting.of(part, subdomains), scene.near)
+                   Acting.of(part, subdomains), scene.near, scene.covered)
 
     @classmethod
     def joined(cls, several: Sequence[Outline]) -> Outline:
@@ -119,7 +120,7 @@ class Outline:
                 return list(dict.fromkeys(sentence for told in values for sentence in told))
             if name == "ratio":
                 return np.max(values, axis=0)
-            if name in ("faces", "used"):
+            if name in ("faces", "used", "covered"):
                 return np.sum(values, axis=0).astype(values[0].dtype)
             if name in ("names", "bodies", "laws", "bolts"):
                 every = [word for words in values for word in words]
@@ -144,8 +145,9 @@ class Outline:
         joined = self.sides[self.joins & (self.order[:, 0] != BEHIND)]
         loose = np.zeros(len(self.number), dtype=bool) if self.joins.all() else self.kept.loose(joined)
         return Overview(self.sizes, loose, Difficulty(self.mixed, self.hard, self.soft, self.slenderness), self.nodes, self.matched,
-                        self.met, self.used, self.supports, [*locking(part.mesh.volumes, self.ratio), *self.told, *self.acting.sentences(part.boundary)], extent.nodes,
-                        extent.box, self.prints, rank_of)
+                        self.met, self.used, self.supports, [*locking(part.mesh.volumes, self.ratio), *self.told,
+                                                      *beside_others(self.near, part.boundary, part.mesh.volumes, self.covered),
+                                                      *self.acting.sentences(part.boundary)], extent.nodes, extent.box, self.prints, rank_of)
 
     def around(self, part: Scene, present: np.ndarray, known: Overview, laws: Laws) -> Scene:
         """A part of the scene of a piece as a part of the whole scene: with places for all other subdomains and interfaces.

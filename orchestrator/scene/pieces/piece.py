@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +14,10 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.mesh.quadratic import TET_EDGES, Choice, choose_element, edges_of, quadratic, stiffest
 from orchestrator.scene.partition import PATH, Partition
+from orchestrator.scene.pieces.share import Share
 
 
 @dataclass(frozen=True)
@@ -55,23 +56,25 @@ class Piece:
     choice: Choice | None = None
 
     @classmethod
-    def of(cls, mesh: Mesh, faces: Faces, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, name: Callable[[int], str],
-           numbers: tuple[np.ndarray, np.ndarray], count: int) -> Piece:
-        """Of a mesh with all cells at the nodes of some subdomains.
+    def of(cls, share: Share, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, source: Any) -> Piece:
+        """Of all cells at the nodes of some subdomains.
 
-        faces, outer : the faces of the mesh; (k,) bool, which of those with one cell are outer faces of the whole mesh
-        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; name : of one of them
-        numbers, count : as above
-        Raises InputError: one of them has no tets or is not connected
+        outer : (k, 3) int, outer faces of the whole mesh
+        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; source : has their ``name`` and ``count``
+        Raises InputError: one of them has no tets or is not connected; tets are inverted, ranks have read what does not agree
         """
+        mesh, faces = checked(share.mesh)
+        if mesh is not share.mesh or not share.sound:
+            raise wrong(("mesh",), "tets that are inverted, or files that do not agree", "files of one sound mesh")
         kept = faces.neighbour >= 0
-        kept[faces.outer] = outer
+        kept[faces.find(outer)] = True
         faces = Faces(faces.nodes, *(x[kept] for x in (faces.triangles, faces.keys, faces.owner, faces.neighbour)), *2 * [np.empty(0, int)])
         present, subdomain = np.unique(subdomain, return_inverse=True)
         owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
         if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        return cls(mesh, faces, Partition(subdomain.ravel(), [name(e) for e in present], here=np.isin(present, mine)), present, *numbers, count)
+        cut = Partition(subdomain.ravel(), [source.name(e) for e in present], here=np.isin(present, mine))
+        return cls(mesh, faces, cut, present, share.number, share.cell_number, source.count)
 
     def of_element(self, element: str, matter: Sequence[Any], nodes: int, team: Team) -> tuple[Piece, int]:
         """The same, with a node in the middle of every edge of P2, or where ``auto`` chooses that, of a mesh of so many corners; and how

@@ -27,7 +27,7 @@ from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition import Partition
 from orchestrator.scene.tools.motion import Driven, Rigid
 from orchestrator.scene.tools.surfaces import Plane, Round, Surface
-from orchestrator.scene.tools.touching import touched_faces
+from orchestrator.scene.tools.touching import pulled_away, touched_faces
 
 KIND = "tool"
 THIN = 1e-4  # thickness of a layer over the size of its faces, the share of an element's yielding by which it gives way
@@ -45,18 +45,19 @@ class Pressed:
 
 def pressed_tools(mesh: Mesh, faces: Faces, partition: Partition, entries: Sequence[Entry], tools: Mapping[str, Tool],
                   factors: Sequence[Sequence[float]], problems: Problems) -> list[Pressed]:
-    """The tools in their places, each with its faces, of a piece of a mesh those of subdomains that are all there; adds problems.
+    """The tools in their places, each with its faces; adds problems. Of a piece of a mesh these are faces of subdomains that are all there,
+    and of a tool that has to find its way all faces that it may touch, if some are of these.
 
     entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history of each
     """
-    found = []
+    found, here = [], np.ones(len(mesh.cells), dtype=bool) if partition.here is None else partition.here[partition.subdomain]
     there = [(i, entry) for i, entry in enumerate(entries) if entry.tool is not None]
     for (i, entry), (name, tool), times in zip(there, tools.items(), factors):
         path = ("interfaces", i)
         if name in mesh.volumes:
             problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is", "a name of its own", "give it a name")
         try:
-            surface = surface_of_tool(tool, (*path, *PLACE[2:]))
+            rigid = rigid_of(name, tool, times, (*path, *PLACE[2:]))
         except InputError as error:
             problems.found += error.problems
             continue
@@ -66,11 +67,21 @@ def pressed_tools(mesh: Mesh, faces: Faces, partition: Partition, entries: Seque
             problems.add((*path, "between", 0), f"a rigid tool on {foreign[0]!r}, whose mesh is not this program's",
                          "parts with a mesh of this program's", "name these alone, or mesh the tool as a part")
         elif volumes:
-            rigid = Rigid(name, surface, Driven.of(tool, surface.middle, times))
-            cells = np.isin(mesh.volume, volumes) & (partition.here is None or partition.here[partition.subdomain])
-            own = touched_faces(mesh, faces, cells, rigid, entry, path, problems)
-            found.append(Pressed(rigid, i, entry, own))
+            own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes) & (here | (not rigid.driven.held)), rigid, entry, path, problems)
+            found.append(Pressed(rigid, i, entry, own := own if here[faces.owner[own]].any() else own[:0]))
+            if len(own) and pulled_away(mesh.nodes[np.unique(faces.triangles[own])], rigid):
+                problems.add((*path, "between", 1, "force"), f"a force that draws {name} away from the part, along which nothing holds it",
+                             "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
     return found
+
+
+def rigid_of(name: str, tool: Tool, factors: Sequence[float], path: KeyPath) -> Rigid:
+    """A tool in its place; factors (steps,) of its history.
+
+    Raises InputError: as ``surface_of_tool``
+    """
+    surface = surface_of_tool(tool, path)
+    return Rigid(name, surface, Driven.of(tool, surface.middle, factors))
 
 
 def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:

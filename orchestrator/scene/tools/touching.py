@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from orchestrator.config.boundary import Entry
@@ -11,6 +13,13 @@ from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import barycentric, facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.tools.motion import Rigid
+
+
+class Facing(NamedTuple):
+    """Normals (k, 3) of facets, and how far off (k,) a tool may be that they are paired with."""
+
+    normal: np.ndarray
+    room: np.ndarray
 
 
 def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entry: Entry, path: KeyPath,
@@ -30,20 +39,33 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
-    room, cosine = entry.reach or REACH * size, OPPOSITE if entry.angle is None else -np.cos(np.radians(entry.angle))
-    chosen, near = np.zeros(len(outer), dtype=bool), np.inf
-    for move in np.unique(tool.driven.moves, axis=0):
-        distance, normal = tool.at(move, points)
-        looks = np.einsum("kc,kc->k", facet, normal[local[:, :3]].mean(axis=1)) < cosine
-        apart = distance[local].min(axis=1)
-        chosen |= looks & (apart <= room)
-        near = min(near, float(apart[looks].min(initial=np.inf)))
+    chosen, near = _within_reach(points, local, Facing(facet, entry.reach or REACH * size), tool, entry)
     if not chosen.any() and mesh.within is None:  # others may have faces that it touches
         _nothing(mesh, cells, tool, near, path, problems)
-    elif chosen.any() and _pulled_away(mesh.nodes[np.unique(triangles[chosen])], tool):
-        problems.add((*path, "between", 1, "force"), f"a force that draws {tool.name} away from the part, along which nothing holds it",
-                     "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
     return outer[chosen]
+
+
+def may_touch(mesh: Mesh, triangles: np.ndarray, tool: Rigid, entry: Entry) -> np.ndarray:
+    """(k,) bool, triangles (k, 3) that a tool may touch, and, where nodes in the middle of edges are to come, those that it may touch then."""
+    facet, area = facet_normals(mesh.nodes, triangles)
+    corners = mesh.nodes[triangles]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    room = (entry.reach or REACH * np.sqrt(2 * area)) + edge
+    return _within_reach(corners.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), Facing(facet, room), tool, entry)[0]
+
+
+def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid, entry: Entry) -> tuple[np.ndarray, float]:
+    """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at some load step; and how near any comes that
+    looks at it."""
+    cosine = OPPOSITE if entry.angle is None else -np.cos(np.radians(entry.angle))
+    chosen, near = np.zeros(len(local), dtype=bool), np.inf
+    for move in np.unique(tool.driven.moves, axis=0):
+        distance, normal = tool.at(move, points)
+        looks = np.einsum("kc,kc->k", facing.normal, normal[local[:, :3]].mean(axis=1)) < cosine
+        apart = distance[local].min(axis=1)
+        chosen |= looks & (apart <= facing.room)
+        near = min(near, float(apart[looks].min(initial=np.inf)))
+    return chosen, near
 
 
 def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid, path: KeyPath, problems: Problems) -> bool:
@@ -75,7 +97,7 @@ def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyP
                  cure)
 
 
-def _pulled_away(points: np.ndarray, tool: Rigid) -> bool:
+def pulled_away(points: np.ndarray, tool: Rigid) -> bool:
     """Whether at some load step a force, with no moment, leads away from all nodes (n, 3)."""
     force, turning = tool.driven.loads[:, :3], np.delete(tool.driven.prescribed, range(3))
     if not force.any() or not turning.all():
