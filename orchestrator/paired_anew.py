@@ -11,15 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from glob import escape
 
-import numpy as np
-
 from orchestrator.config.boundary import Entry
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, some
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.resolution import FIFTH, slides
+from orchestrator.results.summary.resolution import FIFTH
 from orchestrator.scene.interfaces.opposite import TOUCHING
 from orchestrator.scene.model import Interface, Scene
 
@@ -32,7 +30,7 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
     built : what makes the scene of a configuration
     solve : solves a configuration on a scene; iterations are counted from the start
     """
-    slid = _slid(config, first) if first.converged and first.interfaces is not None else {}
+    slid = _slid(config, first) if first.converged and first.answers.met is not None else {}
     if not slid:
         return first
     many = f"{some(list(slid))} slid by up to {max(slid.values()):.2g} of an element"
@@ -59,7 +57,7 @@ def without_checkpoints(subscribers: Sequence[Subscriber]) -> list[Subscriber]:
 
 def _slid(config: Config, solution: Solution) -> dict[str, float]:
     """How far sides have slid that may follow, the farthest first."""
-    far = slides(solution.interfaces)
+    far = solution.answers.met.slides
     auto = {i.name for i in solution.scene.interfaces if i.entry >= 0 and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
     return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto and far[name] > FIFTH}
 
@@ -114,10 +112,9 @@ def _stays(config: Config, scene: Scene) -> str:
 
 def _cannot(first: Solution, name: str) -> str:
     """Why an interface cannot follow, as far as it shows before it is tried; empty: it may."""
-    fields, one, two = first.interfaces, *(first.scene.subdomains[e] for e in _named(first.scene, name).subdomains)
-    own = slice(*fields.offsets[np.flatnonzero(fields.names == name)[0] + np.arange(2)])
+    one, two = (first.scene.subdomains[e] for e in _named(first.scene, name).subdomains)
     if one.body != one.name or two.body != two.name:
         return "bodies are cut further"
-    if np.array_equal(fields.nodes[own], fields.others[own]):
+    if first.answers.met.common[first.answers.met.names.index(name)]:
         return "they share faces of one mesh"
     return ""

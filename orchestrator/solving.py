@@ -206,7 +206,7 @@ class _Solving:
         if not (self.apart or team.rank):
             with watch("output"):
                 delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
-                fields = fields_of(self.whole, delivered, lost)
+                fields = fields_of(self.whole, delivered if piece is None else replace(delivered, interfaces=None), lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
             if self.bounds is not None:
@@ -215,8 +215,8 @@ class _Solving:
                 delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if piece is not None:
             piece.disbelieve(lost)
-            piece.interfaces = None if team.rank else delivered.interfaces
-            if self.apart and self.ranks.whole and (self.config.output.fields or self.config.output.figures):
+            piece.interfaces = delivered.interfaces
+            if self.ranks.whole and (not self.apart or self.config.output.fields or self.config.output.figures):
                 fields = whole_fields(piece)
         if team.rank:
             piece.answer()

@@ -267,6 +267,12 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     certified = {one["name"] for one in (known or {"probes": ()})["probes"]}  # the force of one of these is nothing but rounding
     result |= {one["name"]: np.nan_to_num(np.array(list(one["values"].values()), float))
                for one in (*summary["probes"], *summary["paths"]) if one["name"] not in certified}
+    if (met := solved.answers.met) is not None:  # what nodes add up to, which are on all ranks
+        result |= {"taken": met.work, "lost": met.dissipation, "pressed": met.pressure, "each": met.resultant,
+                   "far": np.nan_to_num([met.slid, met.amiss]),
+                  "on faces": [0.0, *(x for face in met.faces for name in ("normal", "bears", "carried", "capacity") for x in face.carries[name])],
+                   "told": json.dumps([met.counts, met.detached, met.weakly_held, met.within.tolist(), met.common.tolist(), met.unresolved, [
+                       (face.name, face.pieces, face.carries["slipping"].tolist()) for face in met.faces]])}
     if solved.interfaces is not None:
         result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
                    "resultant": solved.interfaces.resultant}

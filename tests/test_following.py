@@ -10,7 +10,7 @@ from quick import late
 from orchestrator.config.load import config_from, Loaded
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
-from orchestrator.results.answers import work as work_of
+from orchestrator.method.delivery.met import work as work_of
 from orchestrator.method.monitors.following import FollowingMonitor
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.checkpoint import load_checkpoint

@@ -14,8 +14,9 @@ from orchestrator import InputError, build_scene, config_from, solve
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
+from orchestrator.method.delivery.faces import Face, carry
+from orchestrator.parallel.team import ALONE
 from orchestrator.results.report.sections import interface_section
-from orchestrator.results.summary.contact_faces import Face, _told
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
@@ -232,8 +233,10 @@ def test_shanks_that_bear_are_told_above_the_tolerance():
 
 def test_a_point_that_bears_all_resists_no_turn():
     """What rounding leaves of pressures and tractions beside it uses nothing of the friction."""
-    fields = SimpleNamespace(points=np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]]), normal=np.tile([0.0, 0, 1], (3, 1)), areas=np.ones((1, 3)),
+    fields = SimpleNamespace(steps=1, index=np.zeros(1, int), interface_of_node=np.zeros(3, int), areas=np.ones((1, 3)),
+                             points=np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]]), normal=np.tile([0.0, 0, 1], (3, 1)),
                              pressure=np.array([[10.0, 1e-17, 0]]), status=np.ones((1, 3), dtype=int),
                              friction_traction=np.array([[[1.0, 0, 0], [0, 1e-9, 0], [0, 0, 0]]]))
-    face = Face(("a", "b"), "plane", np.array([0.0, 0, 1]), np.zeros(3), 0.2, np.arange(3), ["a | b"])
-    assert _told(None, fields, face, [2], [], np.zeros((0, 1, 3)))["used"] == pytest.approx([0.5])
+    face = Face(("a", "b"), "plane", np.array([0.0, 0, 1]), np.zeros(3), 0.2, [0])
+    carry([face], fields, [2], ALONE)
+    assert face.carries["used"] == pytest.approx([0.5])

@@ -14,6 +14,7 @@ from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
+from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.setup import Part
 from orchestrator.method.stopping.estimators import estimator_of
@@ -40,6 +41,24 @@ def same_arrays(one, several):
         assert np.array_equal(values, arrays[name]) if name != "discretisation_error" else np.allclose(values, arrays[name], rtol=1e-12, atol=0)
 
 
+def met_of(scene, rng):
+    """Any fields of the interfaces that are not perfect; None where all are."""
+    opening = scene.opening
+    if not opening:
+        return None
+    shown = [i.shown for i in opening]
+    offsets, steps = np.cumsum([0, *map(len, shown)]), scene.steps
+    (nodes, others), n = (np.concatenate([scene.side_nodes(i, side)[c] for i, c in zip(opening, shown)]) for side in (0, 1)), offsets[-1]
+    scalars, vectors = rng.normal(size=(7, steps, n)), rng.normal(size=(2, steps, n, 3))
+    return InterfaceFields(
+        np.array([i.name for i in opening]), np.array([i.law.name for i in opening]), np.array([i.subdomains for i in opening]), offsets, nodes,
+        others, np.concatenate([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(opening, shown, offsets)]),
+        np.repeat(np.arange(len(opening)), [len(i.shown_triangles) for i in opening]), rng.normal(size=(n, 3)), *rng.normal(size=(2, n)),
+        scalars[0], vectors[0], scalars[1], vectors[1], rng.integers(3, size=(steps, n)).astype(np.int32), np.arange(3),
+        np.array(["open", "stick", "slip"]), np.array(["#000000"] * 3), rng.normal(size=(steps, len(opening), 3)), scalars[2],
+        {"damage": scalars[3]}, *scalars[4:6], points=scene.mesh.nodes[np.stack([nodes, others])], index=np.arange(len(opening)))
+
+
 @pytest.mark.parametrize("ranks, block", [(3, BLOCK), late(2, 700), (4, 1)])
 @pytest.mark.parametrize("case, more", [("perfect", {}), ("contact on ten nodes", {}),
                                         ("perfect", {"blackbox": {"element": "P2"}, "loads": [{"body_force": [1e3, 0, 2e3]}]})])
@@ -55,7 +74,8 @@ def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatc
     displacement = any_of(len(scene.mesh.nodes)) if sides is None else on_mesh(scene, sides)
     estimate = estimator_of(scene)([displacement[:, s.nodes] for s in scene.subdomains] if sides is None else sides)
     believed = scene.cell_subdomain != 1
-    fields = Fields.of(scene, displacement, sides, None, estimate.cells, believed=believed)
+    met = met_of(scene, rng)
+    fields = Fields.of(scene, displacement, sides, met, estimate.cells, believed=believed)
     (tmp_path / "one").mkdir()
     write_fields(ResultsFolder(tmp_path / "one"), fields)
     lost = None if sides is None else scene.cell_subdomain.max() == np.arange(len(scene.subdomains))[None].repeat(scene.steps, axis=0)
@@ -67,6 +87,8 @@ def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatc
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
         known = [u if e % ranks == team.rank else None for e, u in enumerate(parts)]
         piece = Piece.of(part.scene, own, known, sides is not None, part.meeting)
+        if met is not None:
+            piece.interfaces = met.some(np.flatnonzero(met.subdomains[:, 0] % ranks == team.rank))
         found = piece.estimate(team.rank == 0)
         piece.disbelieve([1])
         ends = piece.extremes(lost)
@@ -100,6 +122,16 @@ def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatc
         seen = read(tmp_path / f"several/fields/step_{step:04d}.pvtu")
         assert seen.n_cells == len(scene.mesh.cells) and set(seen.cell_data) >= set(one.cell_data)
         assert seen.point_data["displacement"].shape[1] == 3 and seen.cell_data["stress"].shape[1] == 6
+        if met is not None:
+            patch = read(tmp_path / f"one/fields/interface_{step:04d}.vtu")
+            pieces = read(tmp_path / f"several/fields/interface_{step:04d}.pvtu")
+            order = np.argsort(pieces["interface"], kind="stable")
+            assert set(patch.array_names) == set(pieces.array_names) and len({*patch["interface"]}) == len(met.names)
+            for name in patch.point_data:
+                corners, others = (grid[name][grid.cell_connectivity.reshape(-1, 3)] for grid in (patch, pieces))
+                assert np.array_equal(corners, others[order]), name
+            assert np.array_equal(patch["interface"], pieces["interface"][order]) and "interface_0001.pvtu" in (
+                tmp_path / "several/fields/interfaces.pvd").read_text()
     assert "step_0001.pvtu" in (tmp_path / "several/fields/fields.pvd").read_text()
 
 

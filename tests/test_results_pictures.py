@@ -202,7 +202,7 @@ def test_imposed_jumps_are_drawn_apart_from_contact():
     fields = case.opened({1: [0, 0, 0, 0, 0, 0, 2, 2, 2]})
     i = fields.interfaces
     assert interfaces(fields, imposed=True) is None
-    twice = type(i).joined([i, replace(i, names=np.array(["bolt"]), laws=np.array(["jump"]), pressure=1e3 + i.pressure)], np.arange(2))
+    twice = replace(i.some(np.zeros(2, int)), laws=np.array(["contact", "jump"]), pressure=np.hstack([i.pressure, 1e3 + i.pressure]))
     both = replace(fields, interfaces=twice)
     contact, jumps = interfaces(both), interfaces(both, imposed=True)
     assert contact.views[3].limits[0] == 0 and contact.views[3].limits[1] < 10 and "whose jump is imposed" in jumps.caption

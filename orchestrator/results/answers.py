@@ -12,7 +12,7 @@ from orchestrator.config.model import Config
 from orchestrator.errors import some
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.deliver import Delivered
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.met import Met
 from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
@@ -37,6 +37,7 @@ class Answers:
     steps : load steps
     kinds : of each entry of ``boundary``: support, or load
     paths : as ``probes.read_paths`` gives them
+    met : the interfaces that are not perfect; None where all are
     """
 
     extremes: Extremes
@@ -45,6 +46,7 @@ class Answers:
     steps: int
     kinds: list[str]
     paths: list[dict[str, object]]
+    met: Met | None = None
 
     @classmethod
     def of(cls, scene: Scene, delivered: Delivered, fields: Fields | None, detached: Sequence[list[str]] = (),
@@ -65,9 +67,9 @@ class Answers:
         found = read_probes(probes, read, delivered.carried)
         known = {quantity.name: quantity.told() for quantity in delivered.quantities}
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
-        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps,
+        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.met), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
-                   read_paths(probes, read))
+                   read_paths(probes, read), delivered.met)
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """The entry in summary.json."""
@@ -121,7 +123,7 @@ class InterfaceTable:
     names, sides, laws : (I,) texts, pairs of texts, texts
     resultants : forces and moments on side 1
     pressure : (T, I) the largest at a node; nan of bonded interfaces, where stresses tell
-    work, dissipation : (T, I) since the unloaded state, nothing where sides cannot move; see ``work``
+    work, dissipation : (T, I) since the unloaded state, nothing where sides cannot move; see ``delivery.met``
     """
 
     names: list[str]
@@ -133,15 +135,14 @@ class InterfaceTable:
     dissipation: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, resultants: Resultants, fields: InterfaceFields | None) -> InterfaceTable:
+    def of(cls, scene: Scene, resultants: Resultants, met: Met | None) -> InterfaceTable:
         """Table of a solved scene."""
         every = scene.interfaces
         taken, lost = np.zeros((2, scene.steps, len(every)))
         pressure = np.full((scene.steps, len(every)), np.nan)
-        moving = [i.index for i in every if not i.law.perfect]
-        if fields is not None:
-            pressure[:, moving] = np.maximum.reduceat(fields.pressure, fields.offsets[:-1], axis=1)
-            taken[:, moving], lost[:, moving] = work(fields, np.array([every[i].law.has_history for i in moving]))
+        moving = [i.index for i in scene.opening]
+        if met is not None:
+            pressure[:, moving], taken[:, moving], lost[:, moving] = met.pressure.T, met.work.T, met.dissipation.T
         return cls([i.name for i in every], [tuple(scene.subdomains[e].name for e in i.subdomains) for i in every],
                    [i.law.name for i in every], resultants, pressure, taken, lost)
 
@@ -153,18 +154,3 @@ class InterfaceTable:
         return folder.write_table(INTERFACES, [OF_INTERFACES, *([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
             for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws))
             for step, row in enumerate(numbers[:, k].tolist()))])
-
-
-def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, I) W and D of the interfaces that are not perfect; ``rubs``: (I,) bool, whether what acts along the interface is friction."""
-    i = interfaces
-    push, opening = i.pressure * i.areas, i.gap - i.initial_gap
-    drag = i.friction_traction * i.areas[:, :, None]
-    before = [np.concatenate([np.zeros_like(x[:1]), x[:-1]]) for x in (push, opening, drag, i.slip)]
-    there = i.areas > 0
-    there[1:] &= there[:-1]
-    moved, slid = np.where(there, opening - before[1], 0.0), i.slip - before[3]
-    taken = -0.5 * (push + before[0]) * moved + 0.5 * np.einsum("tni,tni->tn", drag + before[2], slid)
-    lost = np.einsum("tni,tni->tn", drag, slid)
-    each = [np.add.reduceat(x, i.offsets[:-1], axis=1).cumsum(axis=0) for x in (taken, lost)]
-    return each[0], each[1] * rubs

@@ -25,7 +25,7 @@ PARTS = "parts"  # in it a folder for each part that writes results of its own
 FOLDERS = ("fields", "figures", "checkpoint", PARTS)
 # Names that a run writes under; programs that are parts have folders of their own beside.
 RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
-           r"|fields/(step_\d{4,}(_\d+)?\.p?vtu|interface_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
+           r"|fields/((step|interface)_\d{4,}(_\d+)?\.p?vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|probes|paths|deformed|interfaces|jumps|codes)\.png"
            r"|checkpoint/((iteration-\d{6,}|increment-\d{3,})(-\d+of\d+)?\.npz|reserve(-\d+)?|problem\.json))")
 

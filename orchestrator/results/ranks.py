@@ -55,7 +55,7 @@ class Piece:
     copy: np.ndarray | None
     counts: np.ndarray
     probes: Sequence[Point | Line | Section | Surface]
-    interfaces: InterfaceFields | None = None  # on rank 0 those of all ranks, where some interface is not perfect
+    interfaces: InterfaceFields | None = None  # of those whose first side is its, where some interface is not perfect
 
     @classmethod
     def of(cls, scene: Scene, own: Sequence[Subdomain], continuous: Parts, opens: bool, meeting: Meeting) -> Piece:
@@ -121,16 +121,21 @@ class Piece:
             cells[:, chosen] = own
         return Estimate(found.relative, cells)
 
-    def interface_displacement(self, side: int) -> np.ndarray | None:
-        """As that of ``Fields``, on rank 0, of its ``interfaces``; elsewhere the others tell what they have of it."""
-        i, f = self.interfaces, self.fields
-        ends, place = self.team.share(None if self.team.rank else (i.subdomains[i.interface_of_node, side], (i.nodes, i.others)[side]))
-        owner = np.searchsorted(np.cumsum(self.counts), self.copy, side="right")
-        total = 1 + max(int(place.max(initial=-1)), int(self.number.max(initial=-1)))
-        keys, wanted = owner * total + self.number, ends * total + place  # ascending, as subdomains are, and their nodes
-        mine = np.flatnonzero(np.isin(ends, f.subdomain))
-        told = self.team.gather((mine, f.displacement[:, np.searchsorted(keys, wanted[mine])]))
-        return None if told is None else np.concatenate([u for _, u in told], axis=1)[:, np.argsort(np.concatenate([at for at, _ in told]))]
+    def interface_displacement(self, side: int) -> np.ndarray:
+        """As that of ``Fields``, of its ``interfaces``: ranks tell each other how their bodies move there."""
+        i, f, team = self.interfaces, self.fields, self.team
+        home, body, node = np.empty(len(self.counts), dtype=int), i.subdomains[i.interface_of_node, side], (i.nodes, i.others)[side]
+        for rank, own in enumerate(team.all_gather(np.unique(f.subdomain))):
+            home[own] = rank
+        asked = [np.flatnonzero(home[body] == rank) for rank in range(team.size)]
+        wanted = [rows.reshape(-1, 2).astype(int) for rows in team.deliver([np.column_stack([body[at], node[at]]) for at in asked])]
+        total = 1 + int(self.number.max(initial=-1))
+        keys = np.searchsorted(np.cumsum(self.counts), self.copy, side="right") * total + self.number  # ascending, as bodies and nodes are
+        told = team.deliver([f.displacement[:, np.searchsorted(keys, rows @ [total, 1])] for rows in wanted])
+        result = np.empty((f.steps, len(node), 3))
+        for at, moved in zip(asked, told):
+            result[:, at] = moved.reshape(f.steps, -1, 3)
+        return result
 
     def disbelieve(self, unsound: Sequence[int] = ()) -> None:
         """Take in subdomains, which rank 0 knows, whose stresses are not to be believed."""

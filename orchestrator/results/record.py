@@ -25,6 +25,7 @@ from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.keeping import CheckpointWriter
+from orchestrator.results.ranks import Piece
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
@@ -83,12 +84,11 @@ class Record(Subscriber):
             with self.watch("output"):
                 if self._config.output.figures:
                     summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
-                if solution.fields is not None:
+                if solution.piece is None:
                     self._draw(summary, solution.fields)
                 solution.write_results(self._folder, solution.piece)
-                file = self._drawn_from(solution)
-                if solution.fields is None:
-                    self._draw(summary, file)
+                if solution.piece is not None:
+                    self._draw(summary, self._drawn_from(solution.piece))
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
@@ -105,12 +105,12 @@ class Record(Subscriber):
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
 
-    def _drawn_from(self, solution: Solution) -> Path | None:
+    def _drawn_from(self, piece: Piece) -> Path | None:
         """The folder of a file with the fields that ranks have pieces of: the results', or one that goes with this."""
-        output, piece = self._config.output, solution.piece
-        if piece is None or output.fields:
-            return self._folder.path if output.fields else None
-        if not output.figures or not piece.team.share(self._artist is not None and solution.fields is None):
+        output = self._config.output
+        if output.fields:
+            return self._folder.path
+        if not output.figures or not piece.team.share(self._artist is not None):
             return None
         folder = self._left.enter_context(temporary())
         write_npz(folder / NAME, arrays(piece))

@@ -182,9 +182,8 @@ class Solution:
 
     @property
     def interfaces(self) -> InterfaceFields | None:
-        """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None where there are none."""
-        known = self.fields or self.piece
-        return known and known.interfaces
+        """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None where there are none, and without fields."""
+        return self.fields and self.fields.interfaces
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else f"stopped ({self.summary.get('stop_reason')})"

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.method.delivery.interface_fields import ALONG, InterfaceFields
+from orchestrator.method.interface.rows import joined
 from orchestrator.parallel.numbering import numbered
+from orchestrator.parallel.team import Team
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import SIDES, fields_from, of_interfaces
 from orchestrator.results.ranks import Piece
@@ -25,7 +29,7 @@ def arrays(piece: Piece) -> Iterator[tuple[str, np.ndarray | Streamed]]:
     yield "displacement", nodes.blocks(f.displacement, 1, None if f.joined is None else piece.copy)
     if f.joined is not None:
         yield from _sides(piece)
-        yield from of_interfaces(piece.interfaces)
+        yield from of_interfaces(piece.interfaces and _interfaces(piece.interfaces, team))
     if f.discretisation_error is not None:
         yield "discretisation_error", cells.blocks(f.discretisation_error, 1)
     yield "part", cells.blocks(f.part)
@@ -48,7 +52,7 @@ def tell(piece: Piece) -> None:
 def whole_fields(piece: Piece) -> Fields | None:
     """All fields, in memory, on rank 0; all ranks ask together."""
     found = {name: array.whole() if isinstance(array, Streamed) else array for name, array in arrays(piece)}
-    return fields_from(found, piece.interfaces) if piece.team.rank == 0 else None
+    return fields_from(found) if piece.team.rank == 0 else None
 
 
 def _sides(piece: Piece) -> Iterator[tuple[str, np.ndarray]]:
@@ -63,3 +67,18 @@ def _sides(piece: Piece) -> Iterator[tuple[str, np.ndarray]]:
         if told is not None:
             sides = {e: u for one in told for e, u in one.items()}
             yield from ((f"{SIDES}{e}", sides[e]) for e in there)
+
+
+def _interfaces(own: InterfaceFields, team: Team) -> InterfaceFields:
+    """Those of all ranks, in the order of the scene, their arrays streamed but for texts."""
+    counts = own.counts_of_each
+    index, *told = (np.concatenate(each) for each in zip(*team.all_gather((own.index, counts, own.names, own.laws))))
+    every, names, laws = (each[np.argsort(index)] for each in told)
+    starts = np.cumsum(every, axis=0) - every
+    number = {"interface": own.index} | {what: joined([np.arange(a, a + n) for a, n in zip(starts[own.index, k], counts[:, k])])
+                                         for k, what in enumerate(("node", "triangle"))}
+    rows = {what: Rows(at, team) for what, at in number.items()}
+    whole = replace(own, triangles=number["node"][own.triangles], owner=own.index[own.owner])
+    streamed = {name: rows[of].blocks(x, axis) for name, (of, axis) in ALONG.items() if (x := getattr(whole, name)) is not None}
+    return replace(own, **streamed | {"names": names, "laws": laws, "offsets": np.concatenate([[0], np.cumsum(every[:, 0])])},
+                   own={name: rows["node"].blocks(x, 1) for name, x in own.own.items()})

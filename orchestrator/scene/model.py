@@ -398,6 +398,11 @@ class Scene:
         return np.unique(self.cell_material) if self.overview is None else np.flatnonzero(self.overview.used)
 
     @property
+    def opening(self) -> list[Interface]:
+        """Those of its interfaces that are not perfect."""
+        return [i for i in self.interfaces if not i.law.perfect]
+
+    @property
     def length(self) -> float:
         """Half the diagonal of the box around all nodes."""
         return 0.5 * float(np.linalg.norm(np.ptp(self.mesh.box if self.overview is None else self.overview.box, axis=0)))

@@ -31,6 +31,7 @@ from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
+from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
@@ -125,31 +126,34 @@ class _Surfaces:
         return np.add.reduceat(values, self._starts, axis=1)
 
 
-def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants) -> list[dict[str, object]]:
-    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, and per load step
+def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants, team: Team) -> list[dict[str, object]] | None:
+    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, and per load step the following; on
+    rank 0, of all ranks' interfaces
+
 
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
     - shear, across the axis; bending and torsion, moments about the middle of the section where its plane cuts it
     - shortening, a length: how much the cut's sides have gone into each other along the axis
     - state: what its law says it does
     """
-    told, kinds = [], dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
-    for bolt in scene.bolts:
-        for k, own in interfaces.each():
-            if interfaces.names[k] == bolt.interface.name:
-                area, at = interfaces.area[own], bolt.interface.index
-                force, middle = resultants.force[:, at], resultants.centre[at]
-                lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis  # the section zigzags along the mesh's faces
-                moment = resultants.moment[:, at] - np.cross(lift, force)
-                along, turning = force @ bolt.axis, moment @ bolt.axis
-                told.append({
-                    "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
-                    "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
-                    "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
-                    "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(), "torsion": turning.tolist(),
-                    "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
-                    "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))] for row in interfaces.status[:, own]]})
-    return told
+    told, kinds = {}, dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
+    there = {scene.opening[place].index: own for place, own in zip(interfaces.index, interfaces.each())}
+    for number, bolt in enumerate(scene.bolts):
+        if (at := bolt.interface.index) in there:
+            k, own = there[at]
+            area, force, middle = interfaces.area[own], resultants.force[:, at], resultants.centre[at]
+            lift = ((bolt.point - middle) @ bolt.axis) * bolt.axis  # the section zigzags along the mesh's faces
+            moment = resultants.moment[:, at] - np.cross(lift, force)
+            along, turning = force @ bolt.axis, moment @ bolt.axis
+            told[number] = {
+                "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
+                "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
+                "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
+                "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(), "torsion": turning.tolist(),
+                "shortening": (-(interfaces.gap[:, own] @ area) / area.sum()).tolist(),
+                "state": [kinds[int(next(iter(row[row != BONDED]), BONDED))] for row in interfaces.status[:, own]]}
+    everyone = team.gather(told)
+    return everyone and [row for _, row in sorted((item for one in everyone for item in one.items()), key=lambda item: item[0])]
 
 
 @dataclass(frozen=True)

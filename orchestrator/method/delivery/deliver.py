@@ -11,14 +11,14 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.guards import failed_guards, with_noise
-from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, own_interfaces
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
+from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.passing import Passed, passing
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
-from orchestrator.method.delivery.slid import with_slides
 from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.tools import Placed, placed
 from orchestrator.method.delivery.wanted import Wanted
@@ -51,7 +51,8 @@ class Delivered:
     iterated: Iterated  # for all load steps, with the noise of the answers in its bound; not converged where a guard is broken
     parts: Parts  # in equilibrium with its interface forces: with lawful ones where an energy error is known, see ``lawful``
     continuous: Parts  # continuous over perfect interfaces
-    interfaces: InterfaceFields | None  # what happens on the interfaces that are not perfect; None where there are none
+    interfaces: InterfaceFields | None  # of the interfaces that are not perfect those whose first side is this rank's; None where all are
+    met: Met | None  # all of them, on rank 0
     contact: Contact | None  # None where no interface opens
     reactions: np.ndarray  # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
     resultants: Resultants  # what all interfaces carry
@@ -95,7 +96,6 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         lawful = Lawful.of(d, iterated, parts, bool(wanted) or wanted.balanced)
         backward = _backward(d, iterated, parts, lawful)
     interfaces = interface_fields(d, iterated, lawful and lawful.judged, backward and backward.shift)
-    interfaces = interfaces and with_slides(d.scene, interfaces, own_interfaces(d))
     inside = interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
@@ -118,10 +118,11 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
     tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
+    met = Met.of(d.scene, interfaces, resultants, d.space.team)
     everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
-    return Delivered(iterated, everyones(d, parts), everyones(d, ours), all_interfaces(d, interfaces), contact, reactions(d, parts, f, taken),
-                     resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools,
+    return Delivered(iterated, everyones(d, parts), everyones(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
+                     reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools,
                      passed=None if gathered else passing(d.scene, ours, d.space.team))
 
 

@@ -1,4 +1,4 @@
-"""Fields on the interfaces that can open or jump, per load step, from the delivered traces.
+"""Fields on the interfaces that can open or jump, per load step, from the delivered traces: of each rank's own.
 
 Where an energy error is known, displacements are v's and forces are λ̂, which laws allow to the last digit, with their statuses (open,
 stick, slip); see ``stopping.certificate``. Elsewhere displacements and forces are the linear stage's, and only the status is the local
@@ -27,7 +27,12 @@ from orchestrator.scene.model import Interface, Scene, ends_of
 
 
 SHIFTS = ("shift_normal", "shift_tangential")
-UNWRITTEN = ("points", "within", "slid", "amiss")
+UNWRITTEN = ("points", "index")
+# Which arrays run along interfaces, nodes and triangles, and on which of their axes.
+ALONG = dict.fromkeys(("names", "laws", "subdomains", "index"), ("interface", 0)) | {"resultant": ("interface", 1)} | dict.fromkeys(
+    ("nodes", "others", "normal", "area", "initial_gap"), ("node", 0)) | dict.fromkeys(
+    ("points", "gap", "slip", "pressure", "friction_traction", "status", "areas", *SHIFTS), ("node", 1)) | dict.fromkeys(
+    ("triangles", "owner"), ("triangle", 0))
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,11 @@ class Surfaces:
         """Every interface's number, and its nodes."""
         return enumerate(slice(int(a), int(b)) for a, b in zip(self.offsets[:-1], self.offsets[1:]))
 
+    @property
+    def counts_of_each(self) -> np.ndarray:
+        """(I, 2) int, nodes and triangles."""
+        return np.column_stack([np.diff(self.offsets), np.bincount(self.owner, minlength=len(self.names))])
+
 
 @dataclass(frozen=True)
 class InterfaceFields(Surfaces):
@@ -76,29 +86,23 @@ class InterfaceFields(Surfaces):
     shift_tangential: np.ndarray | None = None
     # of a run that has just been solved, in no file
     points: np.ndarray | None = None  # (2, N, 3) where ``nodes`` and ``others`` are
-    within: np.ndarray | None = None  # (I,) int, the volume that has cells on both sides; −1: none has
-    slid: np.ndarray | None = None  # (I,) how far sides have slid, in elements, nan where pairs follow; amiss: (I,) see ``slid``
-    amiss: np.ndarray | None = None
+    index: np.ndarray | None = None  # (I,) int, ascending, which of the scene's that are not perfect these are
 
-    @classmethod
-    def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
-        """Fields of several sets of interfaces; ``order`` (I,) says which of all, set after set, comes first, second, …; others
-        are left out."""
-        counts, faces = (np.concatenate([c(p) for p in parts]) for c in (
-            lambda p: np.diff(p.offsets), lambda p: np.bincount(p.owner, minlength=len(p.names))))
-        node, face = (joined([np.arange(end - n, end) for n, end in zip(c[order], np.cumsum(c)[order])]) for c in (counts, faces))
-        place = np.empty(int(counts.sum()), dtype=int)
-        place[node] = np.arange(len(node))
-        starts = np.cumsum([0] + [len(p.nodes) for p in parts])
-        triangles = np.concatenate([p.triangles + a for p, a in zip(parts, starts)])
-        along = dict.fromkeys(("names", "laws", "subdomains", "within", "slid", "amiss"), (order, 0)) | {"resultant": (order, 1)} | dict.fromkeys(
-            ("nodes", "others", "normal", "area", "initial_gap"), (node, 0)) | dict.fromkeys(
-            ("points", "gap", "slip", "pressure", "friction_traction", "status", "areas", *SHIFTS), (node, 1))
-        return replace(parts[0], offsets=np.concatenate([[0], np.cumsum(counts[order])]), triangles=place[triangles[face]],
-                       owner=np.repeat(np.arange(len(order)), faces[order]),
-                       own={name: np.concatenate([p.own[name] for p in parts], axis=1).take(node, axis=1) for name in parts[0].own},
-                       **{name: np.concatenate([getattr(p, name) for p in parts], axis=axis).take(which, axis=axis)
-                          for name, (which, axis) in along.items() if getattr(parts[0], name) is not None})
+    def some(self, chosen: np.ndarray) -> InterfaceFields:
+        """Some of the interfaces (K,) int, in this order."""
+        counts = self.counts_of_each
+        rows = {"interface": chosen} | {what: joined([np.arange(end - n, end) for n, end in zip(c[chosen], np.cumsum(c)[chosen])])
+                                        for what, c in zip(("node", "triangle"), counts.T)}
+        taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items() if (x := getattr(self, name)) is not None}
+        offsets, faces = np.cumsum([0, *counts[chosen, 0]]), counts[chosen, 1]
+        moved = np.repeat(offsets[:-1] - self.offsets[chosen], faces)[:, None]
+        return replace(self, **taken | {"offsets": offsets, "triangles": taken["triangles"] + moved,
+                                        "owner": np.repeat(np.arange(len(chosen)), faces)},
+                       own={name: x.take(rows["node"], axis=1) for name, x in self.own.items()})
+
+    def numbered(self, number: np.ndarray | None) -> InterfaceFields:
+        """The same with numbers (n,) int of nodes that are those of the whole mesh; None: they are already."""
+        return self if number is None else replace(self, nodes=number[self.nodes], others=number[self.others])
 
     @property
     def steps(self) -> int:
@@ -116,7 +120,7 @@ class InterfaceFields(Surfaces):
 def own_interfaces(d: Decomposition) -> list[Interface]:
     """Interfaces that are not perfect and whose first side is this rank's, in the order of the scene."""
     here = set(d.space.subdomains)
-    return [i for i in d.scene.interfaces if not i.law.perfect and i.subdomains[0] in here]
+    return [i for i in d.scene.opening if i.subdomains[0] in here]
 
 
 def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None = None,
@@ -135,9 +139,9 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     own_node = corner[:, 1] < 0
 
-    def at_shown(values: Sequence[np.ndarray], *shape: int) -> np.ndarray:
+    def at_shown(values: Sequence[np.ndarray], *shape: int, kind: type = float) -> np.ndarray:
         """(N, …) of values at all nodes of each interface."""
-        return joined([x[c] for x, c in zip(values, shown)], (0, *shape))
+        return joined([x[c] for x, c in zip(values, shown)], (0, *shape)).astype(kind, copy=False)
 
     apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
@@ -169,7 +173,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
             if i.mortar is not None:
                 spread = status, gap, slip, pressure, traction, *own.values(), *(() if shifts is None else shifts)
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
-    nodes, others = (at_shown([x[k] for x in (_nodes(scene, i) for i in chosen)]) for k in (0, 1))
+    nodes, others = (at_shown([x[k] for x in (_nodes(scene, i) for i in chosen)], kind=int) for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         ends_of(chosen), offsets, nodes, others,
@@ -178,13 +182,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
         *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
-        np.array([_within(scene.mesh.volume[i.cells]) for i in chosen], dtype=int))
-
-
-def _within(sides: np.ndarray) -> int:
-    """The volume that is on both of the sides (k, 2) int of a face; −1: none is."""
-    same = sides[sides[:, 0] == sides[:, 1], 0]
-    return int(same[0]) if len(same) else -1
+        np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
 
 
 def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -201,18 +199,6 @@ def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -
     first, answers = slice(0, len(pairs)), judged.pair.answers[t]  # those of perfect interfaces come last
     return (judged.pair.jump[t][:, :, first], judged.pair.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
             {name: np.array([a.own[name][first] for a in answers]) for name in answers[0].own})
-
-
-def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:
-    """The fields of all ranks on rank 0, in the order of the scene and with its numbers of nodes; as given elsewhere."""
-    if own is None or d.space.team.size == 1:
-        return own
-    told = replace(own, nodes=d.scene.number[own.nodes], others=d.scene.number[own.others])
-    everyone = d.space.team.gather(([i.index for i in own_interfaces(d)], told))
-    if everyone is None:
-        return own
-    index = np.concatenate([numbers for numbers, _ in everyone]).astype(int)
-    return InterfaceFields.joined([fields for _, fields in everyone], np.argsort(index))
 
 
 def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:

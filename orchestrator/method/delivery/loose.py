@@ -23,6 +23,7 @@ from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
+from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.conditions.supports import Supports, supports_of
@@ -36,28 +37,34 @@ UNTOLD = 10.0  # relative energy error over law residual, where the former is no
 LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
 
 
-def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
-    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
+def held_bodies(scene: Scene, interfaces: InterfaceFields, team: Team) -> tuple[list[list[str]], list[list[str]]]:
+    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step; on rank 0, of all ranks'
+    interfaces, elsewhere none."""
     joined = ends_of(i for i in scene.interfaces if i.law.joins)
     bodies, body = components(*joined.T, len(scene.subdomains))
     fixed, supports = np.zeros(bodies, bool), supports_of(scene)
     fixed[body[supports.count > 0]] = True
     ends = body[interfaces.subdomains]
-    motion = _Motions(supports, interfaces, body) if bodies <= MOST_BODIES else None
+    motion = _Motions(supports, body, bodies) if bodies <= MOST_BODIES else None
     detached, weak = [], []
-    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces))):
-        touching = ends[np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])]
-        group = components(*touching.T, bodies)[1]
+    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces), team)):
+        touching = np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])
+        told = team.gather((ends[touching], motion.forbidden(interfaces, ends, normal, tangential)[touching] if motion else None))
+        if told is None:
+            continue
+        met = np.concatenate([pairs for pairs, _ in told])
+        group = components(*met.T, bodies)[1]
         lost = ~np.isin(group, group[fixed])
-        loose = motion.free(normal, tangential) & ~lost if motion else np.zeros(bodies, bool)
+        loose = motion.free(met, np.concatenate([blocks for _, blocks in told])) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
             result.append(list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
     return detached, weak
 
 
-def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.ndarray, np.ndarray]:
+def _holding(interfaces: InterfaceFields, statuses: list[Status], team: Team) -> tuple[np.ndarray, np.ndarray]:
     """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
-    pressure, least = interfaces.pressure, PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
+    pressure = interfaces.pressure
+    least = PRESSING * team.max(np.abs(pressure).max(initial=0.0))[0]
     when = {Hold.NEVER: np.zeros(pressure.shape, bool), Hold.ALWAYS: np.ones(pressure.shape, bool),
             Hold.PRESSED: pressure > least, Hold.PULLED: pressure < -least}
     which = np.searchsorted(statuses, interfaces.status)
@@ -67,34 +74,33 @@ def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.nd
 class _Motions:
     """Rigid motions of all bodies, six each, and what supports and closed pairs make of them; body (subdomains,) int of each."""
 
-    def __init__(self, supports: Supports, interfaces: InterfaceFields, body: np.ndarray):
-        self.interfaces, self.bodies = interfaces, int(body.max()) + 1
-        self.sides = body[interfaces.subdomains]  # (I, 2)
-        self.columns = np.zeros((2, len(interfaces.nodes), 3, 6))
-        self.support = np.zeros((self.bodies, 6, 6))
-        of_node = self.sides[interfaces.interface_of_node]
-        for b in range(self.bodies):
-            about, rows = supports.of_body(np.flatnonzero(body == b))
-            self.support[b] = rows.T @ rows
-            for side, points in enumerate(interfaces.points):
-                here = of_node[:, side] == b
-                self.columns[side, here] = motions_about(points[here], *about)
+    def __init__(self, supports: Supports, body: np.ndarray, bodies: int):
+        known = [supports.of_body(np.flatnonzero(body == b)) for b in range(bodies)]
+        self.about, self.support = [about for about, _ in known], np.array([rows.T @ rows for _, rows in known])
 
-    def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
-        """(bodies,) bool, whether each can move rigidly where pairs hold along and across the normal, (N,) bool each."""
-        n, apart = self.interfaces.normal, []  # what the pairs forbid to change
-        for columns in self.columns:
-            opening = n[:, :, None] * np.einsum("ni,nij->nj", n, columns)[:, None, :]
-            apart.append(normal[:, None, None] * opening + tangential[:, None, None] * (columns - opening))
-        gram = np.zeros((self.bodies, 6, self.bodies, 6))
-        gram[range(self.bodies), :, range(self.bodies), :] = self.support
-        for ends, (_, own) in zip(self.sides, self.interfaces.each()):
-            both = np.concatenate([apart[0][own].reshape(-1, 6), -apart[1][own].reshape(-1, 6)], axis=1)
-            blocks = (both.T @ both).reshape(2, 6, 2, 6)
-            for one, two in ((0, 0), (1, 1), (0, 1), (1, 0)):
-                gram[ends[one], :, ends[two]] += blocks[one, :, two]
-        values, vectors = np.linalg.eigh(gram.reshape(6 * self.bodies, -1))
-        loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(self.bodies, 6, -1)
+    def forbidden(self, interfaces: InterfaceFields, ends: np.ndarray, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
+        """(I, 2, 6, 2, 6) Gram matrices of how the motions of an interface's two bodies part its sides where pairs hold along and
+        across the normal, (N,) bool each; ends : (I, 2) int, the bodies."""
+        result = np.zeros((len(ends), 12, 12))
+        for k, own in interfaces.each():
+            n, apart = interfaces.normal[own], []
+            for points, b in zip(interfaces.points[:, own], ends[k]):
+                columns = motions_about(points, *self.about[b])
+                opening = n[:, :, None] * np.einsum("ni,nij->nj", n, columns)[:, None, :]
+                apart.append((normal[own, None, None] * opening + tangential[own, None, None] * (columns - opening)).reshape(-1, 6))
+            both = np.concatenate([apart[0], -apart[1]], axis=1)
+            result[k] = both.T @ both
+        return result.reshape(-1, 2, 6, 2, 6)
+
+    def free(self, ends: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """(bodies,) bool, whether each can move rigidly beside what is ``forbidden`` (k, 2, 6, 2, 6) to pairs of them (k, 2) int."""
+        bodies = len(self.support)
+        gram = np.zeros((bodies, 6, bodies, 6))
+        gram[range(bodies), :, range(bodies), :] = self.support
+        for one, two in ((0, 0), (1, 1), (0, 1), (1, 0)):
+            np.add.at(gram, (ends[:, one], slice(None), ends[:, two]), blocks[:, one, :, two])
+        values, vectors = np.linalg.eigh(gram.reshape(6 * bodies, -1))
+        loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(bodies, 6, -1)
         return np.linalg.norm(loose, axis=(1, 2)) > 1e-3
 
 

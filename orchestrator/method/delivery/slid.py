@@ -11,8 +11,6 @@ is a pressure of E e/h, so that pressures are off by the share that e has of p h
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orchestrator.laws.points import table
@@ -24,8 +22,8 @@ from orchestrator.scene.mesh.geometry import node_normals
 from orchestrator.scene.model import Interface, Scene
 
 
-def with_slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -> InterfaceFields:
-    """The fields, which know how far sides have slid; ``interfaces`` : those that they are of."""
+def slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -> tuple[np.ndarray, np.ndarray]:
+    """(I,) how far sides have slid, in elements, and (I,) what that makes amiss; nan where pairs follow. ``interfaces`` : those of the fields."""
     holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
     slip, (far, amiss) = np.where(holds[..., None], fields.slip, 0.0), np.full((2, len(interfaces)), np.nan)
     for i, (k, own) in zip(interfaces, fields.each()):
@@ -36,7 +34,7 @@ def with_slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interfac
         size = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
         far[k] = float(np.linalg.norm(slip[:, own], axis=2).max(initial=0.0)) / size
         amiss[k] = _amiss(scene, i, fields, slip, own, facets) if far[k] > 0 else 0.0
-    return replace(fields, slid=far, amiss=amiss)
+    return far, amiss
 
 
 def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray, own: slice, facets: np.ndarray) -> float:

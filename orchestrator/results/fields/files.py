@@ -16,7 +16,8 @@ from itertools import count
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.part import OwnFields
-from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS
+from orchestrator.method.delivery.interface_fields import SHIFTS
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
@@ -27,6 +28,7 @@ from orchestrator.results.whole import arrays as arrays_of_pieces, tell
 from orchestrator.scene.elasticity import principal, von_mises
 
 PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
+STEP, INTERFACE = "step", "interface"  # what names of files begin with
 
 
 def write_fields(folder: ResultsFolder, fields: Fields | None, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
@@ -40,23 +42,20 @@ def write_fields(folder: ResultsFolder, fields: Fields | None, piece: Piece | No
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
     """
     hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
-    interfaces = (piece or fields).interfaces
     with folder.replacing(NAME) as temporary:
         write_npz(temporary, arrays(fields) if piece is None else arrays_of_pieces(piece))
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
     if piece is not None:
-        piece.team.share((os.fspath(folder.path.absolute()), hidden, interfaces is not None))
-        first = _write_piece(folder, piece, hidden)
-        names = [f"step_{step + 1:04d}.pvtu" for step in range(piece.fields.steps)]
-        for step, name in enumerate(names):
-            write_pvtu(folder, f"fields/{name}", [_names(piece.fields.steps, rank)[step] for rank in range(piece.team.size)], *first)
+        piece.team.share((os.fspath(folder.path.absolute()), hidden))
+        names = _write_piece(folder, piece, hidden)
     else:
-        names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
-        _write_steps(folder, names, fields, hidden)
-    write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
-    if interfaces is not None:
-        points = fields.nodes[interfaces.nodes] if interfaces.points is None else interfaces.points[0]
-        write_interfaces(folder, points, interfaces, [(piece or fields).interface_displacement(side) for side in (0, 1)])
+        names = {kind: _names(kind, fields.steps) for kind in (STEP, *[INTERFACE] * (fields.interfaces is not None))}
+        _write_steps(folder, names[STEP], fields, hidden)
+        if fields.interfaces is not None:
+            _write_interfaces(folder, names[INTERFACE], fields, ALONE)
+    write_pvd(folder, PVD, names[STEP], [_write_beside(folder, part) for part in beside])
+    if INTERFACE in names:
+        write_pvd(folder, INTERFACES_PVD, names[INTERFACE])
 
 
 def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
@@ -75,27 +74,36 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
 def write_piece(piece: Piece) -> None:
     """What the other ranks do while rank 0 writes fields: a piece of every step."""
     tell(piece)
-    directory, hidden, opens = piece.team.share(None)
+    directory, hidden = piece.team.share(None)
     _write_piece(ResultsFolder(directory), piece, hidden)
-    for side in range(2 * opens):
-        piece.interface_displacement(side)
 
 
-def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """A rank's files, and ``_data`` of its last step; where its disk is not rank 0's, rank 0 writes what they contain."""
-    team = piece.team
-    names = [_names(piece.fields.steps, rank) for rank in range(team.size)]
-    last = _write_steps(folder, names[team.rank], piece.fields, hidden)
-    team.gather(None)  # all have written
-    absent = team.share([name for own in names for name in own if not (folder / f"fields/{name}").is_file()])
-    for found in team.gather({name: (folder / f"fields/{name}").read_bytes() for name in names[team.rank] if name in absent}) or ():
+def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> dict[str, list[str]]:
+    """A rank's files; where its disk is not rank 0's, rank 0 writes what they contain. Then rank 0 puts the pieces together.
+
+    Returns names of what has, per kind of file one for each load step
+    """
+    team, steps, met = piece.team, piece.fields.steps, piece.interfaces
+    own = {STEP: _names(STEP, steps, team.rank)}
+    last = {STEP: _write_steps(folder, own[STEP], piece.fields, hidden)}
+    if met is not None:
+        own[INTERFACE] = _names(INTERFACE, steps, team.rank) if len(met.names) else []  # a rank may have no first side
+        last[INTERFACE] = _write_interfaces(folder, own[INTERFACE], piece, team)
+    names = team.all_gather(own)  # all have written
+    absent = team.share([name for one in names for each in one.values() for name in each if not (folder / f"fields/{name}").is_file()])
+    mine = {name: (folder / f"fields/{name}").read_bytes() for each in own.values() for name in each if name in absent}
+    whole = {kind: _names(kind, steps, ending="pvtu") for kind in own}
+    for found in team.gather(mine) or ():
         for name, content in found.items():
             folder.write(f"fields/{name}", content)
-    return last
+    for kind in own if team.rank == 0 else ():
+        for step, name in enumerate(whole[kind]):
+            write_pvtu(folder, f"fields/{name}", [one[kind][step] for one in names if one[kind]], *last[kind])
+    return whole
 
 
-def _names(steps: int, rank: int) -> list[str]:
-    return [f"step_{step + 1:04d}_{rank}.vtu" for step in range(steps)]
+def _names(kind: str, steps: int, rank: int | None = None, ending: str = "vtu") -> list[str]:
+    return [f"{kind}_{step + 1:04d}{'' if rank is None else f'_{rank}'}.{ending}" for step in range(steps)]
 
 
 def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
@@ -131,27 +139,32 @@ def _numbered(what: str, names: Sequence[str]) -> dict[str, int]:
     return {f"{what} {name}": number for number, name in enumerate(names) if name}
 
 
-def write_interfaces(folder: ResultsFolder, points: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
-    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known; what
+def _write_interfaces(folder: ResultsFolder, names: Sequence[str], of: Fields | Piece,
+                      team: Team) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Writes the triangles of interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known; what
     pulls at the cut through a bolt is a tension, and no pressure.
 
-    points : (N, 3) where their nodes are
-    displacement : of side 1 and side 2, (steps, N, 3) each
+    names : of files, one for each load step; none where there is no interface
+    of : what has them; all ranks write theirs together
+    Returns the data of the last, of nodes and of triangles
     """
-    names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
-    shifts = {name: x for name in SHIFTS if (x := getattr(interfaces, name)) is not None}
-    pulls = [(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, interfaces.laws)]
-    pulled = np.array(pulls, dtype=bool)[interfaces.interface_of_node]
-    for step, name in enumerate(names):
-        pressure = interfaces.pressure[step]
-        tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
-        write_vtu(folder, f"fields/{name}", points, interfaces.triangles,
-                  {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
-                   "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": np.where(pulled, 0.0, pressure), **tension,
-                   "friction_traction": interfaces.friction_traction[step],
-                   "status": interfaces.status[step].astype(np.int32), **{name: x[step] for name, x in (shifts | interfaces.own).items()}},
-                  {"interface": interfaces.owner.astype(np.int32)}, _numbered("interface", interfaces.names))
-    write_pvd(folder, INTERFACES_PVD, names)
+    i, displacement = of.interfaces, [of.interface_displacement(side) for side in (0, 1)]
+    points, index = of.nodes[i.nodes] if i.points is None else i.points[0], np.arange(len(i.names)) if i.index is None else i.index
+    shifts = {name: x for name in SHIFTS if (x := getattr(i, name)) is not None}
+    pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)], dtype=bool)[i.interface_of_node]
+    anywhere = bool(team.max(float(pulled.any()))[0])
+    for step in range(i.steps):
+        pressure = i.pressure[step]
+        tension = {"tension": np.where(pulled, -pressure, 0.0)} if anywhere else {}
+        data = ({"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
+                 "gap": i.gap[step], "slip": i.slip[step], "pressure": np.where(pulled, 0.0, pressure), **tension,
+                 "friction_traction": i.friction_traction[step],
+                 "status": i.status[step].astype(np.int32), **{name: x[step] for name, x in (shifts | i.own).items()}},
+                {"interface": index[i.owner].astype(np.int32)})
+        if names:
+            write_vtu(folder, f"fields/{names[step]}", points, i.triangles, *data,
+                      {f"interface {name}": int(number) for name, number in zip(i.names, index)})
+    return data
 
 
 _ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"

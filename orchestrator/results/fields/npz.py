@@ -84,16 +84,16 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
         with zipfile.ZipFile(path) as packed:  # a few bytes may unpack to any size
             check_memory(sum(entry.file_size for entry in packed.infolist()), DIRECTORY_KEY, str(path), "check the file: is it this run's?")
         data = read_arrays(path)
-        return fields_from(data, _interfaces(data))
+        return fields_from(data)
     except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
         raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
                     "run the configuration again") from error
 
 
-def fields_from(data: Mapping[str, np.ndarray], interfaces: InterfaceFields | None) -> Fields:
+def fields_from(data: Mapping[str, np.ndarray]) -> Fields:
     """Fields of the arrays of a file."""
     count = sum(name.startswith(SIDES) for name in data)
-    return Fields(*(data[name] for name in _ALWAYS), [data[f"{SIDES}{e}"] for e in range(count)] or None, interfaces,
+    return Fields(*(data[name] for name in _ALWAYS), [data[f"{SIDES}{e}"] for e in range(count)] or None, _interfaces(data),
                   **{name: data[name] for name in _IF_THERE if name in data}, parts=tuple(data["parts"].tolist()))
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.method.delivery.faces import shape
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.figures.plotting import short
-from orchestrator.results.summary.contact_faces import shape
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 
 # Of the sheet's width: gap between faces, height of a name below one, width of a letter; of the sheet's height over its width.

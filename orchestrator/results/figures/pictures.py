@@ -157,7 +157,7 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
         return None
     unit, force = look.units["stress"], np.add.reduceat(np.abs(every.pressure) * every.areas, every.offsets[:-1], axis=1).max(axis=0)
     first = np.argsort(-force, kind="stable")[:_MOST_FACES]  # those that never carry anything only where none does
-    i = type(every).joined([every], np.sort(first[force[first] > EQUAL * force.max()] if force.any() else first))
+    i = every.some(np.sort(first[force[first] > EQUAL * force.max()] if force.any() else first))
     steps = look.of_steps(fields.steps) or spread(fields.steps, _MOST_STEPS, int((np.abs(i.pressure) * i.areas).sum(axis=1).argmax()))
     flat = laid_flat(fields.nodes, i, look.units["length"])
     camera = Camera.framing(flat.frame, np.array([0.0, 0.0, 1.0]), 0.01)
@@ -196,5 +196,5 @@ def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:
         return None
     given = np.array([law in LAWS and LAWS[law].as_one for law in i.laws])
     if given.any() and not given.all():
-        return type(i).joined([i], np.flatnonzero(given == imposed))
+        return i.some(np.flatnonzero(given == imposed))
     return None if imposed else i

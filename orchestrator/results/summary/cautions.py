@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from orchestrator.errors import some
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.passing import Passed, passing
 from orchestrator.results.summary.resolution import sliding, unresolved
@@ -21,12 +21,13 @@ from orchestrator.scene.model import Scene
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
 
 
-def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields | None = None,
+def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
              detached: Iterable[list[str]] = (), discretisation_error: float | None = None, moved: Moved | None = None,
              passed: Sequence[Passed] | None = None) -> list[str]:
     """Sentences that a reader of the results must know.
 
     sides : per subdomain (steps, n_E, 3) displacement; not asked for where the scene is known by its outline alone
+    met : the interfaces that are not perfect; None where all are
     detached : names per load step; where such bodies are means nothing, so that they are left out
     discretisation_error : estimated, relative, energy norm; None: not known
     moved : how subdomains have moved, passed : which parts are inside each other; None: it is found from ``sides``
@@ -53,21 +54,21 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
     result += passing_through(scene, passing(scene, sides) if passed is None else passed, lost)
-    return result if interfaces is None else [*result, *_of_interfaces(scene, interfaces)]
+    return result if met is None else [*result, *_of_interfaces(scene, met)]
 
 
-def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
+def _of_interfaces(scene: Scene, met: Met) -> list[str]:
     said: dict[str, list[str]] = {}
     for i in scene.interfaces:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
-    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *sliding(interfaces), *unresolved(scene, interfaces)]
-    opening = [i.law.joins for i in scene.interfaces if not i.law.perfect]
-    cut = [k for k, (part, joins) in enumerate(zip(interfaces.within, opening)) if part >= 0 and not joins]
+    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *sliding(met), *unresolved(met.unresolved)]
+    laws = [i.law for i in scene.opening]
+    cut = [k for k, (part, law) in enumerate(zip(met.within, laws)) if part >= 0 and not law.joins]
     if cut:
-        parts = sorted({scene.mesh.volumes[v] for v in interfaces.within[cut]})
-        laws = " and ".join(sorted(set(interfaces.laws[cut].tolist())))
-        result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
+        parts = sorted({scene.mesh.volumes[v] for v in met.within[cut]})
+        names = " and ".join(sorted({laws[k].name for k in cut}))
+        result.append(f"{names} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result
 

@@ -13,9 +13,7 @@ from orchestrator.config.model import Config
 from orchestrator.config.probes import PointProbe, SectionProbe, SurfaceProbe
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
-from orchestrator.method.delivery.balance import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
-from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.delivery.shares import Shares
 from orchestrator.method.halving import path_sentence
@@ -91,7 +89,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
-        + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
+        + cautions(scene, delivered.sides or delivered.parts, delivered.met, contact.get("detached", ()),
                    estimated and estimated.relative, delivered.moved, delivered.passed) + [*tool_cautions(delivered.tools)],
         **spent, "config": config.complete()}
     note_time(summary, watch)
@@ -200,17 +198,13 @@ def _backward(found: Backward | None) -> dict[str, object] | None:
 
 def _contact(scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object]:
     """State of interfaces that are not perfect; empty where all are; ``names``: of the entries of ``boundary``."""
-    interfaces = delivered.interfaces
-    if interfaces is None:
+    if (met := delivered.met) is None:
         return {}
-    detached, weakly_held = held_bodies(scene, interfaces)
     bound, unbalanced = delivered.iterated.bound, {}
     if isinstance(bound, Certified):  # else it is not known which no forces hold that the laws allow
         unbalanced["unbalanced"] = [[s.name for s, loose in zip(scene.subdomains, step) if loose] for step in bound.pair.unbalanced]
-    return {"status_counts": interfaces.counts, "interface_resultants": [
-            {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law), "resultant": force}
-            for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
-                                              interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held, **unbalanced,
-        "contact_faces": contact_faces(scene, interfaces, names, delivered.reactions),
-        **({"bolts": bolt_forces(scene, interfaces, delivered.resultants)} if scene.bolts else {})}
+    return {"status_counts": met.counts, "interface_resultants": [
+            {"name": i.name, "subdomains": [scene.subdomains[e].name for e in i.subdomains], "law": i.law.name, "resultant": force}
+            for i, force in zip(scene.opening, met.resultant.tolist())],
+        "detached": met.detached, "weakly_held": met.weakly_held, **unbalanced,
+        "contact_faces": contact_faces(scene, met.faces, names, delivered.reactions), **({"bolts": met.bolts} if scene.bolts else {})}
