@@ -47,21 +47,6 @@ class _Part(NamedTuple):
         """The volume at a load step, or at rest."""
         return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells, self.outer)
 
-    def told(self) -> np.ndarray:
-        """All of it in a message."""
-        return np.concatenate([np.concatenate([[x.ndim, *x.shape] for x in self]), *(x.ravel() for x in self)])
-
-    @classmethod
-    def heard(cls, message: np.ndarray) -> tuple[_Part, np.ndarray]:
-        """The first of a message, and the rest of that."""
-        shapes, at = [], 0
-        for _ in cls._fields:
-            shapes.append(message[at + 1 : at + 1 + int(message[at])].astype(int))
-            at += 1 + len(shapes[-1])
-        *arrays, rest = np.split(message[at:], np.cumsum([shape.prod() for shape in shapes]))
-        points, cells, outer, *more = (array.reshape(shape) for array, shape in zip(arrays, shapes))
-        return cls(points, cells.astype(int), outer.astype(int), *more), rest
-
 
 def passing(scene: Scene, sides: Sequence[np.ndarray], team: Team = ALONE) -> list[Passed]:
     """All pairs of a scene, on all ranks, which ask together; of parts of it each volume that is near another is on one rank.
@@ -76,11 +61,8 @@ def passing(scene: Scene, sides: Sequence[np.ndarray], team: Team = ALONE) -> li
     for rank, known in enumerate(team.all_gather(bodies)):
         home, named = home | dict.fromkeys(known, rank), named | known
     wanted = sorted({(home[two], home[one], two) for one, two in scene.near if home[one] != home[two]})  # from, to, which
-    messages = team.deliver([np.concatenate([np.empty(0), *(parts[v].told() for a, b, v in wanted if (a, b) == (team.rank, rank))])
-                             for rank in range(team.size)])
-    for a, b, v in wanted:
-        if b == team.rank:
-            parts[v], messages[a] = _Part.heard(messages[a])
+    for some in team.trade([{v: parts[v] for a, b, v in wanted if (a, b) == (team.rank, rank)} for rank in range(team.size)]):
+        parts |= some or {}
     cells = [np.unique(scene.mesh.volume[i.cells], axis=0).tolist() for i in scene.interfaces]
     joined = {tuple(sorted(pair)) for pairs in cells for pair in pairs}
     own = {pair: DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in scene.near if home[pair[0]] == team.rank}
