@@ -161,9 +161,16 @@ class Search:
     slaves: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        mesh, faces = self.mesh, self.faces  # without self, as above
-        self._solid = cache(lambda v: Solid(
-            mesh.nodes, mesh.cells[mesh.volume == v], faces.triangles[faces.outer[mesh.volume[faces.owner[faces.outer]] == v]]))
+        mesh, faces, partition = self.mesh, self.faces, self.partition  # without self, as above
+
+        def solid(v: int) -> Solid:
+            own, skin = mesh.volume == v, None
+            if partition.here is not None:
+                beside = own[faces.owner] ^ (own[faces.neighbour] & (faces.neighbour >= 0))
+                skin = faces.triangles[beside & partition.here[partition.subdomain[own]].all()]
+            return Solid(mesh.nodes, mesh.cells[own], faces.triangles[faces.outer[own[faces.owner[faces.outer]]]], skin)
+
+        self._solid = cache(solid)
 
     @cached_property
     def bodies(self) -> list[Body]:
