@@ -192,7 +192,9 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"subdomains": {"slices": {"axis": "x", "count": 100}}},  # some of them empty
     {"boundary": [{"on": "ymin", "foundation": {"normal": 1.0}}, BLOCK["boundary"][1]]},  # which holds across it alone
     {"boundary": [*BLOCK["boundary"], {"on": "ymin", "coupling": {"force": [0, 0, 1]}}]},  # of what several subdomains share
-    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 1.4}, "force": 1.0}]},  # of a volume that several ranks have
+    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 1.4}, "force": 1.0}], "subdomains": {"grid": [4, 2, 1]}},  # in two of them
+    {"bolts": [{"on": "*", "cut": "auto", "force": 1.0}], "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 1, 1]}}},  # a place among all
+    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 5}, "force": 1.0}]},
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
     {"output": {"probes": [{"at": [1, 2, 0.5]}]}}, {"output": {"probes": [{"at": [1, 2, 0.5], "part": "slice 3"}]}},
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
@@ -213,6 +215,19 @@ def test_the_element_is_chosen_by_all_of_the_mesh(largest, told, monkeypatch):
                           "blackbox": {"element": "auto"}})
     assert str(build_scene(config).element).startswith(told)
     same_as_one(config, 4)
+
+
+@pytest.mark.parametrize("ranks", [2, late(3), 4])
+@pytest.mark.parametrize("plane, cells", [({"plane": "x", "at": 1.4}, [12, 2, 2]), ({"plane": [1, 0.2, 0], "at": [2.6, 0.5, 0.5]}, [16, 3, 2]),
+                                          ({"plane": "x", "at": 2.0}, [8, 2, 2]),  # between two
+                                          ({"plane": "x", "at": 0.5}, [8, 1, 1])])  # at its end; what has corners alone is taken for round
+def test_a_bolt_in_slices(plane, cells, ranks):
+    """Of which one is cut, if any."""
+    config = config_from({"name": "bolt", **BLOCK, "mesh": {"box": {"size": [4, 1, 1], "cells": cells}}, "bolts": [{"on": "*", "cut": plane, "force": 1.0}],
+                          "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "displacement": [0, 0, 0]}]})
+    whole = build_scene(config)
+    assert len(whole.bolts) == 1
+    same_as_one(config, ranks)
 
 
 PLANE = {"plane": {"at": [0, 0, 1.01], "normal": [0, 0, -1]}}

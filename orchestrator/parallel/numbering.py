@@ -27,6 +27,12 @@ def numbered(tags: np.ndarray, team: Team) -> tuple[np.ndarray, int]:
     return np.concatenate(answers).astype(int), sum(counts)
 
 
+def ordered(names: np.ndarray, values: np.ndarray, team: Team) -> np.ndarray:
+    """(K, …) values (k, …) of all ranks, which ask together, in the order of their names (k, c) int."""
+    every, found = (np.concatenate(each) for each in zip(*team.all_gather((names, values))))
+    return found[np.lexsort(every.T[::-1])]
+
+
 def met(tag: np.ndarray, label: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
     """(p, 2) int, ascending, pairs of labels that have tags in common, on any ranks, and (p,) int, how many; the same on all ranks.
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
+from orchestrator.parallel.numbering import ordered
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
@@ -39,7 +41,6 @@ class BoltCut:
     name : of the volume
     axis : (3,) unit normal of the plane; point : (3,) on it
     behind, ahead : the subdomains on either side, ahead where the axis leads
-    here : whether all of the bolt is there, as it may not be in a piece of a mesh
     """
 
     index: int
@@ -48,7 +49,6 @@ class BoltCut:
     point: np.ndarray
     behind: tuple[int, ...]
     ahead: tuple[int, ...]
-    here: bool = True
 
 
 @dataclass(frozen=True)
@@ -94,14 +94,14 @@ def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
 
 
 def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], shanks: Shanks, problems: Problems) -> list[Plane]:
-    """Planes of the bolts that are all there."""
+    """Planes of the bolts; of a piece of a mesh of those that subdomains have which are all there."""
     made: list[Plane] = []
     for i, bolt in enumerate(bolts):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
 
-        own = bolt_cells(mesh, bolt)
-        if partition.here is not None and not (len(own) and partition.here[partition.subdomain[own]].all()):
+        here = np.ones(len(mesh.cells), dtype=bool) if partition.here is None else partition.here[partition.subdomain]
+        if partition.here is not None and not here[bolt_cells(mesh, bolt)].any():
             continue  # another rank's
         shank, ends = shanks.of.get(i), shanks.beside.get(i)
         if found := _plane(mesh, partition, bolt, (shank, ends), [plane.name for plane in made], wrong):
@@ -109,15 +109,26 @@ def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
             if bolt.cut != "auto" and (better := _elsewhere(mesh, own, (shank, ends), axis, point)):
                 problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
                                          f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
-            corners = mesh.nodes[mesh.cells[own, :4]]
-            height = (corners - point) @ axis
-            ahead = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0, (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
-            made.append(Plane(i, name, axis, point, own, ahead))
+            height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
+            ahead, crossed = ahead_of(mesh, own, axis, point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
+            turned, unsure = _lonely(faces, own, ahead, crossed, here[own])
+            if unsure:
+                wrong("cut", "a plane that leaves tets on either side alone", "all of the mesh, to tell how many")
+            made.append(Plane(i, name, axis, point, own, ahead ^ turned))
     return made
 
 
-def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: Problems) -> tuple[Partition, list[BoltCut], np.ndarray]:
-    """The partition with bolts cut at planes, the cuts, and (subdomains,) int, twice the subdomain that each was, one more ahead of a plane."""
+def ahead_of(mesh: Mesh, cells: np.ndarray, axis: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(k,) bool, which cells (k,) have their centroids ahead of a plane."""
+    return (mesh.nodes[mesh.cells[cells, :4]].mean(axis=1) - point) @ axis > 0
+
+
+def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: Problems,
+           split: np.ndarray | None = None) -> tuple[Partition, list[BoltCut], np.ndarray]:
+    """The partition with bolts cut at planes, the cuts, and (subdomains,) int, twice the subdomain that each was, one more ahead of a plane.
+
+    split : (s,) int, subdomains that are cut, of which a piece of a mesh may have one side alone
+    """
     if not made:
         return partition, [], 2 * np.arange(len(partition.names))
     ahead = np.zeros(len(partition.subdomain), dtype=bool)
@@ -125,19 +136,18 @@ def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: 
         ahead[plane.own] = plane.ahead
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
     before, count, here = keys // 2, np.bincount(keys // 2), partition.here
-    if here is not None:  # of another rank's there may be one side alone
-        count[np.unique(partition.subdomain[np.concatenate([plane.own for plane in made])])] = 2
+    if split is not None:
+        count[split] = 2
     names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}" for e, key in zip(before, keys)]
     cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before], None if here is None else here[before])
     cuts = [BoltCut(plane.index, plane.name, plane.axis, plane.point, *(
-        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist()) for side in (False, True)),
-        here is None or bool(here[partition.subdomain[plane.own]].all())) for plane in made]
+        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist()) for side in (False, True))) for plane in made]
     number, piece = pieces(faces, subdomain)
     if number != len(names):
         parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
         for one in cuts:
-            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]
-            if broken and one.here:
+            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1 and (here is None or cut.here[e])]
+            if broken:
                 problems.add(("bolts", one.index, "cut"), f"a plane that leaves {' and '.join(broken)} in pieces",
                              "a plane across the shank that meets nothing else of the bolt, and subdomains in one piece on either "
                              "side of it", "move the plane, or write subdomains: groups, which leaves bolts whole")
@@ -167,8 +177,8 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any, around: tuple[Shank | No
                      "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
     else:
         axis, point = shank.axis, shank.middle + away_from_joints(mesh, own, shank, ends) * shank.axis
-    ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
-    if ahead.all() or not ahead.any():
+    ahead = ahead_of(mesh, own, axis, point)
+    if mesh.within is None and (ahead.all() or not ahead.any()):
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
         return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
                      f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
@@ -178,17 +188,18 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any, around: tuple[Shank | No
     return name, own, axis, point
 
 
-def _in_one_piece(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:
-    """(k,) bool, ahead of the plane or behind it, where tets that it crosses and that share no face with others of their
-    side have gone to the other one.
+def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(k,) bool, tets that a plane crosses and that share no face with others of their side: they go to the other one; and whether some
+    that are here may share faces with more than are known.
 
     cells : (k,) int, of the bolt; ahead : (k,) bool, where their centroids are; crossed : (k,) bool, cut by the plane
+    here : (k,) bool, of which all that share faces with them are known
     """
     part = np.full(len(faces.owner) and int(max(faces.owner.max(), faces.neighbour.max())) + 1, 2)
     part[cells] = ahead
     piece = pieces(faces, part)[1][cells]
     lonely = np.bincount(piece, weights=~crossed)[piece] == 0  # no tet beside the plane: not the bolt's end
-    return ahead ^ lonely
+    return lonely, bool((lonely & here & (np.bincount(piece, weights=~here)[piece] > 0)).any())
 
 
 @dataclass(frozen=True)
@@ -241,21 +252,30 @@ def _elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarr
     return "" if better == at else format_point(shank.middle + better * shank.axis)
 
 
-def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
+def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray, own: np.ndarray | None = None, team: Team = ALONE,
+                 number: np.ndarray | None = None) -> Shank | None:
     """The longest cylinder that some cells are round; None where there is none.
 
     The axis is first the principal axis of inertia that is least like the others, then what the faces that look across it
     all look across.
+
+    own : (k,) bool, cells (k,) that are this rank's, of several which ask together; number : (n,) int, as of a piece of a mesh
     """
-    volume = np.abs(tet_volumes(mesh.nodes, mesh.cells[cells]))
-    corners = mesh.nodes[mesh.cells[cells, :4]]
-    centre = volume @ corners.mean(axis=1) / volume.sum()
-    r = corners.mean(axis=1) - centre
-    moments, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", volume, r, r))
+    mine = cells if own is None else cells[own]
+    volume, middle = np.abs(tet_volumes(mesh.nodes, mesh.cells[mine])), mesh.nodes[mesh.cells[mine, :4]].mean(axis=1)
+    total, centre = team.sum(volume.sum(), volume @ middle)
+    if not total:
+        return None
+    centre = centre / total
+    r = middle - centre
+    inertia, = team.sum(np.einsum("k,ki,kj->ij", volume, r, r))
+    moments, axes = np.linalg.eigh(inertia)
     axis = axes[:, np.argmax(np.abs(moments - np.median(moments)))]
-    skin = np.isin(faces.owner, cells) ^ (np.isin(faces.neighbour, cells) & (faces.neighbour >= 0))
-    triangles = faces.triangles[skin]
-    normal, area = facet_normals(mesh.nodes, triangles)
+    inside = np.isin(faces.owner, cells), np.isin(faces.neighbour, cells) & (faces.neighbour >= 0)
+    skin = np.flatnonzero(inside[0] ^ inside[1])
+    triangles = faces.triangles[skin[np.isin(np.where(inside[0], faces.owner, faces.neighbour)[skin], mine)], :3]
+    corners = ordered(np.sort(triangles if number is None else number[triangles], axis=1), mesh.nodes[triangles], team)
+    normal, area = facet_normals(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
     for _ in range(2):
         beside = np.abs(normal @ axis) < ACROSS
         if not beside.any():
@@ -264,7 +284,7 @@ def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
         axis = least * np.sign(least @ axis)
     axis *= np.sign(axis[np.abs(axis).argmax()])
     beside = np.abs(normal @ axis) < ACROSS
-    points, normal = mesh.nodes[triangles[beside][:, :3]], normal[beside]
+    points, normal = corners[beside], normal[beside]
     radius = np.abs(np.einsum("ki,ki->k", normal, points[:, 0] - centre))  # how far from the axis each facet's plane is
     order = np.argsort(radius)
     group = np.zeros(len(radius), dtype=int)

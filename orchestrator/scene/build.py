@@ -140,7 +140,7 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
     asked = "interfaces" in config.model_fields_set and any(entry.tool is None for entry in config.interfaces)
     interfaces, near = ([], {}) if cut.failed else make_interfaces(Search(
         mesh, body.faces, cut.partition, cut.numbering, laws, problems, asked, matter))
-    bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems)
+    bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems, mesh.within is None)
     if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.standin import report_joints, report_units
 

@@ -139,30 +139,27 @@ ALONG = 1e-6  # share of the axis that a prescribed component may have
 
 
 def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Sequence[Any],
-               factors: Sequence[Sequence[float]], problems: Problems) -> list[PlacedBolt]:
+               factors: Sequence[Sequence[float]], problems: Problems, whole: bool) -> list[PlacedBolt]:
     """Give the interfaces at the cuts the law of their bolts.
 
     entries : of ``bolts``; factors : per entry (steps,) what multiplies it
+    whole : of a piece of a mesh others may have some
     """
     placed = []
     for cut in cuts:
         sides = {(a, b) for a in cut.behind for b in cut.ahead} | {(b, a) for a in cut.behind for b in cut.ahead}
         found = [i for i in interfaces if i.subdomains in sides]
-        if not cut.here:  # what there is of it
-            for interface in found:
-                govern(interface, entries[cut.index].law, factors[cut.index])
-            continue
-        if len(found) != 1:
+        if len(found) != 1 and whole:
             problems.add(("bolts", cut.index, "cut"), f"a cut of {cut.name} that is in {len(found)} interfaces: between "
                          f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the other",
                          "one subdomain on either side of the cut, and one piece of its section",
                          "leave bolts whole: write subdomains: groups, without split_above or with a larger one; or move the plane")
             continue
-        interface, = found
-        govern(interface, entries[cut.index].law, factors[cut.index])
-        interface.entry = -1
-        axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
-        placed.append(PlacedBolt(cut.name, interface, axis, cut.point, cut.index))
+        for interface in found:
+            govern(interface, entries[cut.index].law, factors[cut.index])
+            interface.entry = -1
+            axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
+            placed.append(PlacedBolt(cut.name, interface, axis, cut.point, cut.index))
     return placed
 
 

@@ -1,4 +1,4 @@
-"""Bolts of a mesh that ranks have in pieces: who has all of one finds its plane, and tells the others which of its cells are ahead of it."""
+"""Bolts of a mesh that ranks have in pieces: those who have cells of one find its plane, and tell all which cells go to the other side."""
 
 from __future__ import annotations
 
@@ -10,25 +10,36 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.parallel.team import Team
-from orchestrator.scene.bolts import Plane, Shanks, across_shank, bolt_cells, cut_at, ends_beside, planes
+from orchestrator.scene.bolts import Plane, Shanks, across_shank, ahead_of, bolt_cells, cut_at, ends_beside, planes
 from orchestrator.scene.pieces.piece import Piece
 
 
 def cut(piece: Piece, bolts: Sequence[Any], team: Team) -> Piece | None:
-    """A piece with the bolts cut that it has cells of; None, on all ranks, where something is wrong with one. All ranks ask together."""
-    mesh, faces, partition, problems = piece.mesh, piece.faces, piece.partition, Problems()
-    own = {i: bolt_cells(mesh, bolt) for i, bolt in enumerate(bolts)}
-    here = [i for i, cells in own.items() if len(cells) and partition.here[partition.subdomain[cells]].all()]
-    shanks = {i: shank for told in team.all_gather({i: across_shank(mesh, faces, own[i]) for i in here}) for i, shank in told.items()}
+    """A piece with the bolts cut that it has cells of; None, on all ranks, where something is wrong with one, or where the place of its cut
+    hangs on cells of several. All ranks ask together."""
+    mesh, faces, partition, number, problems = piece.mesh, piece.faces, piece.partition, piece.cell_number, Problems()
+    own, here = [bolt_cells(mesh, bolt) for bolt in bolts], partition.here[partition.subdomain]
+    shanks = {i: across_shank(mesh, faces, cells, here[cells], team, piece.number) for i, cells in enumerate(own)}
     ends = team.all_gather({i: np.unique(ends_beside(mesh, faces, own[i], shank)) for i, shank in shanks.items() if shank is not None})
     beside = {i: np.concatenate([told[i] for told in ends]) for i in ends[0]}
-    found = planes(mesh, faces, partition, bolts, Shanks(shanks, beside), problems)
-    told = [one for each in team.all_gather([replace(plane, own=piece.cell_number[plane.own[plane.ahead]], ahead=None) for plane in found])
-            for one in each]
-    every = [Plane(one.index, one.name, one.axis, one.point, own[one.index], np.isin(piece.cell_number[own[one.index]], one.own))
-             for one in sorted(told, key=lambda plane: plane.index) if len(own[one.index])]
-    partition, cuts, keys = cut_at(every, faces, partition, problems)
-    if team.max(float(bool(problems.found)))[0] or len(told) < len(bolts):
+    found: dict[int, list[Plane]] = {}
+    for told in team.all_gather([_told(piece, plane, here[plane.own]) for plane in
+                                 planes(mesh, faces, partition, bolts, Shanks(shanks, beside), problems)]):
+        for plane in told:
+            found.setdefault(plane.index, []).append(plane)
+    known = [len(same) == 1 or bolts[i].cut != "auto" for i, same in found.items() if sum(plane.ahead for plane in same).all()]
+    every = [replace(same[0], own=own[i], ahead=ahead_of(mesh, own[i], same[0].axis, same[0].point)
+                     ^ np.isin(number[own[i]], np.concatenate([plane.own for plane in same]))) for i, same in sorted(found.items()) if len(own[i])]
+    both = [np.intersect1d(*(partition.subdomain[plane.own[plane.ahead == side]] for side in (False, True))) for plane in every]
+    split = np.concatenate(team.all_gather(piece.present[np.concatenate([np.empty(0, int), *both])]))
+    partition, cuts, keys = cut_at(every, faces, partition, problems, np.flatnonzero(np.isin(piece.present, split)))
+    if team.max(float(bool(problems.found)))[0] or sum(known) < len(bolts):
         return None
     return replace(piece, partition=partition, present=2 * piece.present[keys // 2] + keys % 2, count=2 * piece.count, cuts=cuts,
                    cautions=problems.warnings)
+
+
+def _told(piece: Piece, plane: Plane, here: np.ndarray) -> Plane:
+    """Of a plane the numbers of this rank's own cells that are on the other side than their centroids, and how many of them are on each."""
+    other = plane.ahead != ahead_of(piece.mesh, plane.own, plane.axis, plane.point)
+    return replace(plane, own=piece.cell_number[plane.own[other & here]], ahead=np.bincount(plane.ahead[here], minlength=2))

@@ -14,6 +14,7 @@ import numpy as np
 from orchestrator.config.model import Config
 from orchestrator.errors import Problems
 from orchestrator.parallel.borders import Borders
+from orchestrator.parallel.numbering import ordered
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.body import Body
@@ -50,7 +51,7 @@ def source_of(config: Config, team: Team = ALONE) -> Source | str:
         return "matter or loads of a code's own"
     boxes = Boxes.of(config.mesh, config.subdomains)
     if boxes is not None:
-        return "bolts that several subdomains share" if config.bolts else boxes
+        return boxes
     return dealt(config, team) or "a mesh that one process cuts, or reads"
 
 
@@ -93,7 +94,8 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     whole.near = _near(local, whole, team)
     if team.max(float((whole.prints[local.present[local.tools]] != local.prints).any()))[0]:
         return "a tool that ranks have not made alike"
-    if (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or any(beside.refused for beside in whole.near.values()):
+    bolts = sorted(bolt.entry for bolt in whole.bolts if bolt and bolt.entry >= 0)  # of each cut one interface
+    if bolts != [*range(len(config.bolts))] or (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or any(beside.refused for beside in whole.near.values()):
         return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -222,9 +224,7 @@ def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
         if not entry.kind.local:
             chosen = faces_meant(piece.mesh, piece.faces, entry, ("boundary", k), Problems())  # told with the scene
             triangles = piece.faces.triangles[chosen[here[piece.partition.subdomain[piece.faces.owner[chosen]]]], :3]
-            told = team.all_gather((np.sort(piece.number[triangles], axis=1), piece.mesh.nodes[triangles]))
-            numbers, corners = (np.concatenate(each) for each in zip(*told))
-            found[k] = corners[np.lexsort(numbers.T[::-1])]
+            found[k] = ordered(np.sort(piece.number[triangles], axis=1), piece.mesh.nodes[triangles], team)
     return found
 
 
