@@ -1,8 +1,8 @@
-"""Bolts cut across their shanks: which tets are on which side, and where ``cut: auto`` has the plane."""
+"""Bolts cut across their shanks: which tets are on which side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,27 +10,13 @@ import numpy as np
 
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
-from orchestrator.parallel.numbering import ordered
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
-from orchestrator.scene.revolved import cylinder
+from orchestrator.scene.shanks import Shank, Shanks, across_shank, away_from_joints, elsewhere, ends_beside
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
-# Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
-ACROSS = 0.05
-# Facets of one cylinder are all alike far from its axis, but for the axis' own error on coarse meshes: that share of the
-# largest radius between two neighbours tells two cylinders apart.
-ALIKE = 0.05
-# A cylinder shorter than that many of its radii is no shank.
-SHORTEST = 0.5
-# The corners of a cylinder's facets are on it, but for digits of files; those of a square bar's are up to 41 % off.
-ROUND = 0.02
-# Parts end beside a shank with faces across its axis, to so many of its radii, within this share of one.
-NEAR, FLAT = 2.0, 1e-3
 
 
 @dataclass(frozen=True)
@@ -79,14 +65,6 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
     return cut_at(made, faces, partition, problems)[:2]
 
 
-@dataclass(frozen=True)
-class Shanks:
-    """Bolts' shanks, None of one without any, and where other parts end beside them (k,), by the places of their entries."""
-
-    of: Mapping[int, Shank | None]
-    beside: Mapping[int, np.ndarray]
-
-
 def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
     """(k,) int, the cells of the one volume that an entry of ``bolts`` names; none where it names none, or several."""
     names = matching(bolt.on, mesh.volumes)
@@ -106,7 +84,7 @@ def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
         shank, ends = shanks.of.get(i), shanks.beside.get(i)
         if found := _plane(mesh, partition, bolt, (shank, ends), [plane.name for plane in made], wrong):
             name, own, axis, point = found
-            if bolt.cut != "auto" and (better := _elsewhere(mesh, own, (shank, ends), axis, point)):
+            if bolt.cut != "auto" and (better := elsewhere(mesh, own, (shank, ends), axis, point)):
                 problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
                                          f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
             height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
@@ -200,106 +178,3 @@ def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndar
     piece = pieces(faces, part)[1][cells]
     lonely = np.bincount(piece, weights=~crossed)[piece] == 0  # no tet beside the plane: not the bolt's end
     return lonely, bool((lonely & here & (np.bincount(piece, weights=~here)[piece] > 0)).any())
-
-
-@dataclass(frozen=True)
-class Shank:
-    """The longest cylinder of a bolt: its axis (3,), middle (3,) on it, radius and length."""
-
-    axis: np.ndarray
-    middle: np.ndarray
-    radius: float
-    length: float
-
-
-def ends_beside(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank) -> np.ndarray:
-    """(k,) heights along a shank, from its middle, of faces across it where other parts end beside it; own : cells of the bolt."""
-    mine, inner = np.isin(faces.owner, own), faces.neighbour >= 0
-    ends = ~mine & ~inner | inner & (mesh.volume[faces.owner] != mesh.volume[faces.neighbour])
-    middles = mesh.nodes[faces.triangles[ends, :3]] - shank.middle
-    along = middles @ shank.axis
-    beside = np.linalg.norm(middles - along[:, :, None] * shank.axis, axis=2).min(axis=1) < NEAR * shank.radius
-    return along[beside & (np.ptp(along, axis=1) < FLAT * shank.radius)].mean(axis=1)
-
-
-def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray, at: float = 0.0) -> float:
-    """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
-
-    A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
-    node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.
-
-    own : cells of the bolt; ends : of ``ends_beside``
-    """
-    corners = (mesh.nodes[mesh.cells[own, :4]] - shank.middle) @ shank.axis
-    size = float(np.median(np.ptp(corners, axis=1)))
-    ends = np.r_[-shank.length / 2, ends, shank.length / 2]
-    ends = np.unique(ends[np.abs(ends) <= shank.length / 2])
-    if np.abs(ends - at).min() > size:
-        return at
-    places = (ends[1:] + ends[:-1]) / 2
-    places = places[np.diff(ends) > 2 * size]
-    far = np.abs(places - at)
-    return float(places[far <= far.min() + FLAT * shank.radius].max()) if len(places) else at
-
-
-def _elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarray | None], axis: np.ndarray, point: np.ndarray) -> str:
-    """A better place for a cut that crosses planes at which other parts end; empty where there is none, or no need."""
-    shank, ends = around
-    if shank is None or abs(shank.axis @ axis) < 1 - ACROSS**2:
-        return ""
-    at = float((point - shank.middle) @ shank.axis)
-    better = away_from_joints(mesh, own, shank, ends, at)
-    return "" if better == at else format_point(shank.middle + better * shank.axis)
-
-
-def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray, own: np.ndarray | None = None, team: Team = ALONE,
-                 number: np.ndarray | None = None) -> Shank | None:
-    """The longest cylinder that some cells are round; None where there is none.
-
-    The axis is first the principal axis of inertia that is least like the others, then what the faces that look across it
-    all look across.
-
-    own : (k,) bool, cells (k,) that are this rank's, of several which ask together; number : (n,) int, as of a piece of a mesh
-    """
-    mine = cells if own is None else cells[own]
-    volume, middle = np.abs(tet_volumes(mesh.nodes, mesh.cells[mine])), mesh.nodes[mesh.cells[mine, :4]].mean(axis=1)
-    total, centre = team.sum(volume.sum(), volume @ middle)
-    if not total:
-        return None
-    centre = centre / total
-    r = middle - centre
-    inertia, = team.sum(np.einsum("k,ki,kj->ij", volume, r, r))
-    moments, axes = np.linalg.eigh(inertia)
-    axis = axes[:, np.argmax(np.abs(moments - np.median(moments)))]
-    inside = np.isin(faces.owner, cells), np.isin(faces.neighbour, cells) & (faces.neighbour >= 0)
-    skin = np.flatnonzero(inside[0] ^ inside[1])
-    triangles = faces.triangles[skin[np.isin(np.where(inside[0], faces.owner, faces.neighbour)[skin], mine)], :3]
-    corners = ordered(np.sort(triangles if number is None else number[triangles], axis=1), mesh.nodes[triangles], team)
-    normal, area = facet_normals(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    for _ in range(2):
-        beside = np.abs(normal @ axis) < ACROSS
-        if not beside.any():
-            return None
-        least = np.linalg.eigh(np.einsum("k,ki,kj->ij", area[beside], normal[beside], normal[beside]))[1][:, 0]
-        axis = least * np.sign(least @ axis)
-    axis *= np.sign(axis[np.abs(axis).argmax()])
-    beside = np.abs(normal @ axis) < ACROSS
-    points, normal = corners[beside], normal[beside]
-    radius = np.abs(np.einsum("ki,ki->k", normal, points[:, 0] - centre))  # how far from the axis each facet's plane is
-    order = np.argsort(radius)
-    group = np.zeros(len(radius), dtype=int)
-    group[order] = np.cumsum(np.r_[0, np.diff(radius[order]) > ALIKE * radius.max()])
-    height = points @ axis
-    length, found = 0.0, None
-    for own in (group == g for g in range(group.max() + 1)):
-        low, high = height[own].min(), height[own].max()
-        if high - low > max(length, SHORTEST * radius[own].mean()):
-            length, found = float(high - low), (low + high) / 2
-            shank = points[own].reshape(-1, 3)
-    if found is None:
-        return None
-    best = cylinder(shank, axis)
-    radius = np.linalg.norm(np.cross(shank - best.centre, best.axis), axis=1)
-    if np.ptp(radius) > ROUND * radius.mean():
-        return None
-    return Shank(best.axis, best.centre + (found - best.centre @ best.axis) * best.axis, float(radius.mean()), length)

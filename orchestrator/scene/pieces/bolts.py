@@ -10,8 +10,9 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.parallel.team import Team
-from orchestrator.scene.bolts import Plane, Shanks, across_shank, ahead_of, bolt_cells, cut_at, ends_beside, planes
+from orchestrator.scene.bolts import Plane, ahead_of, bolt_cells, cut_at, planes
 from orchestrator.scene.pieces.piece import Piece
+from orchestrator.scene.shanks import Shanks, across_shank, ends_beside
 
 
 def cut(piece: Piece, bolts: Sequence[Any], team: Team) -> Piece | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.config.mesh import OnePart
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, wrong
+from orchestrator.errors import InputError
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
 from orchestrator.scene.mesh.faces import MAX_NODES
@@ -107,8 +107,8 @@ def _of_parts(parts: list[OnePart], team: Team) -> Dealt | None:
 
 def _of_made(make: Callable[[], list[Mesh]], team: Team) -> Dealt | None:
     """Meshes that share no nodes, of which each rank makes some."""
-    made = agreed(lambda: _plain(make()), team)
-    if made is None:
+    made = agreed(make, team)
+    if made is None or team.max(float(sum(len(mesh.nodes) for mesh in made)))[0] > MAX_NODES:
         return None
     told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks,
                              {name: shape.of(slice(0)) for name, shape in m.smooth.items()}) for m in made])
@@ -124,16 +124,6 @@ def _of_made(make: Callable[[], list[Mesh]], team: Team) -> Dealt | None:
                     remarks=list(dict.fromkeys(text for part in every for text in part[5])),
                     smooth={name: mesh.smooth.get(name, shape) for part in every for name, shape in part[6].items()})
     return Dealt(Share(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells))), int(counts[:, 0].sum()), team)
-
-
-def _plain(made: list[Mesh]) -> list[Mesh]:
-    """The meshes that a rank has made.
-
-    Raises InputError: they are more than numbers of nodes allow
-    """
-    if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
-        raise wrong(("parts",), f"{count} nodes of one rank's parts", f"at most {MAX_NODES} nodes", "use coarser meshes, or more ranks")
-    return made
 
 
 def _with_all(own: dict[str, np.ndarray], names: Any) -> dict[str, np.ndarray]:
