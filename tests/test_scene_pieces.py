@@ -352,9 +352,10 @@ def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
     same_as_one(config, 3)
 
 
-def test_bodies_that_nothing_joins():
+@pytest.mark.parametrize("parts", [[*FIVE, boxed("apart", at=[9, 0, 0])], [boxed(str(k), at=[1.1 * k, 0, 0]) for k in range(4)]])
+def test_bodies_that_nothing_joins(parts):
     """Each held by itself."""
-    config = config_from({"name": "apart", "parts": [*FIVE, boxed("apart", at=[9, 0, 0])], "subdomains": "groups",
+    config = config_from({"name": "apart", "parts": parts, "subdomains": "groups",
                           "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
     same_as_one(config, 3)
 

@@ -92,11 +92,11 @@ def unloaded(scene: Scene) -> Iterator[str]:
 
 
 def beside_others(near: Mapping[tuple[int, int], Beside], boundary: Sequence[BoundaryEntry], volumes: Sequence[str], covered: np.ndarray) -> Iterator[str]:
-    """Parts that are near others, and nothing connects them; tractions and pressures on faces that lie on another part.
+    """Parts that are near others and may pass through them; tractions and pressures on faces that lie on another part.
 
     near, covered : as of a ``Scene``
     """
-    yield from (beside.alone for beside in near.values() if beside.alone)
+    yield from (beside.said for beside in near.values() if beside.said)
     for entry, faces in zip(boundary, covered):
         if faces.any():
             names = sorted(volumes[v] for v in np.flatnonzero(faces))

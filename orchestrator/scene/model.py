@@ -259,12 +259,13 @@ class Beside:
     """Two volumes with faces opposite each other, within reach, that belong to no interface.
 
     gap : a sentence on their gap; empty where they touch
-    alone : a sentence on what may come of it where nothing connects the two; empty where something does
-    refused : that an entry asks for a joint there where nothing connects the two; in a piece of a mesh, which cannot tell whether anything does
+    said : a sentence on what may come of it; empty where something connects the two and that is enough
+    enough : whether it is; where it is not known, in a piece of a mesh, it is said, and ``refused`` is that an entry asks for a joint there
     """
 
     gap: str
-    alone: str = ""
+    said: str = ""
+    enough: bool = True
     refused: bool = False
 
 

@@ -62,8 +62,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                          f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
                          "interfaces with nodes that are free to open or slip", "hold the parts elsewhere, or leave the law out")
     _number_patches(kept)
-    if len(set(bodies)) < len(bodies):
-        _share_normals(mesh, numbering, kept, bodies)
+    _share_normals(mesh, numbering, kept, bodies)
     here = np.ones(len(bodies), dtype=bool) if partition.here is None else partition.here  # others see more of what is elsewhere
     for interface in kept:
         if interface.matching and not interface.law.perfect and here[list(interface.subdomains)].any():
@@ -115,7 +114,7 @@ def _share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Inter
         if not i.law.perfect and i.matching and i.tool is None:
             surfaces.setdefault(tuple(bodies[e] for e in i.subdomains), []).append(i)
     for pieces in surfaces.values():
-        if len(pieces) > 1:
+        if len({i.subdomains for i in pieces}) > 1:
             _share(mesh, numbering, pieces)
 
 

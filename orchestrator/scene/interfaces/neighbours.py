@@ -63,18 +63,18 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
     told, near, whole = set(inside), {}, mesh.within is None
     for pair, seen in beside.items():
-        entry, alone = laws[governing[pair]], Problems()
+        entry, own = laws[governing[pair]], Problems()
         # of pieces of a mesh it is seen once they are together
-        apart = pair not in inside and not (whole and len(np.intersect1d(*(connected[mesh.volume == v] for v in pair))))
-        if pair not in inside and seen.touching and not entry.apart and not entry.found:
-            _report(search, pair, seen, governing[pair], pair in joined, search.problems)
-        elif apart and entry.found:  # what faces beside a pair of theirs do later is looked at in the end
+        apart = not (whole and len(np.intersect1d(*(connected[mesh.volume == v] for v in pair))))
+        enough = not seen.touching or bool(entry.apart) or entry.found  # what faces beside a pair of theirs do later is looked at in the end
+        if pair not in inside and apart and entry.found:
             told.add(pair)
-            _beyond_reach(search, pair, seen, governing[pair], alone)
-        elif apart:
-            _report(search, pair, seen, governing[pair], pair in joined, alone)
-        search.problems.found += alone.found * whole
-        near[pair] = Beside("" if seen.touching or pair in inside else _gap(search, pair, seen), "".join(alone.warnings), bool(alone.found))
+            _beyond_reach(search, pair, seen, governing[pair], own)
+        elif pair not in inside and (apart or not enough):
+            _report(search, pair, seen, governing[pair], pair in joined, own)
+        search.problems.found += own.found * (whole or not enough)
+        gap = "" if seen.touching or pair in inside else _gap(search, pair, seen)
+        near[pair] = Beside(gap, "".join(own.warnings), enough, bool(own.found))
     _report_alone(search, cells, told)
     return near
 

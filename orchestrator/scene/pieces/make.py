@@ -95,7 +95,9 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     if team.max(float((whole.prints[local.present[local.tools]] != local.prints).any()))[0]:
         return "a tool that ranks have not made alike"
     bolts = sorted(bolt.entry for bolt in whole.bolts if bolt and bolt.entry >= 0)  # of each cut one interface
-    if bolts != [*range(len(config.bolts))] or (whole.faces == 0).any() or free or not _of_use(laws, whole) or parted or any(beside.refused for beside in whole.near.values()):
+    asked = "interfaces" in config.model_fields_set
+    if any((free, parted, (whole.faces == 0).any(), bolts != [*range(len(config.bolts))], asked and not _of_use(laws, whole),
+            any(beside.refused for beside in whole.near.values()))):
         return JUDGED
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
@@ -186,13 +188,13 @@ class Local:
 
 
 def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Beside]:
-    """The pairs that are near each other; of those that something connects it is not said what they do alone. All ranks ask together."""
+    """The pairs that are near each other, with what is said of them once it is known whether something connects them. All ranks ask together."""
     if not whole.near:
         return {}
     part, body = local.part, components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[1]  # tools connect nothing
     own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
     of = {v: number for told in team.all_gather(own) for v, number in told.items()}
-    return {(one, two): beside if of[one] != of[two] else Beside(beside.gap) for (one, two), beside in whole.near.items()}
+    return {(one, two): Beside(beside.gap) if beside.enough and of[one] == of[two] else beside for (one, two), beside in whole.near.items()}
 
 
 def _tell_areas(part: Scene, team: Team) -> None:
