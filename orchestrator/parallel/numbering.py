@@ -40,7 +40,11 @@ def met(tag: np.ndarray, label: np.ndarray, team: Team) -> tuple[np.ndarray, np.
     """
     home = tag % team.size
     arrived = team.deliver([np.column_stack([tag, label])[home == rank] for rank in range(team.size)])
-    tag, label = np.unique(np.concatenate(arrived).reshape(-1, 2).astype(int), axis=0).T
+    tag, label = np.concatenate(arrived).reshape(-1, 2).T.astype(int)
+    order = np.lexsort((label, tag))
+    tag, label = tag[order], label[order]
+    once = np.concatenate([[True], (tag[1:] != tag[:-1]) | (label[1:] != label[:-1])])[: len(tag)]
+    tag, label = tag[once], label[once]
     found = [np.empty((0, 2), dtype=int)]
     for step in range(1, int(np.unique(tag, return_counts=True)[1].max(initial=0))):
         same = np.flatnonzero(tag[step:] == tag[:-step])

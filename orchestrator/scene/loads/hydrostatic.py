@@ -29,12 +29,14 @@ class Liquid(Kind):
     takes = Hydrostatic
     meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
     axes = (("up",),)
+    local = False  # a liquid reaches some of the faces, if not those of every rank
 
     @classmethod
     def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
-        depth = value.level - where.nodes[where.triangles[:, :3]] @ np.array(unit(value.up))
-        if len(depth) and not (depth > 0).any():
-            where.problems.add(where.path, f"faces that are all above the level, by {-depth.max():.6g} at least",
+        own, up = where.nodes[where.triangles[:, :3]], np.array(unit(value.up))
+        depth, every = (value.level - corners @ up for corners in (own, own if where.whole is None else where.whole))
+        if len(every) and not (every > 0).any():
+            where.problems.add(where.path, f"faces that are all above the level, by {-every.max():.6g} at least",
                                "a level above some of the faces", "raise level, or turn up to look against gravity")
         wet = depth > 0
         return replace(against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where),

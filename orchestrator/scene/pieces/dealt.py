@@ -26,10 +26,11 @@ class Dealt:
     """A mesh of which each rank has a share at first. All ranks make it, and call what has a ``team``, together.
 
     count : of its volumes; extent : of all of it
+    body : name of the one volume that these are subdomains of
     """
 
-    def __init__(self, share: Share, nodes: int, team: Team):
-        self._share, self._volumes, points = share, share.mesh.volumes, share.mesh.nodes
+    def __init__(self, share: Share, nodes: int, team: Team, body: str = ""):
+        self._share, self._volumes, self._body, points = share, share.mesh.volumes, body, share.mesh.nodes
         self.count = len(self._volumes)
         ends = np.stack([-points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
         low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
@@ -72,8 +73,9 @@ class Dealt:
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        at = cells_at_tools(share.mesh, np.ones(len(share.mesh.cells), dtype=bool), outer, tools, team)
-        around = [np.unique(np.concatenate(some)) for some in zip(around, _near(share.mesh, outer, entries, team), at)]
+        around = [np.union1d(some, near) for some, near in zip(around, [_supporting(share.mesh, outer, some) for some in around] if self._body
+                                                               else _near(share.mesh, outer, entries, team))]
+        around = [np.union1d(some, at) for some, at in zip(around, cells_at_tools(self._named(share.mesh), outer, tools, team))]
         self._share = share.handed_on(around, team)
 
     def piece(self, mine: np.ndarray) -> Piece:
@@ -84,7 +86,11 @@ class Dealt:
         share, self._share = self._share, None
         surfaces = dict(share.mesh.surfaces)
         outer, mesh = surfaces.pop(OUTER), replace(share.mesh, surfaces=surfaces, within=self.extent.box)
-        return Piece.of(replace(share, mesh=mesh), outer, mesh.volume, mine, self)
+        return Piece.of(replace(share, mesh=self._named(mesh)), outer, mesh.volume, mine, self)
+
+    def _named(self, mesh: Mesh) -> Mesh:
+        """With its true volumes."""
+        return replace(mesh, volume=np.zeros_like(mesh.volume), volumes=[self._body]) if self._body else mesh
 
 
 def _touching(share: Share, team: Team) -> list[np.ndarray]:
@@ -96,6 +102,15 @@ def _touching(share: Share, team: Team) -> list[np.ndarray]:
         met_there[nodes] = True
         found[rank] = np.flatnonzero(met_there[share.mesh.cells].any(axis=1))
     return found
+
+
+def _supporting(mesh: Mesh, outer: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(k,) int, cells behind outer faces (f, 3) that may hold nodes of some cells (c,)."""
+    there = np.zeros(len(mesh.nodes), dtype=bool)
+    there[mesh.cells[cells]] = True
+    faces, there[:] = outer[there[outer].any(axis=1)], False
+    there[faces] = True
+    return np.flatnonzero(there[mesh.cells].sum(axis=1) > 2)
 
 
 def _near(mesh: Mesh, outer: np.ndarray, entries: Sequence[Any], team: Team) -> list[np.ndarray]:

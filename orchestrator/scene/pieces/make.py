@@ -28,7 +28,6 @@ from orchestrator.scene.mesh.faces import MAX_NODES, components
 from orchestrator.scene.model import Beside, Scene, prints
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
-from orchestrator.scene.pieces.boxes import Boxes
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import BEHIND, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
@@ -37,21 +36,15 @@ from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
 
 
-Source = Boxes | Dealt
-
-
 JUDGED = "something is amiss, or hangs on all of the mesh"
 
 
-def source_of(config: Config, team: Team = ALONE) -> Source | str:
+def source_of(config: Config, team: Team = ALONE) -> Dealt | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
     if config.refines:
         return "an accuracy"
     if any(code.brings_loads or code.remembers for code in config.codes):
         return "matter or loads of a code's own"
-    boxes = Boxes.of(config.mesh, config.subdomains)
-    if boxes is not None:
-        return boxes
     return dealt(config, team) or "a mesh that one process cuts, or reads"
 
 
@@ -105,7 +98,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     return _watched(config, part, team)
 
 
-def _pieces(config: Config, source: Source, mine: np.ndarray, team: Team) -> tuple[list[Piece | None], Extent]:
+def _pieces(config: Config, source: Dealt, mine: np.ndarray, team: Team) -> tuple[list[Piece | None], Extent]:
     """This rank's piece, with some subdomains, alone in a list that it can be taken out of, None on all ranks where one cannot make its; and
     what the whole mesh is then."""
     made, extent = [agreed(lambda: source.piece(mine), team)], source.extent

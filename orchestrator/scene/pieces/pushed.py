@@ -31,20 +31,20 @@ def pushed_tools(config: Config) -> list[tuple[Rigid, Entry]]:
     return [(tool, entry) for tool, entry in made if not tool.driven.held]
 
 
-def cells_at_tools(mesh: Mesh, own: np.ndarray, outer: np.ndarray, tools: Sequence[tuple[Rigid, Entry]], team: Team) -> list[np.ndarray]:
-    """For every other rank cells (k,) int of this one's subdomains that touch faces which a pushed tool may touch that may touch both ranks'.
+def cells_at_tools(mesh: Mesh, outer: np.ndarray, tools: Sequence[tuple[Rigid, Entry]], team: Team) -> list[np.ndarray]:
+    """For every other rank cells (k,) int of this one's that touch faces which a pushed tool may touch that may touch both ranks'.
 
-    own : (m,) bool, cells of these; outer : (k, 3) int, outer faces of theirs, and maybe of others; all ranks ask together
+    mesh : of this rank's subdomains; outer : (k, 3) int, its outer faces; all ranks ask together
     """
     there, found = np.zeros(len(mesh.nodes), dtype=bool), [[np.empty(0, dtype=int)] for _ in range(team.size)]
     touching = []
     for tool, entry in tools:
         there[:] = False
-        there[mesh.cells[own & np.isin(mesh.volume, volumes_named(mesh, entry.pair[0], (), Problems()))]] = True
+        there[mesh.cells[np.isin(mesh.volume, volumes_named(mesh, entry.pair[0], (), Problems()))]] = True
         triangles = outer[there[outer].all(axis=1)]
         there[:] = False
         there[triangles[may_touch(mesh, triangles, tool, entry)]] = True
-        touching.append(np.flatnonzero(own & there[mesh.cells].any(axis=1)))
+        touching.append(np.flatnonzero(there[mesh.cells].any(axis=1)))
     for rank, told in enumerate(team.all_gather([len(cells) > 0 for cells in touching])):
         found[rank] += [cells for cells, too in zip(touching, told) if too and rank != team.rank]
     return [np.unique(np.concatenate(cells)) for cells in found]

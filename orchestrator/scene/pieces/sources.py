@@ -1,4 +1,4 @@
-"""Meshes that ranks read or make in shares: files in partitions, grains, parts and solids meshed apart, some of them each; other files rank 0."""
+"""Meshes that ranks read or make in shares: bricks, files in partitions, grains, parts and solids meshed apart, some each; other files rank 0."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.mesh.faces import MAX_NODES
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.partitioned import check_whole, in_partitions
-from orchestrator.scene.mesh.sources import finished, joined, make_mesh, placed
+from orchestrator.scene.mesh.sources import finished, grid_of, joined, make_mesh, placed
+from orchestrator.scene.partition import AXES, block_name, layers, slice_name
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.share import Share
 
@@ -34,7 +35,9 @@ def agreed(made: Callable[[], T], team: Team) -> T | None:
 
 
 def dealt(config: Config, team: Team) -> Dealt | None:
-    """The configuration's mesh, each volume a subdomain; None, on all ranks, where they cannot make it together."""
+    """The configuration's mesh, each volume a subdomain, or cut in blocks; None, on all ranks, where they cannot make it together."""
+    if config.mesh and (config.mesh.box or config.mesh.beam) and (config.subdomains.grid or config.subdomains.slices):
+        return _of_bricks(config.mesh, config.subdomains, team)
     if not config.subdomains.groups or config.subdomains.split_above is not None:
         return None
     if config.parts is not None:
@@ -47,6 +50,19 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return None
     divided = config.mesh.file and team.share(bool(in_partitions(Path(config.mesh.file))))
     return (_of_partitions if divided else _of_one)(config.mesh, team)
+
+
+def _of_bricks(mesh: Any, subdomains: Any, team: Team) -> Dealt | None:
+    """A box or beam cut into equal blocks or slices, of which each rank makes some bricks; ``mesh`` and ``subdomains`` of the configuration."""
+    bricks, factor, sliced = grid_of(mesh), float(mesh.scale or 1.0), subdomains.slices
+    blocks = [int(count) for count in subdomains.grid or [sliced.count if axis == sliced.axis else 1 for axis in AXES]]
+    if np.prod(bricks.counts + 1.0) > MAX_NODES / 2 * team.size or not 0 < np.prod(blocks, dtype=float) <= bricks.bricks:
+        return None
+    names = [slice_name(max(index)) if sliced else block_name(*index) for index in np.ndindex(*blocks)]
+    made, number, cells = bricks.some(np.arange(team.rank * bricks.bricks // team.size, (team.rank + 1) * bricks.bricks // team.size))
+    made = replace(made, nodes=factor * made.nodes, within=factor * np.stack([np.zeros(3), bricks.size]))
+    block = np.ravel_multi_index([layers(made, axis, count) for axis, count in enumerate(blocks)], blocks)
+    return Dealt(Share(replace(made, volume=block, volumes=names), number, cells), int(np.prod(bricks.counts + 1)), team, bricks.name)
 
 
 def _of_one(mesh: Any, team: Team) -> Dealt | None:
