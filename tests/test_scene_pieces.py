@@ -347,7 +347,7 @@ FIVE = [boxed("one", at=[0, 0, 0]), boxed("two", at=[1, 0, 0]), boxed("three", a
 def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
     """With supports that hold some of them by what they are bonded to."""
     config = config_from({"name": "blocks", "parts": FIVE, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "four/ymax", "displacement": [None, 0, None]},
+                          "boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "four/ymax", "symmetry": True},
                                        {"on": "five/zmax", "traction": [1, 0, -1]}], **interfaces})
     same_as_one(config, 3)
 
@@ -401,6 +401,8 @@ def test_blocks_that_slide_on(element):
     {"interfaces": [{"law": "contact", "exclude": [["one", "nobody"]]}]}, {"interfaces": [{"law": "contact", "slave": "nobody"}]},
     {"interfaces": [{"law": "perfect"}, {"law": "contact", "between": ["one", "three"]}]},  # which meet in an edge
     {"subdomains": {"grid": [2, 2, 1]}}, {"parts": FIVE[:2]},  # fewer than ranks
+    {"parts": [boxed("a"), boxed("b", at=[5, 0, 0]), boxed("c") | {"move": {"translate": [10, 0, 0], "rotate": {"axis": "z", "degrees": 90}}}],
+     "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}, {"on": "*/x*", "symmetry": True}]},  # of a plane for each part
     {"parts": [*FIVE, boxed("six", at=[1.5, 0.001, 1])]}, {"parts": [*FIVE, boxed("falls", at=[9, 0, 1])]},
     {"parts": [*FIVE, boxed("inside", at=[0.25, 0.25, 0.25])]}, {"parts": [*FIVE, boxed("inside", [0.1, 0.1, 0.1], at=[0.45, 0.45, 0])]},
     {"parts": [*FIVE, boxed("beside", at=[2.1, 0, 0])], "interfaces": [{"law": "contact"}]},  # which asks for a joint there

@@ -190,6 +190,11 @@ class OnFaces:
         fixed = np.array([x is not None for x in several[0]])  # as at all steps: the configuration's rules see to that
         return fixed, values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
 
+    @property
+    def every(self) -> np.ndarray:
+        """(K, 3, 3) corners of all its faces."""
+        return self.nodes[self.triangles[:, :3]] if self.whole is None else self.whole
+
     def check_frame(self, values: np.ndarray) -> None:
         """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""
         if self.frame is not None and np.any(values[..., :2]):

@@ -33,8 +33,7 @@ class Liquid(Kind):
 
     @classmethod
     def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
-        own, up = where.nodes[where.triangles[:, :3]], np.array(unit(value.up))
-        depth, every = (value.level - corners @ up for corners in (own, own if where.whole is None else where.whole))
+        depth, every = (value.level - corners @ np.array(unit(value.up)) for corners in (where.nodes[where.triangles[:, :3]], where.every))
         if len(every) and not (every > 0).any():
             where.problems.add(where.path, f"faces that are all above the level, by {-every.max():.6g} at least",
                                "a level above some of the faces", "raise level, or turn up to look against gravity")

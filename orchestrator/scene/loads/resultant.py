@@ -42,8 +42,7 @@ class Spread(Kind):
         moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
         if not len(where.triangles):
             return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
-        own = where.nodes[where.triangles[:, :3]]
-        corners = own if where.whole is None else where.whole
+        own, corners = where.nodes[where.triangles[:, :3]], where.every
         area = areas(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
         centre = area @ corners.mean(axis=1) / area.sum()
         r = corners - centre
