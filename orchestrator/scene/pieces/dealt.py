@@ -25,32 +25,24 @@ OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surfa
 class Dealt:
     """A mesh of which each rank has a share at first. All ranks make it, and call what has a ``team``, together.
 
-    count : of its volumes; extent : of all of it
+    names : of its volumes; extent : of all of it
+    sizes : (volumes,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many
     body : name of the one volume that these are subdomains of
     """
 
     def __init__(self, share: Share, nodes: int, team: Team, body: str = ""):
-        self._share, self._volumes, self._body, points = share, share.mesh.volumes, body, share.mesh.nodes
-        self.count = len(self._volumes)
+        self._share, self.names, self._body, points = share, share.mesh.volumes, body, share.mesh.nodes
         ends = np.stack([-points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
         low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
         self.extent = Extent(nodes, np.stack([-low, high]))
-        self._sizes = self._measured(team)
-
-    def sizes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(subdomains,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many."""
-        return self._sizes
-
-    def name(self, index: int) -> str:
-        """Of a subdomain."""
-        return self._volumes[index]
+        self.sizes = self._measured(team)
 
     def _measured(self, team: Team) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As ``sizes``; nodes that are at one place, but for what a grid of ``PLACES`` does not tell apart, are one."""
         mesh, (low, high) = self._share.mesh, self.extent.box
         n = len(mesh.nodes)
         own = np.unique(mesh.volume[:, None] * np.int64(n) + mesh.cells)
-        nodes, = team.sum(np.bincount(own // n, minlength=self.count))
+        nodes, = team.sum(np.bincount(own // n, minlength=len(self.names)))
         faces = faces_of(mesh.cells, n)
         sides = mesh.volume[np.stack([faces.owner, np.where(faces.neighbour < 0, faces.owner, faces.neighbour)])]
         border = (faces.neighbour < 0) | (sides[0] != sides[1])
@@ -86,7 +78,7 @@ class Dealt:
         share, self._share = self._share, None
         surfaces = dict(share.mesh.surfaces)
         outer, mesh = surfaces.pop(OUTER), replace(share.mesh, surfaces=surfaces, within=self.extent.box)
-        return Piece.of(replace(share, mesh=self._named(mesh)), outer, mesh.volume, mine, self)
+        return Piece.of(replace(share, mesh=self._named(mesh)), outer, mesh.volume, mine, self.names)
 
     def _named(self, mesh: Mesh) -> Mesh:
         """With its true volumes."""

@@ -56,11 +56,11 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     source = source_of(config, team)
     if isinstance(source, str):
         return source
-    if source.count < team.size:
+    if len(source.names) < team.size:
         return "fewer subdomains than ranks"
     if config.output.figures and source.extent.nodes > MAX_NODES:
         return "pictures of so large a mesh"
-    nodes, pairs, common = source.sizes()
+    nodes, pairs, common = source.sizes
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return "more nodes of a rank than numbers allow"

@@ -56,11 +56,11 @@ class Piece:
     choice: Choice | None = None
 
     @classmethod
-    def of(cls, share: Share, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, source: Any) -> Piece:
+    def of(cls, share: Share, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, names: Sequence[str]) -> Piece:
         """Of all cells at the nodes of some subdomains.
 
         outer : (k, 3) int, outer faces of the whole mesh
-        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; source : has their ``name`` and ``count``
+        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; names : of all
         Raises InputError: one of them has no tets or is not connected; tets are inverted, ranks have read what does not agree
         """
         mesh, faces = checked(share.mesh)
@@ -73,8 +73,8 @@ class Piece:
         owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
         if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        cut = Partition(subdomain.ravel(), [source.name(e) for e in present], here=np.isin(present, mine))
-        return cls(mesh, faces, cut, present, share.number, share.cell_number, source.count)
+        cut = Partition(subdomain.ravel(), [names[e] for e in present], here=np.isin(present, mine))
+        return cls(mesh, faces, cut, present, share.number, share.cell_number, len(names))
 
     def of_element(self, element: str, matter: Sequence[Any], nodes: int, team: Team) -> tuple[Piece, int]:
         """The same, with a node in the middle of every edge of P2, or where ``auto`` chooses that, of a mesh of so many corners; and how
