@@ -31,6 +31,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from benchmarks.kit.commands import codes_seconds
+from benchmarks.kit.threads import among
 from orchestrator import build_scene
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
@@ -39,10 +40,11 @@ from orchestrator.superlu import dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import Part
 from orchestrator.parallel.placement import Placement, owners
-from orchestrator.parallel.team import ALONE
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.answers import InterfaceTable
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.interfaces.search import Laws
+from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.make import Local, source_of
 from orchestrator.scene.pieces.outline import Outline
 from orchestrator.scene.soles.make import make_soles
@@ -147,16 +149,12 @@ class Pieces(NamedTuple):
 def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> Pieces:
     """What scenes in pieces cost; parameters as of ``Costs.of``."""
     config, begin = cubes((4, 4, 4), elements), time.process_time()
-    Local.of(config, [source_of(config).piece(_eight(4)[1])], {})
-    piece, config = (time.process_time() - begin) / 8, cubes((OF_OTHERS,) * 3, 1)
-    source, ranks = source_of(config), (OF_OTHERS // 2) ** 3
-    rank_of = np.empty(OF_OTHERS**3, dtype=int)
-    for rank, mine in enumerate(_eight(OF_OTHERS)):
-        rank_of[mine] = rank
-    made = [Local.of(config, [source.piece(mine)], {}) for mine in _eight(OF_OTHERS)]
-    told, local, begin = [pickle.dumps(each.outline) for each in made], made[0], time.process_time()
-    nodes, pairs, common = source.sizes()
-    owners(predicted_cost(3 * nodes), pairs, 3 * common, ranks)
+    _made(config, _of_eight(4))
+    piece, config, rank_of = (time.process_time() - begin) / 4**3, cubes((OF_OTHERS,) * 3, 1), _of_eight(OF_OTHERS)
+    made = _made(config, rank_of)
+    told, (local, source), begin = [pickle.dumps(each.outline) for each, _ in made], made[0], time.process_time()
+    nodes, pairs, common = source.sizes
+    owners(predicted_cost(3 * nodes), pairs, 3 * common, len(made))
     whole = Outline.joined([pickle.loads(each) for each in told])
     part = whole.around(local.part, local.present, whole.overview(local.part, source.extent, rank_of), Laws(config.interfaces, whole.names, []))
     Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
@@ -168,10 +166,22 @@ def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int)
     return Pieces(piece, *(seconds / len(rank_of) for seconds in (done - begin, time.process_time() - done)), sum(map(len, told)) / len(rank_of))
 
 
-def _eight(side: int) -> list[np.ndarray]:
-    """Blocks (8,) of side³ cubes, ascending."""
-    number = np.arange(side**3).reshape((side,) * 3)
-    return [number[x : x + 2, y : y + 2, z : z + 2].ravel() for x in range(0, side, 2) for y in range(0, side, 2) for z in range(0, side, 2)]
+def _of_eight(side: int) -> np.ndarray:
+    """(side³,) int, the rank of each cube, where each rank has a block of eight."""
+    return np.ravel_multi_index(np.indices((side,) * 3).reshape(3, -1) // 2, (side // 2,) * 3)
+
+
+def _made(config: Config, rank_of: np.ndarray) -> list[tuple[Local, Dealt]]:
+    """What each rank makes of a scene that they make together, here as threads."""
+    def of_rank(team: Team) -> tuple[Local, Dealt]:
+        source = source_of(config, team)
+        source.deal(rank_of, config.interfaces, (), team)
+        return Local.of(config, [source.piece(np.flatnonzero(rank_of == team.rank))], {}), source
+
+    made = among(int(rank_of.max()) + 1, of_rank)
+    if failed := [one for one in made if isinstance(one, Exception)]:
+        raise failed[0]
+    return made
 
 
 def orchestrators(summary: Mapping[str, Any]) -> tuple[float, float]:
