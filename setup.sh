@@ -108,7 +108,7 @@ install() {
     fi
     VIRTUAL_ENV=$PWD/$environment "$uv" pip install "${cache[@]}" "${asked[@]}" 2>$environment/uv.log ||
         $environment/bin/python -m pip install --no-input --disable-pip-version-check "${asked[@]}"
-    rm -rf $environment/uv-cache
+    rm -rf $environment/uv-cache >/dev/null 2>&1 &    # seconds, of thousands of files that nobody waits for
 }
 
 if [[ -e $environment/stamp.new ]]; then

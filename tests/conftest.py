@@ -3,7 +3,9 @@
 import gc
 import os
 import sys
+from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 # Whatever the environment says, modules are compiled once: tests start some hundred processes.
@@ -46,10 +48,26 @@ def pytest_configure(config):
         in_process.IN_PROCESS.update(in_process.FREEFEM)
 
 
-def pytest_collection_finish():
+def pytest_sessionstart(session):
+    """Of several processes that run all tests each begins with other modules: in an empty clone it takes seconds to compile them, which
+    none then does of all."""
+    config = session.config
+    worker = getattr(config, "workerinput", None)
+    if worker is None or config.args != config.getini("testpaths"):
+        return
+    names = sorted(path.stem for path in Path(__file__).parent.glob("test_*.py"))
+    first = int(worker["workerid"].removeprefix("gw")) * len(names) // worker["workercount"]
+    for name in [*names[first:], *names[:first]]:
+        with suppress(Exception, pytest.skip.Exception):  # collection tells
+            import_module(name)
+
+
+def pytest_collection_finish(session):
     """What is imported by now stays: no collection of garbage looks through it again."""
     gc.collect()
     gc.freeze()
+    if session.config.getoption("loadgroup", False):  # else each process makes what one makes for all, and nothing tells
+        assert all("@" in item.nodeid for item in session.items if item.get_closest_marker("xdist_group")), "tests are not run in their groups"
 
 
 def pytest_collection_modifyitems(items):

@@ -38,7 +38,7 @@ from orchestrator.scene.mesh.geometry import area_vectors
 in_a_window = pytest.mark.xdist_group("window")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")  # a process that leaves the module in between would begin anew
 def draw():
     """From a view to its picture (rows, columns, 3)."""
     program = "from orchestrator.results.figures.figures import warm_up; warm_up()"

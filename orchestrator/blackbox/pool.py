@@ -159,7 +159,8 @@ class Pool(BlackBox):
 
     def _at_once(self, work: Callable[[Worker, Any], dict], tasks: Mapping[int, Any]) -> dict:
         begin, united = time.perf_counter(), {}
-        for done in as_completed([self._threads[number].submit(self.usage.timed, number, work, own) for number, own in tasks.items()]):
+        asked = [self._threads[number].submit(self.usage.timed, number, work, own) for number, own in tasks.items()]
+        for done in as_completed(asked) if len(asked) > 1 else asked:
             united |= done.result()
         self.usage.asked += time.perf_counter() - begin
         return united
