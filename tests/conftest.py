@@ -67,7 +67,8 @@ def pytest_collection_finish(session):
     gc.collect()
     gc.freeze()
     if session.config.getoption("loadgroup", False):  # else each process makes what one makes for all, and nothing tells
-        assert all("@" in item.nodeid for item in session.items if item.get_closest_marker("xdist_group")), "tests are not run in their groups"
+        kept = all("@" in item.nodeid for item in session.items if item.get_closest_marker("xdist_group"))
+        assert kept, "tests are not run in their groups: pytest and pytest-xdist do not go together; make setup-tests installs versions that do"
 
 
 def pytest_collection_modifyitems(items):
