@@ -21,7 +21,6 @@ LEFT = 0.5  # work at the end of a step over that at its start; a closer search 
 POINTS = 20  # of a line: regula falsi halves what is left in each but a few
 SHORT = 1e-2  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
 FINE, FOLLOWED = 1e-3, 4  # the same where it costs no factors, so that loose bodies stand where they stand; steps to get there
-PATIENCE, GAIN = 40, 0.9  # steps at most in which the least imbalance has to fall by a tenth
 
 
 class Newton:
@@ -30,18 +29,17 @@ class Newton:
     at : the load step
     farthest : fields (bodies, n) → how far any body moves in them at most
     clipped : step (bodies, n) → the same, no longer than allowed; None: any is
-    patience : steps in which the least imbalance has to fall, or it has stalled
     y, rho, size : (bodies, n) the fields, ρ and ‖ρ‖; start : ‖ρ‖ at the start
     change : (bodies, n) the last step; None before the first
     """
 
     def __init__(self, at: LoadStep, y: np.ndarray, farthest: Callable[[np.ndarray], float],
-                 clipped: Callable[[np.ndarray], np.ndarray] | None = None, patience: int = PATIENCE):
-        self.at, self.y, self.farthest, self.clipped, self.patience = at, y, farthest, clipped, patience
+                 clipped: Callable[[np.ndarray], np.ndarray] | None = None):
+        self.at, self.y, self.farthest, self.clipped = at, y, farthest, clipped
         self.rho = at.residual(y)
         self.start = self.size = np.linalg.norm(self.rho)
         self.change: np.ndarray | None = None
-        self._waited, self._mark, self._whole = 0, self.size, False
+        self._whole = False
 
     def solved(self, reduction: float, goal: float = 0.0) -> bool:
         """Whether ‖ρ‖ has come down to a share of the start's, or to a goal, and bodies that all have a place hardly move any more.
@@ -93,10 +91,7 @@ class Newton:
         self.y = self.y + self.change
         self.rho = line.end(length)
         self.size, self._whole = np.linalg.norm(self.rho), length == 1
-        self._waited += 1
-        if self.size <= GAIN * self._mark:
-            self._waited, self._mark = 0, self.size
-        return "stalled" if self._waited >= self.patience else ""
+        return ""
 
     def go_on_from(self, y: np.ndarray) -> None:
         """Stand at other fields (bodies, n)."""

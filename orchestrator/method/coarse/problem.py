@@ -30,7 +30,7 @@ import numpy as np
 from orchestrator.config.method import STABLEST
 from orchestrator.method.coarse.cluster import Cluster, clusters
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import Newton, PATIENCE, SHORT
+from orchestrator.method.coarse.newton import Newton, SHORT
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.parallel.team import Team
@@ -57,8 +57,8 @@ class CoarseProblem:
     stiffer : ``bodies`` with springs that are as much stiffer as ``STIFFER`` says, where springs begin anew
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
     newton_steps : Newton steps of all bodies taken so far
-    ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "steps" (as many
-        as are allowed), "no direction" (whatever the shift)
+    ends : how solves have ended so far → how many: "tolerance", or why not there: "steps" (as many as
+        are allowed), "no direction" (whatever the shift)
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
@@ -97,7 +97,7 @@ class CoarseProblem:
         F, stays, start, size, goal = F0, anchor, 0.0, 0.0, self.goal
         for bodies in (*self.stiffer, self.bodies):
             at = LoadStep(bodies, number, F0, resultant, before, stays)
-            run, end = self._newton(at, y, goal, most=MOST_LOOSE, patience=MOST_LOOSE) if start else self._newton(at, y, goal)
+            run, end = self._newton(at, y, goal, most=MOST_LOOSE if start else MOST_STEPS)
             if start and end != "tolerance":  # bodies are at rest with the springs before
                 break
             if not start:
@@ -126,10 +126,10 @@ class CoarseProblem:
         other.stiffer = other._with_stiffer(pairs) if self.stiffer else []
         return other
 
-    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, radius: np.ndarray | None = None, most: int = MOST_STEPS,
-                patience: int = PATIENCE) -> tuple[Newton, str]:
+    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, radius: np.ndarray | None = None,
+                most: int = MOST_STEPS) -> tuple[Newton, str]:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
-        run, end = Newton(at, y, self._farthest, None if radius is None else partial(self._clipped, radius), patience), ""
+        run, end = Newton(at, y, self._farthest, None if radius is None else partial(self._clipped, radius)), ""
         for number in range(most + 1):
             if run.solved(self.reduction, goal):
                 end = "tolerance"
