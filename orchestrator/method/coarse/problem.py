@@ -56,6 +56,7 @@ class CoarseProblem:
     rigid : how many fields, the first, a body moves in far more easily than in the others; none where that is not known
     stiffer : ``bodies`` with springs that are as much stiffer as ``STIFFER`` says, where springs begin anew
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
+    most : Newton steps that a solve may take, with weaker springs ``MOST_LOOSE``
     newton_steps : Newton steps of all bodies taken so far
     ends : how solves have ended so far → how many: "tolerance", or why not there: "steps" (as many as
         are allowed), "no direction" (whatever the shift)
@@ -68,7 +69,7 @@ class CoarseProblem:
         self.bodies = Bodies.of(team, self.own, fields, K0, rigid)
         self.stiffer = self._with_stiffer(fields.pairs) if anew else []
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
-        self.newton_steps, self.reduction, self.goal = 0, REDUCTION, 0.0
+        self.newton_steps, self.reduction, self.goal, self.most = 0, REDUCTION, 0.0, MOST_STEPS
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
 
@@ -83,7 +84,7 @@ class CoarseProblem:
         radius : (bodies,) longest move of each in one Newton step; None: any
         """
         at = LoadStep(self.bodies, number, F0, resultant, before)
-        run, end = self._newton(at, np.zeros((self.fields.count, self.fields.size)), self.goal, radius)
+        run, end = self._newton(at, np.zeros((self.fields.count, self.fields.size)), self.goal, self.most, radius)
         self._ended(step, end, run.size, run.start)
         return run.y, at.forces(run.y)
 
@@ -97,7 +98,7 @@ class CoarseProblem:
         F, stays, start, size, goal = F0, anchor, 0.0, 0.0, self.goal
         for bodies in (*self.stiffer, self.bodies):
             at = LoadStep(bodies, number, F0, resultant, before, stays)
-            run, end = self._newton(at, y, goal, most=MOST_LOOSE if start else MOST_STEPS)
+            run, end = self._newton(at, y, goal, MOST_LOOSE if start else self.most)
             if start and end != "tolerance":  # bodies are at rest with the springs before
                 break
             if not start:
@@ -126,8 +127,8 @@ class CoarseProblem:
         other.stiffer = other._with_stiffer(pairs) if self.stiffer else []
         return other
 
-    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, radius: np.ndarray | None = None,
-                most: int = MOST_STEPS) -> tuple[Newton, str]:
+    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, most: int,
+                radius: np.ndarray | None = None) -> tuple[Newton, str]:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
         run, end = Newton(at, y, self._farthest, None if radius is None else partial(self._clipped, radius)), ""
         for number in range(most + 1):
