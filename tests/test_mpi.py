@@ -98,8 +98,8 @@ def subdomains(case: str) -> int:
 @pytest.mark.parametrize("ranks", quick([2, 3, 4], 2))
 def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     several = [case for case in CASES if subdomains(case) >= 4]  # one for each rank
-    four = several[::2]
-    names = {2: [case for case in CASES if case not in four], 3: several[1:2], 4: four}[ranks]  # each by some number of ranks
+    three, four = several[1::4], several[::2]
+    names = {2: [case for case in CASES if case not in three + four], 3: three, 4: four}[ranks]  # each by some number of ranks
     meshes = {2: ["refined contact"], 3: ["refined bonds"], 4: []}[ranks]
     run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names, *[PLACED] * (ranks == 3), *[PAIRED] * (ranks == 2), *meshes)
     _, errors = run.communicate(timeout=SECONDS)
