@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from benchmarks.monolithic import Monolithic
+from boxes import boxed
 from contact_case import CASES, PATH, contact
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
@@ -12,6 +13,7 @@ from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.interface.pairing import lawful_nodes
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors import Case, monitors_of
+from orchestrator import config_from
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -172,3 +174,18 @@ def test_runs_end_below_the_error_that_was_asked_for():
         v = np.hstack([side.reshape(len(side), -1) for side in solution.sides])
         assert solution.converged and solution.error_bound <= asked
         assert exact.norms(v - exact.u).max() <= asked
+
+
+def test_a_body_that_is_hardly_loaded_is_in_balance_too():
+    """A feather on a table beside a press, whose load is a billionth: friction makes the error an estimate, for which bodies may be nearly
+    in balance, by what loads each of them."""
+    feather = 1e-6
+    config = config_from({
+        "name": "feather", "parts": [boxed("table", [3, 1, 0.5]), boxed("pressed", at=[0, 0, 0.5]), boxed("feather", at=[2, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "interfaces": [{"law": "contact", "friction": 0.3}], "method": {"tolerance": {"error": 1e-4}},
+        "boundary": [{"on": "table/zmin", "displacement": [0, 0, 0]}, {"on": "pressed/zmax", "traction": [100, 0, -1000]},
+                     {"on": "feather/zmax", "traction": [0.1 * feather, 0, -feather]}]})
+    found = solve(config).interfaces
+    carried = found.resultant[0, list(found.names).index("feather | table")]
+    assert np.abs(carried - np.multiply([-0.1, 0, 1], feather)).max() <= 1e-3 * feather

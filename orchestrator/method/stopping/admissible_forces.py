@@ -5,8 +5,9 @@ them. These move, as rigid bodies, until they are: with R the rigid motions that
 
     λ̂ = law(F + keq B R y)      where      Rᵀ(f_d − NᵀBᵀλ̂) = 0.
 
-This is the coarse contact problem of rigid bodies that are nothing but rigid, K₀ = 0, solved to rounding, with true laws: no
-springs of stabilisation. λ̂ is, without friction, the lawful and balanced force nearest to F in the norm of keq⁻¹, y the multiplier.
+This is the coarse contact problem of rigid bodies that are nothing but rigid, K₀ = 0, solved to rounding, or nearly so where E is an
+estimate, with true laws: no springs of stabilisation. λ̂ is, without friction, the lawful and balanced force nearest to F in the norm of
+keq⁻¹, y the multiplier.
 Where there is no such force something pushes bodies that the true laws do not hold.
 """
 
@@ -26,12 +27,12 @@ from orchestrator.method.interface.search_direction import SearchDirection
 
 RIGID = 6
 BALANCED = 1e-13  # of the resultants, what rounding leaves of a balance
-# The same where loose bodies rub, so that E is an estimate whatever they are in balance to: a thousand grains near the end of a run are there
-# in tens of steps; for the rest of the way, which moves grains that nothing presses, they take hundreds.
+# The same where laws are not convex, so that E of loose bodies is an estimate, and CARRIED of what loads any of them: a thousand grains near
+# the end of a run are there in 3 to 72 steps; the rest of the way moves grains that nothing presses, and takes hundreds.
 NEARLY = 1e-9
 TOLERATED = 100.0  # of that, what is left by another way of summing up
-CARRIED = 1e-3  # of the resultants of further loads, what may be left: less of them than rounding leaves would all seem carried
-MOST = 300  # steps, of which a thousand grains take some 200 near the end of a run: all bodies have to be in balance, loose ones too
+CARRIED = 1e-3  # of the resultants of loads, what may be left: less of them than rounding leaves would all seem carried
+MOST = 300  # steps: bodies that nothing presses have to be in balance too
 FAR = 1e6  # of the largest displacement, how far a body may be moved: no limit to speak of
 
 
@@ -96,12 +97,14 @@ class AdmissibleForces:
         resultant, further = of_all(team, self.bodies, own, np.stack([pushed - further, further], axis=1)).swapaxes(0, 1)
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
         rounding = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
-        self.problem.goal = goal = rounding if self.exact else NEARLY / BALANCED * rounding
+        loads = np.linalg.norm(resultant, axis=1)
+        least = CARRIED * loads[loads > TOLERATED * rounding].min(initial=np.inf)
+        self.problem.goal = goal = rounding if self.exact else max(rounding, min(NEARLY / BALANCED * rounding, least))
         y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
-        left, least = np.linalg.norm(resultant - carried, axis=1), np.linalg.norm(further, axis=1).max() if further.any() else np.inf
-        return Balanced(answer, there, y, left > min(max(goal, TOLERATED * rounding), CARRIED * least))
+        left, added = np.linalg.norm(resultant - carried, axis=1), np.linalg.norm(further, axis=1).max() if further.any() else np.inf
+        return Balanced(answer, there, y, left > min(max(goal, TOLERATED * rounding), CARRIED * added))
 
     def displacement(self, y: np.ndarray) -> np.ndarray:
         """(B,) R y."""
