@@ -127,8 +127,7 @@ class CoarseProblem:
         other.stiffer = other._with_stiffer(pairs) if self.stiffer else []
         return other
 
-    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, most: int,
-                radius: np.ndarray | None = None) -> tuple[Newton, str]:
+    def _newton(self, at: LoadStep, y: np.ndarray, goal: float, most: int, radius: np.ndarray | None = None) -> tuple[Newton, str]:
         """The iterates from fields y (bodies, n) on, to a goal of ‖ρ‖ if to nothing else, and how they ended."""
         run, end = Newton(at, y, self._farthest, None if radius is None else partial(self._clipped, radius)), ""
         for number in range(most + 1):

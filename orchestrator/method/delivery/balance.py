@@ -130,7 +130,6 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultant
     """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, and per load step the following; on
     rank 0, of all ranks' interfaces
 
-
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
     - shear, across the axis; bending and torsion, moments about the middle of the section where its plane cuts it
     - shortening, a length: how much the cut's sides have gone into each other along the axis

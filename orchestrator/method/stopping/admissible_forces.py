@@ -96,10 +96,11 @@ class AdmissibleForces:
         further = np.zeros_like(pushed) if more is None else np.array(more)
         resultant, further = of_all(team, self.bodies, own, np.stack([pushed - further, further], axis=1)).swapaxes(0, 1)
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
-        rounding = BALANCED * float(np.linalg.norm(team.sum(carried)[0]))
+        everything = float(np.linalg.norm(team.sum(carried)[0]))
+        rounding = BALANCED * everything
         loads = np.linalg.norm(resultant, axis=1)
         least = CARRIED * loads[loads > TOLERATED * rounding].min(initial=np.inf)
-        self.problem.goal = goal = rounding if self.exact else max(rounding, min(NEARLY / BALANCED * rounding, least))
+        self.problem.goal = goal = rounding if self.exact else max(rounding, min(NEARLY * everything, least))
         y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
