@@ -69,28 +69,33 @@ CASES = {
         "materials": [{"young": 200e3, "poisson": 0.3}], "histories": {"up": [1, 0.5]},
         "boundary": [{"on": "zmin", "foundation": {"normal": 1e5, "tangential": 3e4}}, {"on": "ymax", "traction": [[0, 30, 20], [10, 10, -20]]},
                      {"on": "ymin", "displacement": [0, None, None], "frame": {"axis": [0, 1, 1], "at": [1.5, 9, 1]}},
-                     {"on": {"box": [[3, 0, 1], [3, 1, 2]]}, "coupling": {"about": [4, 0.5, 1.5], "force": [5, 0, -10], "moment": [1, 2, 3]}, "history": "up"},
+                     {"on": {"box": [[3, 0, 1], [3, 1, 2]]}, "coupling": {"about": [4, 0.5, 1.5], "force": [5, 0, -10], "moment": [1, 2, 3]},
+                      "history": "up"},
                      {"on": {"box": [[0, 1, 1], [0, 2, 2]]}, "coupling": {"kind": "distributed", "displacement": [1e-3, None, 0]}}],
         "output": {"probes": [{"on": "zmin", "quantity": "resultant"}, {"on": "zmin"}, {"at": [1, 1, 0]}, {"section": {"plane": "z", "at": 0.5}}]},
     },
     # two bolts that are cut, tightened one after the other, and a joint with the law of one; in contact with what is between
     "bolted": {
         "parts": [boxed("low", [3, 1, 0.5], [6, 2, 1], [0, 0, 0]), boxed("one", [1, 1, 1], [2, 2, 4], [0, 0, 0.5]),
-                  boxed("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), boxed("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]), boxed("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]),
-                  boxed("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
-        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS, "histories": {"first": [1, 1], "then": [0, 1]},
-        "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]}, {"law": "perfect", "between": ["one*", "high"]},
+                  boxed("two", [1, 1, 1], [2, 2, 4], [2, 0, 0.5]), boxed("high", [3, 1, 0.5], [6, 2, 1], [0, 0, 1.5]),
+                  boxed("end", [1, 1, 0.5], [2, 2, 1], [3, 0, 1.5]), boxed("amid", [1, 1, 1], [2, 2, 2], [1, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "histories": {"first": [1, 1], "then": [0, 1]},
+        "interfaces": [{"law": "contact", "friction": 0.3}, {"law": "perfect", "between": ["one*", "low"]},
+                       {"law": "perfect", "between": ["one*", "high"]},
                        {"law": "perfect", "between": ["two*", "low"]}, {"law": "perfect", "between": ["two*", "high"]},
                        {"law": "pretension", "between": ["high", "end"], "force": 30, "history": "then"}],
         "bolts": [{"on": "two", "cut": {"plane": "z", "at": 1}, "force": 50, "history": "first"},
                   {"on": "one", "cut": {"plane": [0, 0.1, 1], "at": [0.5, 0.5, 1.02]}, "force": 80, "history": "then"}],
-        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "displacement": [None, None, 0]}, {"on": "end/xmax", "displacement": [0, 0, 0]}],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "high/zmax", "displacement": [None, None, 0]},
+                     {"on": "end/xmax", "displacement": [0, 0, 0]}],
         "method": {"tolerance": {"law": 1e-6}},
     },
     # files of gmsh's, which ranks read together: ten-node tets, two kinds of matter
     "partitions": {
         "mesh": {"file": str(Path(__file__).parent / "meshes/bar_*.msh"), "scale": 2.0}, "subdomains": "groups",
-        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0}, {"young": 300e3, "poisson": 0.47, "density": 1.0, "expansion": 2e-5, "on": "bar_2"}],
+        "materials": [{"young": 200e3, "poisson": 0.3, "density": 2.0},
+                      {"young": 300e3, "poisson": 0.47, "density": 1.0, "expansion": 2e-5, "on": "bar_2"}],
         "boundary": [{"on": "wall", "displacement": [0, 0, 0]}, {"on": "end", "traction": [[10, 0, 5], [0, 10, 1]]},
                      {"on": "end", "resultant": {"force": [0, 10, 1]}},
                      {"on": {"plane": "x", "at": 8}, "displacement": [None, 0, None]}],
@@ -244,8 +249,9 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     if team.size > 1 and name in MADE_BY_ALL or name == "perfect":
         left = None if team.size == 1 or name in MADE_BY_ALL else "a mesh that one process cuts, or reads"
         assert (summary["scene_in_pieces"], summary["scene_left_to_one"]) == (name in MADE_BY_ALL, left)
-    result = {"displacement": solved.displacement, "estimate": [summary["discretisation_error"]], "reactions": summary["reactions"], "energy": summary["energy"],
-              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"], "factor": summary["error_factor"] or 0.0,
+    result = {"displacement": solved.displacement, "estimate": [summary["discretisation_error"]], "reactions": summary["reactions"],
+              "energy": summary["energy"], "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"],
+              "factor": summary["error_factor"] or 0.0,
               "weakened": (summary["stabilised"] or {"weakened": []})["weakened"]}
     if summary["limit_load"]:
         result["limit"] = [[limit["lacking"], *limit["motions"][0]["shift"]] for limit in summary["limit_load"]]
@@ -274,8 +280,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
                    "told": json.dumps([met.counts, met.detached, met.weakly_held, met.within.tolist(), met.common.tolist(), met.unresolved, [
                        (face.name, face.pieces, face.carries["slipping"].tolist()) for face in met.faces]])}
     if solved.interfaces is not None:
-        result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
-                   "resultant": solved.interfaces.resultant}
+        result |= {"sides": np.concatenate(solved.sides, axis=1), "joined": solved.fields.joined, "status": solved.interfaces.status,
+                   "pressure": solved.interfaces.pressure, "resultant": solved.interfaces.resultant}
         if solved.interfaces.shift_normal is not None:
             result |= {"shifts": np.stack([solved.interfaces.shift_normal, solved.interfaces.shift_tangential]),
                        "largest shifts": [summary["backward"][name] for name in ("normal", "tangential")]}

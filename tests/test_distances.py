@@ -20,7 +20,8 @@ def boxes(z: float, down: float, *, low=(3, 3, 2), up=(4, 4, 2), entry=AUTO, siz
     """A cube at a height z above the ground, on another one of height 1, moved by ``down`` at its top; E = 1000, ν = 0."""
     return {"name": "boxes", "parts": [boxed("low", [size] * 3, low), boxed("up", [size] * 3, up, [0, 0, z * size])],
             "subdomains": "groups", "interfaces": [entry], "materials": [{"young": 1000, "poisson": 0}], "blackbox": IN_PROCESS,
-            "method": {"tolerance": {"error": 1e-9}}, "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", "displacement": [0, 0, -down * size]}], **changes}
+            "method": {"tolerance": {"error": 1e-9}},
+            "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", "displacement": [0, 0, -down * size]}], **changes}
 
 
 @pytest.mark.parametrize("z, down, changes, force", [

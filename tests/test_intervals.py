@@ -58,7 +58,8 @@ def judged(solved, scene):
 @pytest.mark.parametrize("top", [{"displacement": [0.01, 0, -0.01]}, {"pressure": 100.0}])
 def test_where_a_body_is_that_slides_freely_is_not_known(top):
     """However little asks for it: across, and not where it is pressed."""
-    parts = [boxed("low", [1, 1, 0.3], [2, 2, 1]), boxed("amid", [1, 1, 0.3], [3, 3, 1], [0, 0, 0.3]), boxed("up", [1, 1, 0.3], [2, 2, 1], [0, 0, 0.6])]
+    parts = [boxed("low", [1, 1, 0.3], [2, 2, 1]), boxed("amid", [1, 1, 0.3], [3, 3, 1], [0, 0, 0.3]),
+             boxed("up", [1, 1, 0.3], [2, 2, 1], [0, 0, 0.6])]
     solved = solve(config_from({
         "name": "plates", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "interfaces": [{"law": "contact"}], "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", **top}],

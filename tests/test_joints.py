@@ -12,7 +12,8 @@ LESS = 1e-3  # what the light joint's top is moved by, over the heavy one's
 def piles(tolerance, which=("heavy", "light")):
     """Two piles of two blocks apart from each other: one pressed hard without friction, one pressed and sheared a thousandth of it with friction."""
     place, path = {"heavy": 0.0, "light": 10.0}, {"heavy": [0.0, 0.0, -0.005], "light": [0.004 * LESS, 0.002 * LESS, -0.005 * LESS]}
-    parts = [boxed(f"{pile} {side}", [1, 1, 0.5], [4, 4, 2], [0, 0, place[pile] + 0.5 * (side == "top")]) for pile in which for side in ("base", "top")]
+    parts = [boxed(f"{pile} {side}", [1, 1, 0.5], [4, 4, 2], [0, 0, place[pile] + 0.5 * (side == "top")])
+             for pile in which for side in ("base", "top")]
     return config_from({
         "name": "piles", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "z", "at": place[pile] + height}, "displacement": moved}

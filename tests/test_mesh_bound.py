@@ -133,7 +133,8 @@ def test_nothing_where_the_mesh_holds_the_solution():
 
 
 @pytest.mark.parametrize("more, told", [
-    ({"interfaces": [{"law": "contact", "friction": 0.1}]}, "has friction"), ({"interfaces": [{"law": "contact"}], "blackbox": {**IN_PROCESS, "element": "P2"}}, "ten-node tets where bodies touch"),
+    ({"interfaces": [{"law": "contact", "friction": 0.1}]}, "has friction"),
+    ({"interfaces": [{"law": "contact"}], "blackbox": {**IN_PROCESS, "element": "P2"}}, "ten-node tets where bodies touch"),
     ({"boundary": [HELD, {"on": "xmin", "hydrostatic": {"level": 1.3, "weight": 1}}]}, "a level runs through"),
     ({"materials": [STEEL[0] | {"density": 1}], "loads": [{"spin": {"rate": 10, "axis": "z"}}]}, "vary within")])
 def test_refused(more, told):

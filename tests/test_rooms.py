@@ -71,3 +71,9 @@ def test_the_model_knows_no_room_but_its_own():
             "print(sorted({'.'.join(m.split('.')[:2]) for m in sys.modules if m.startswith(('numpy', 'orchestrator.'))}))")
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent)
     assert found.stdout.strip() == str(["orchestrator.config", "orchestrator.errors", "orchestrator.registry"])
+
+
+def test_lines_fit_a_screen():
+    long = [f"{path}:{number}" for path in sorted(PACKAGE.parent.glob("[a-z]*/**/*.py"))
+            for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1) if len(line) > 150]
+    assert not long

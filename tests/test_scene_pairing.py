@@ -259,7 +259,8 @@ def test_points_in_a_part():
 def test_a_corner_that_parts_share_is_inside_neither():
     """Of a piece of a mesh, where what else they share is elsewhere; one that is well within a part of which all is there still is."""
     two, faces = np.vstack([np.zeros(3), np.eye(3) - 0.1]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    for corner, skins, inside in ((0.0, (None, None), True), (0.0, (faces, faces), False), (0.2, (faces[:0], faces), True), (0.2, (faces[:0], faces[:0]), False)):
+    for corner, skins, inside in ((0.0, (None, None), True), (0.0, (faces, faces), False), (0.2, (faces[:0], faces), True),
+                                  (0.2, (faces[:0], faces[:0]), False)):
         solids = [Solid(points, np.arange(4)[None], outer, skin) for points, outer, skin in zip((corner - two, two), (faces[:1], faces[3:]), skins)]
         assert (overlap(*solids) is not None) == inside
 

@@ -31,7 +31,8 @@ from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.pieces.make import make
 
-# nobody asks for numbers of nodes and cells of faces to slide on once operators are made; whether any face is bent is told of own ones; of neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
+# nobody asks for numbers of nodes and cells of faces to slide on once operators are made; whether any face is bent is told of own ones; of
+# neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
 ELSEWHERE = (".loads", ".bent", ".rank_of", *(f".surfaces.{name}[{side}]" for name in ("nodes", "cells") for side in (0, 1)))
 
 
@@ -96,7 +97,8 @@ def write_groups(folder):
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
 @pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
-                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds", "contact", "tools"])
+                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds",
+                                  "contact", "tools"])
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
@@ -233,7 +235,8 @@ def test_the_element_is_chosen_by_all_of_the_mesh(largest, told, monkeypatch):
                                           ({"plane": "x", "at": 0.5}, [8, 1, 1])])  # at its end; what has corners alone is taken for round
 def test_a_bolt_in_slices(plane, cells, ranks):
     """Of which one is cut, if any."""
-    config = config_from({"name": "bolt", **BLOCK, "mesh": {"box": {"size": [4, 1, 1], "cells": cells}}, "bolts": [{"on": "*", "cut": plane, "force": 1.0}],
+    config = config_from({"name": "bolt", **BLOCK, "mesh": {"box": {"size": [4, 1, 1], "cells": cells}},
+                          "bolts": [{"on": "*", "cut": plane, "force": 1.0}],
                           "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "displacement": [0, 0, 0]}]})
     whole = build_scene(config)
     assert len(whole.bolts) == 1
@@ -329,8 +332,8 @@ def test_arms_that_are_near_each_other(tmp_path, far, told):
         gmsh.model.mesh.partition(4)
         gmsh.write(str(tmp_path / "fork.msh"))
     config = config_from({"name": "fork", "mesh": {"file": str(tmp_path / "fork.msh")}, "subdomains": "groups",
-                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], "history": "two"}],
-                          "histories": {"two": [1, 1]}})
+                          "materials": [{"young": 200e3, "poisson": 0.3}],
+                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], "history": "two"}], "histories": {"two": [1, 1]}})
     whole = build_scene(config)
     assert whole.near
     same_as_one(config, 4)
@@ -351,7 +354,8 @@ FIVE = [boxed("one", at=[0, 0, 0]), boxed("two", at=[1, 0, 0]), boxed("three", a
 
 
 @pytest.mark.parametrize("interfaces", [{}, {"interfaces": [{"law": "perfect"}]}, {"interfaces": [
-    {"law": "contact", "gap": -0.001}, {"law": "pretension", "between": ["one", "two"], "force": 3.0}, {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]},
+    {"law": "contact", "gap": -0.001}, {"law": "pretension", "between": ["one", "two"], "force": 3.0},
+    {"law": "perfect", "between": ["one", "four"]}, {"law": "elastic", "between": ["five", "one"], "stiffness_n": 1e5, "stiffness_t": 1e4}]},
     {"interfaces": [{"law": "contact", "between": "auto", "exclude": [["one", "four"]]}, {"law": "perfect", "between": ["two", "three"]}]},
     ])
 def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
@@ -372,7 +376,8 @@ def test_bodies_that_nothing_joins(parts):
 
 def test_parts_that_are_near_each_other():
     """One that nothing joins is told of, one whose nodes miss, and loads on faces that others cover; not two that something joins elsewhere."""
-    parts = [*FIVE, boxed("beside", at=[2.1, 0, 0]), boxed("six", [1, 0.5, 1], (2, 1, 2), at=[0.5, 1.5, 1]), boxed("post", [1, 0.5, 1], at=[-1, 1, 0])]
+    parts = [*FIVE, boxed("beside", at=[2.1, 0, 0]), boxed("six", [1, 0.5, 1], (2, 1, 2), at=[0.5, 1.5, 1]),
+             boxed("post", [1, 0.5, 1], at=[-1, 1, 0])]
     config = config_from({"name": "near", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0},
                                        {"on": {"plane": "z", "at": 1}, "traction": [0, 0, -1]}]})
@@ -402,7 +407,8 @@ def test_blocks_that_slide_on(element):
                           "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow", "slave": "block*"}],
                           "blackbox": {"element": element},
                           "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
-                                       *({"on": f"{block['name']}/zmax", "displacement": [[0.3, 0, -0.005], [0.6, 0.1, -0.005]]} for block in sliding)]})
+                                       *({"on": f"{block['name']}/zmax", "displacement": [[0.3, 0, -0.005], [0.6, 0.1, -0.005]]}
+                                         for block in sliding)]})
     same_as_one(config, 2)
     same_as_one(config, 4)
 
@@ -471,7 +477,8 @@ def test_bolts_of_solids(solids, auto):
     config = config_from({"name": "bolts", "mesh": solids, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
                           "interfaces": [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["solid_2.1", "solid_1"]}],
                           "bolts": bolts[not auto:] + bolts[:not auto], "histories": {"late": [0, 1]},
-                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
+                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                                       {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
     assert len(build_scene(config).subdomains) == 6
     for ranks in (2, 4) if auto else (3,):
         same_as_one(config, ranks)

@@ -107,7 +107,9 @@ def test_corners_without_a_point_are_told_what_is_beside_them():
     """A slave that reaches beyond its master: the function of a corner has no share of six-node faces, and is no weight."""
     base, lid = ({"box": {"size": size, "cells": cells}} for size, cells in (([2, 1, 0.5], [5, 3, 1]), ([1, 1, 0.5], [3, 4, 1])))
     solved = solve(config_from({
-        "name": "beyond", "parts": [{"name": "base", "mesh": base}, {"name": "lid", "mesh": lid, "move": {"rotate": {"axis": "z", "degrees": 7}, "translate": [0.41, 0, 0.5]}}],
+        "name": "beyond", "parts": [
+            {"name": "base", "mesh": base},
+            {"name": "lid", "mesh": lid, "move": {"rotate": {"axis": "z", "degrees": 7}, "translate": [0.41, 0, 0.5]}}],
         "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}], "blackbox": SIX,
         "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3, "slave": "base"}],
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "lid/zmax", "displacement": [1e-4, 0, -1e-3]}],

@@ -49,8 +49,8 @@ def test_bodies_are_loose_that_supports_and_joints_leave_a_motion():
 
 @pytest.mark.parametrize("coarse, share", [("auto", ANEW), ("none", SHARE * 1e-4)])
 def test_auto_has_springs_where_a_body_is_loose(coarse, share):
-    made = contact(0.2, method={"tolerance": {"error": 1e-4}, "coarse": coarse}, mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 8]}}, subdomains={"grid": [1, 1, 4]},
-                   law=[{"law": "contact"}, {"between": ["block 0-0-0", "block 0-0-1"], "law": "perfect"}])
+    made = contact(0.2, method={"tolerance": {"error": 1e-4}, "coarse": coarse}, mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 8]}},
+                   subdomains={"grid": [1, 1, 4]}, law=[{"law": "contact"}, {"between": ["block 0-0-0", "block 0-0-1"], "law": "perfect"}])
     scene = build_scene(made)
     epsilon = {i.subdomains: e for i, e in zip(scene.interfaces, stabilisation(scene, made.method))}
     assert epsilon == {(0, 1): 0.0, (1, 2): share, (2, 3): share}

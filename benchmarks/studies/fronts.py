@@ -56,7 +56,8 @@ def main(bodies: int, mumps: bool, affine: bool) -> None:
         made = Assembly(team, ends, counts, bodies, size, np.arange(len(ends)), rigid)
         values = made.values(slopes[mine], own)
         factors = made.pattern.factors(values, 0.0)
-        told |= {f"{name}: factorise": taken(team, lambda: made.pattern.factors(values, 0.0)), f"{name}: solve": taken(team, lambda: factors.solve(right))}
+        told |= {f"{name}: factorise": taken(team, lambda: made.pattern.factors(values, 0.0)),
+                 f"{name}: solve": taken(team, lambda: factors.solve(right))}
     if mumps:
         whole = made.pattern.matrix(made.pattern.values(slopes, own), 0.0)
         factorise, solve = by_mumps(team, whole.tocsr(), right.ravel(), size)

@@ -60,7 +60,8 @@ def _bounded(study: Study, name: str, element: str, size: float, reference: Solu
     solved = cpu_seconds()
     bound = MeshBounds(solution.scene)(solution.sides).relative
     seconds, true = cpu_seconds() - solved, math.hypot(apart(solution, reference), estimate)
-    row = {"case": name, "element": element, "size": size, "elements": len(solution.scene.mesh.cells), "bound": bound, "true_error": true, "ratio": bound / true,
-           "estimated": solution.summary["discretisation_error"], "seconds": round(seconds, 2), "solved_in": round(solved - begin, 2)}
+    row = {"case": name, "element": element, "size": size, "elements": len(solution.scene.mesh.cells), "bound": bound,
+           "true_error": true, "ratio": bound / true, "estimated": solution.summary["discretisation_error"],
+           "seconds": round(seconds, 2), "solved_in": round(solved - begin, 2)}
     study.note(row, f"{name}, {element}, {row['elements']:,} elements: guaranteed {bound:.2%}, true {true:.2%}, {seconds:.1f} s")
     return row

@@ -42,7 +42,8 @@ OFF, ALONE = 0.2, 0.5  # how far the model may be off; others' load, up to which
 CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others", "cpu", "waiting", "messages", "sums", "MB")
-SHOWN = [("set_up", "scene, of each rank's own"), ("set_up", "outline of the scene, on every rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
+SHOWN = [("set_up", "scene, of each rank's own"), ("set_up", "outline of the scene, on every rank"),
+         ("set_up", "factorise"), ("set_up", "macro problem: borders"),
          ("set_up", "repositioning"), ("iterations", "orchestrator"), ("iterations", "reductions"),
          ("iterations", "solve"), ("iterations", "macro problem: borders")]
 

@@ -29,7 +29,8 @@ class Sole(Part):
     kind: Literal["auto", "layer", "symmetric", "overlap", "springs"] = Field("auto", description=(
         "symmetric: half the layer on each side of the interface, so both neighbours get the same "
         "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: a copy of the first row "
-        "of elements of both sides, most of it the neighbour's, for mixed moduli, ν above 0.49 and slender parts. auto: overlap there, else symmetric"))
+        "of elements of both sides, most of it the neighbour's, for mixed moduli, ν above 0.49 and slender parts. "
+        "auto: overlap there, else symmetric"))
     modulus_ratio: Positive = Field(0.5, description=(
         "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum (0.35-0.8)"))
     contact: Literal["layer", "symmetric", "springs"] = Field("springs", description=(

@@ -256,7 +256,8 @@ def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, pro
     before, joints.interfaces = joints.interfaces, leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed,
                                                               config.interfaces, problems)
     if joints.near and body.mesh.within is not None and len(joints.interfaces) < len(before):
-        problems.add(("interfaces",), "sides that are held altogether, beside parts that are near each other", "all of the mesh, to tell what joins them")
+        problems.add(("interfaces",), "sides that are held altogether, beside parts that are near each other",
+                     "all of the mesh, to tell what joins them")
     joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
     within_free([i for _, i in joints.grounds], held, problems)
 

@@ -91,7 +91,8 @@ def unloaded(scene: Scene) -> Iterator[str]:
     yield from Acting.of(scene, scene.subdomains).sentences(scene.boundary)
 
 
-def beside_others(near: Mapping[tuple[int, int], Beside], boundary: Sequence[BoundaryEntry], volumes: Sequence[str], covered: np.ndarray) -> Iterator[str]:
+def beside_others(near: Mapping[tuple[int, int], Beside], boundary: Sequence[BoundaryEntry], volumes: Sequence[str],
+                  covered: np.ndarray) -> Iterator[str]:
     """Parts that are near others and may pass through them; tractions and pressures on faces that lie on another part.
 
     near, covered : as of a ``Scene``

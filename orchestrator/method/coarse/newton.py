@@ -72,8 +72,8 @@ class Newton:
             self.y, self.rho, self.size, self.change = y, rho, size, change
         self._whole = False
 
-    def step(self) -> str:
-        """Take a step; why there is no other, or nothing."""
+    def step(self) -> bool:
+        """Take a step; whether there was a direction for one."""
         matrix, shift = self.at.matrix(), LEAST
         while True:
             self._factors = self.at.factors(matrix, shift)
@@ -84,14 +84,14 @@ class Newton:
                 break
             shift *= SLOWER
             if not shift <= MOST:
-                return "no direction"
+                return False
         line = Line(self.at, dy)
         length = search(line, work)
         self.change = length * dy
         self.y = self.y + self.change
         self.rho = line.end(length)
         self.size, self._whole = np.linalg.norm(self.rho), length == 1
-        return ""
+        return True
 
     def go_on_from(self, y: np.ndarray) -> None:
         """Stand at other fields (bodies, n)."""

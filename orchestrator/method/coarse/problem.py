@@ -138,7 +138,7 @@ class CoarseProblem:
             if number and at.bodies.springs is not None:  # every body has a place
                 self._settle(run, goal)
             self.newton_steps += 1
-            end = run.step()
+            end = "" if run.step() else "no direction"
         return run, end or "steps"
 
     def _settle(self, run: Newton, goal: float) -> None:
@@ -149,7 +149,7 @@ class CoarseProblem:
         for members in found:
             own = Newton(Cluster(run.at, run.rho, run.y, members), run.y, self._farthest)
             for _ in range(MOST_STEPS):
-                if own.step() or own.solved(self.reduction, goal):
+                if not own.step() or own.solved(self.reduction, goal):
                     break
             y[members] = own.y[members]
         if found:

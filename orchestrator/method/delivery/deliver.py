@@ -122,8 +122,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
-                     reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [], carried=through, intervals=known, moved=moved, tools=tools,
-                     passed=None if gathered else passing(d.scene, ours, d.space.team))
+                     reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [],
+                     carried=through, intervals=known, moved=moved, tools=tools, passed=None if gathered else passing(d.scene, ours, d.space.team))
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -3,8 +3,8 @@
 That no forces of the laws balance the loads is shown by a rigid motion (``stopping.limit_load``), and by nothing else. It is looked for
 where it may be the reason of what is seen: a body is far away, springs of stabilisation alone keep a run from its end, the iterations
 end, go on for long, or change nothing but by rounding beside how far a body has gone; or laws hold to the tolerance though they do not
-balance a body to it by its own measure, as where a light one slides off beside a press fit. It depends on the loads, not on the iterations, but for two things that change
-what is asked for again: sides that are paired anew, and damage.
+balance a body to it by its own measure, as where a light one slides off beside a press fit. It depends on the loads, not on the iterations, but
+for two things that change what is asked for again: sides that are paired anew, and damage.
 
 Where forces of some pressures would do, springs may still carry what friction at the pressures that are there does not: a shaft that
 is pulled out of a ring presses no more for being pulled. All else has settled then, and the motion is looked for with that friction.

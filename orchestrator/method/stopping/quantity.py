@@ -3,9 +3,9 @@
     Q(u_exact) − Q(u_h) = a(u_exact − u_h, z_exact − z_h),      so that about      |Q(u_exact) − Q(u_h)| ≤ Σ_K |a_K(e, e')|
 
 with the errors e and e' in a tet whose energies η_K² ``discretisation`` or ``element_problems`` estimates. They are linear in stresses, so
-that 4 a_K(e, e') = η_K²(u_h + z_h) − η_K²(u_h − z_h), leaps between sides that do not match as well. No tet's error is set off against another's. For a force χ·(K_C u) it is z − χ within
-the tets C that counts, see ``influence``: it jumps where they end, and is as smooth elsewhere as the solution. The iterations leave at
-most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
+that 4 a_K(e, e') = η_K²(u_h + z_h) − η_K²(u_h − z_h), leaps between sides that do not match as well. No tet's error is set off against
+another's. For a force χ·(K_C u) it is z − χ within the tets C that counts, see ``influence``: it jumps where they end, and is as smooth
+elsewhere as the solution. The iterations leave at most ‖u − u_h‖ ‖z_h‖, or ‖z_h − χ‖, where all is bonded.
 
 R. Becker, R. Rannacher, An optimal control approach to a posteriori error estimation in finite element methods, Acta Numerica 10, 2001,
 1–102; S. Prudhomme, J. T. Oden, On goal-oriented error estimation for elliptic problems: application to the control of pointwise errors,

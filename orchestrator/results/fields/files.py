@@ -198,7 +198,8 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
               for name, number in (names or {}).items()]
     of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()] for each in sets)
     rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
-            "  <UnstructuredGrid>", *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []), f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
+            "  <UnstructuredGrid>", *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []),
+            f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
             "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells, "      </Cells>",
             "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells, "      </CellData>",
             "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]

@@ -37,7 +37,8 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     if fields is not None and fields.steps and len(fields.cells):
         look, title = look or look_of(summary), str(summary.get("name") or "")
         sheets = {"deformed": deformed(fields, look), "interfaces": interfaces(fields, look),
-                  "jumps": interfaces(fields, look, imposed=True), "codes": codes(fields, summary), "mesh": first_and_last(folder.path, fields, summary)}
+                  "jumps": interfaces(fields, look, imposed=True), "codes": codes(fields, summary),
+                  "mesh": first_and_last(folder.path, fields, summary)}
         made |= {name: sheet and compose(sheet, title) for name, sheet in sheets.items()}
     return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in made.items() if figure is not None]
 

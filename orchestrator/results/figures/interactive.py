@@ -26,7 +26,8 @@ MOST = 600_000  # triangles: more than browsers turn smoothly
 
 
 def result_page(fields: Fields, title: str, look: Look) -> bytes:
-    """The deformed structure at the load step of its largest displacement, or the last of those asked for, a surface for each part, by von Mises stress.
+    """The deformed structure at the load step of its largest displacement, or the last of those asked for, a surface for each part, by von Mises
+    stress.
 
     Raises InputError: Plotly is not installed, the surface is too large for a browser, or there is none
     """

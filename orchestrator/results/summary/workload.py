@@ -32,8 +32,8 @@ class Workload:
     usage, watch : what is observed: the black box's workers, and the stages
     team : the ranks; what this one waits for others is part of its stages
 
-    A rank is idle while it waits for others: its codes have nothing to do either. Peak memory is that of the rank's own process since it was started, at the end of the period; its CPU seconds are those of
-    all its threads, the codes' not among them.
+    A rank is idle while it waits for others: its codes have nothing to do either. Peak memory is that of the rank's own process since it was
+    started, at the end of the period; its CPU seconds are those of all its threads, the codes' not among them.
     """
 
     def __init__(self, usage: Usage, watch: Stopwatch, team: Team = ALONE):

@@ -48,9 +48,10 @@ def paired_gap(search: Search, interface: Interface, key: tuple[int, str], fille
 def _refuse(search: Search, interface: Interface, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
     """Adds the problem of sides that are in each other at points (n, 3) by depths (n,), 0 where they are not."""
     worst = int(depth.argmax())
-    search.problems_of(interface.subdomains).add(("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
-                        f"by up to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
-                        "move the parts, or ask for a press fit by a number: gap: -0.01")
+    search.problems_of(interface.subdomains).add(
+        ("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
+        f"by up to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
+        "move the parts, or ask for a press fit by a number: gap: -0.01")
 
 
 def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
@@ -76,7 +77,8 @@ def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> n
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
-        search.problems_of(interface.subdomains).warnings.append(f"{interface.name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
+        search.problems_of(interface.subdomains).warnings.append(
+            f"{interface.name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
             f"clearance below {unsure.max():.2g} and an overlap below {around.max():.2g} may be the mesh's alone: such sides count as "
             "touching. Where it matters, give the clearance or the press fit as a number, gap: 0.01, or mesh finer")
     return np.where(touching, 0.0, gap)

@@ -28,13 +28,15 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
     names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
     sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
-    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a rigid tool or a ground; and its place among those of its pair
+    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a rigid tool or a ground; and its place among those of
+        its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
     laws : of tools, grounds and bolts, at every load step; None of others, which ``entry`` tells of
     bolts : what is known of a bolt there but for its interface; None where there is none
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
-    supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions; told : sentences
+    supports, kept : theirs, and with what grounds keep them from; used : (materials,) bool; ratio : of volumes, as ``ratios`` of cautions
+    told : sentences
     acting : what acts on them; near, covered : as of a scene
     """
 
@@ -186,8 +188,8 @@ class Outline:
 def _order(scene: Scene) -> np.ndarray:
     """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
     made = scene.interfaces
-    kind = np.array([BEHIND if i.law.on_ground or i.tool else 2 if not len(i.triangles) else int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))))
-                     for i in made], dtype=int)
+    kind = np.array([BEHIND if i.law.on_ground or i.tool else 2 if not len(i.triangles) else
+                     int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1)))) for i in made], dtype=int)
     pairs = np.sort(ends_of(made), axis=1)
     changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)
     begins = np.flatnonzero(np.concatenate([[True], changes])) if made else _NONE
