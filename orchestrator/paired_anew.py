@@ -19,7 +19,8 @@ from orchestrator.method.events import Subscriber
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.resolution import FIFTH
 from orchestrator.scene.interfaces.opposite import TOUCHING
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 
 def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene],

@@ -23,7 +23,8 @@ from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli
 from orchestrator.results.probes import Reader
 from orchestrator.scene.conditions.probes import Line, Point, Section, Surface
-from orchestrator.scene.model import Interface, Scene, Subdomain
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass

@@ -29,10 +29,13 @@ from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
-from orchestrator.scene.model import Beside, BoundaryEntry, Interface, PlacedBolt, Scene, Subdomain
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry, PlacedBolt, Scene, Subdomain
+from orchestrator.scene.overview import Beside
 from orchestrator.scene.names import look_alike
 from orchestrator.scene.bolts import BoltCut, cut_bolts
 from orchestrator.scene.partition import Partition, make_partition
+
 
 @dataclass
 class Cut:

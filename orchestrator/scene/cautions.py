@@ -11,7 +11,9 @@ from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Beside, BoundaryEntry, Interface, Scene, Subdomain
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
+from orchestrator.scene.overview import Beside
 from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.errors import some
 

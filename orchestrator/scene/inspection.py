@@ -20,7 +20,8 @@ from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 SHARED, COINCIDENT, APART, ROOM = "shared", "matching", "not matching", "with room"
 UNKNOWN = Shape("curved")

@@ -20,7 +20,9 @@ from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.supports import supports_of
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
+from orchestrator.scene.overview import Overview
 from orchestrator.scene.soles.overlap import difficulty, first_row
 
 

@@ -100,7 +100,8 @@ class Elimination:
         stale : (k,) bool, blocks that are others than in these, which were the last ones; default: all
         Raises ZeroDivisionError: a pivot vanishes
         """
-        from orchestrator.method.coarse.fronts import PRODUCT, eliminate
+        from orchestrator.method.coarse.fronts import eliminate
+        from orchestrator.method.coarse.gemm import PRODUCT
 
         if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))
@@ -164,7 +165,7 @@ class Factors:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) solution for a right-hand side of that shape, which all ranks have; on all ranks."""
-        from orchestrator.method.coarse.fronts import backward, forward
+        from orchestrator.method.coarse.front_solves import backward, forward
 
         of, team = self.of, self.of.team
         given, x = (tuple(of.layout), self.own, self.beside), np.array(right[of.order], float, order="C")

@@ -35,7 +35,8 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
-from orchestrator.scene.model import Interface, Scene, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.model import Scene
 
 # Normal forces whose sum is this small beside what the interface that carries most does have no centre: iterations leave as much.
 NO_CENTRE = 1e-6

@@ -23,7 +23,8 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.model import Interface, Scene, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.model import Scene
 
 
 SHIFTS = ("shift_normal", "shift_tangential")

@@ -28,7 +28,8 @@ from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.conditions.supports import Supports, supports_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene, ends_of
+from orchestrator.scene.interface import ends_of
+from orchestrator.scene.model import Scene
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts

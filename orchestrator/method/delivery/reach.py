@@ -28,7 +28,7 @@ from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bodies import RIGID, Bodies
-from orchestrator.scene.model import ends_of
+from orchestrator.scene.interface import ends_of
 
 PASSES = 5  # in which weights follow what is within reach
 FREE = 1e-10  # stiffness of a motion, over that of all pairs closed, that counts as none

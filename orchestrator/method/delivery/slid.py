@@ -19,7 +19,8 @@ from orchestrator.scene.interfaces.mortar.operators import unit
 from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.interfaces.skins import SMOOTH, surface_of
 from orchestrator.scene.mesh.geometry import node_normals
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 
 def slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,8 @@ from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import local_size
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 from orchestrator.scene.tools.motion import Rigid
 
 

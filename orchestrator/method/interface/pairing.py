@@ -18,7 +18,8 @@ from orchestrator.method.interface.point_traces import NodeCompliance, inverses,
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.mesh.geometry import areas, node_areas, node_normals
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.facets import stiffer
 
 

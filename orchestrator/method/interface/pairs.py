@@ -13,7 +13,7 @@ from orchestrator.laws.points import Answer, Carries, Collective, Points, Status
 from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 
 @dataclass(frozen=True)

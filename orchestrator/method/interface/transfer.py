@@ -21,7 +21,7 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import joined, times, unit_rows
 from orchestrator.scene.interfaces.mortar.operators import Mortar
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 Sides = Sequence[tuple[np.ndarray, np.ndarray]]
 

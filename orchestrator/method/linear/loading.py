@@ -21,7 +21,8 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import HELD, motions_about
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene, Subdomain, ends_of
+from orchestrator.scene.interface import ends_of
+from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.timing import Savings
 
 ZERO = 1e-11  # of what loads and supports would do alone in energy norm: what rounding leaves of an answer that is zero

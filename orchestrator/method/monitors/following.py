@@ -28,7 +28,8 @@ from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 from orchestrator.scene.interfaces.mortar.operators import Mortar
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 
 @dataclass

@@ -23,7 +23,8 @@ from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.bodies import Bodies
 from orchestrator.method.stopping.law_residuals import Lengths
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene, ends_of
+from orchestrator.scene.interface import ends_of
+from orchestrator.scene.model import Scene
 
 
 def judged_together(scene: Scene, bodies: Bodies) -> np.ndarray:

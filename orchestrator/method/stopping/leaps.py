@@ -17,7 +17,8 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 TURNED = [0, 2, 1, 5, 4, 3]  # the master's facets, looked at from outside
 Traces = Callable[[Interface, int], np.ndarray]

@@ -20,7 +20,7 @@ from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.method.stopping.cone_problem import failing, Motion, Reach, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
-from orchestrator.scene.model import ends_of
+from orchestrator.scene.interface import ends_of
 
 ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
 RIGIDLY = 1e-6  # of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits

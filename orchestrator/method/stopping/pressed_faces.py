@@ -12,7 +12,8 @@ import numpy as np
 from orchestrator.method.stopping.equilibrated import Balanced, Equilibration
 from orchestrator.method.stopping.stress_element import FACES
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 CLOSED = 1e-6  # of the largest displacement, a gap that counts as none; what p does in it is in the error
 INSIDE = 1e-11  # of the same, what rounding leaves of sides inside each other

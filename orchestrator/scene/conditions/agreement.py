@@ -17,7 +17,7 @@ from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits
 

@@ -19,7 +19,8 @@ from orchestrator.scene.interfaces.search import bonded
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
-from orchestrator.scene.model import BoundaryEntry, Interface
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.names import matching, suggestion
 
 # Two entries agree when their values differ by rounding only.

@@ -17,7 +17,8 @@ from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Interface, Scene, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.model import Scene
 from orchestrator.scene.names import matching, suggestion
 
 AT_POINTS, OVER_FACES = (PointProbe, PathProbe), (SectionProbe, SurfaceProbe)

@@ -20,7 +20,8 @@ from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
 from orchestrator.scene.mesh.geometry import format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
 from orchestrator.scene.mesh.quadratic import faces_of_six
-from orchestrator.scene.model import BoundaryEntry, Interface
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.partition import Partition
 
 GROUND = "ground of boundary"  # its volumes are called so

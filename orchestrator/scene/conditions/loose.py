@@ -10,7 +10,8 @@ from orchestrator.scene.conditions.rigid import Hinge, left_over, motions_about
 from orchestrator.scene.conditions.supports import ORIGIN, Supports
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface, Scene, Subdomain, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition import Partition
 
 

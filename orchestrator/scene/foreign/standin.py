@@ -22,7 +22,7 @@ from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, local_size
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, StandIn
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
-from orchestrator.scene.model import Interface, ends_of
+from orchestrator.scene.interface import Interface, ends_of
 from orchestrator.scene.names import INSIDE
 from orchestrator.scene.soles.facets import Facets
 from orchestrator.scene.soles.make import prisms

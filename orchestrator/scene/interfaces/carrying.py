@@ -23,7 +23,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar, unit
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.mesh import SplitNumbering
 

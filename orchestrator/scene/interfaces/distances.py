@@ -15,7 +15,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.geometry import format_point, local_size, node_normals, rounding
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 # Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.
 ROUNDING, TOLD = 1e-9, 1e-6

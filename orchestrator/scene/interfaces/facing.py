@@ -24,7 +24,7 @@ from orchestrator.scene.interfaces.skins import Skin, over, smooth_patches, surf
 from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 # What two bodies have in common is a pair from this share of the smaller facet there, and if this share of it is sure:
 # less is where edges cross.

@@ -20,7 +20,8 @@ from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Interface, PlacedBolt
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import PlacedBolt
 from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.scene.partition import Partition

@@ -16,7 +16,7 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.search import Search, bonded
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 
 def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:

@@ -25,7 +25,8 @@ from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.search import Search, paired_faces
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Beside, Interface
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.overview import Beside
 
 FARTHER = 1.5  # search distance that is proposed, of the nearest faces' distance: chords of round faces vary
 

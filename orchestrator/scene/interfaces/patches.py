@@ -18,7 +18,8 @@ from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, Body, close_
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import Faces, components, edge_patches
 from orchestrator.scene.mesh.geometry import format_point
-from orchestrator.scene.model import Beside, Interface, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.overview import Beside
 from orchestrator.scene.names import suggestion
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.

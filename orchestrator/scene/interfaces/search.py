@@ -18,7 +18,7 @@ from orchestrator.scene.interfaces.overlap import Overlap, Solid, overlap
 from orchestrator.scene.interfaces.skins import Skins, surface_of
 from orchestrator.scene.mesh.faces import Faces, components, pack, pieces
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 from orchestrator.scene.names import matching
 from orchestrator.scene.partition import Partition
 

@@ -25,7 +25,8 @@ from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
-from orchestrator.scene.model import Beside, Scene, prints
+from orchestrator.scene.model import Scene, prints
+from orchestrator.scene.overview import Beside
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.dealt import Dealt

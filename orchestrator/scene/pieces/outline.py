@@ -12,7 +12,9 @@ from orchestrator.scene.conditions.loose import with_grounds
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Beside, Difficulty, Interface, Overview, Scene, Subdomain, ends_of
+from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.overview import Beside, Difficulty, Overview
 from orchestrator.scene.part import overview, without_nodes
 from orchestrator.scene.pieces.piece import Extent
 

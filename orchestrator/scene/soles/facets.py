@@ -17,7 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_areas, node_normals
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
 
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01

@@ -29,7 +29,9 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import position_rank
 from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
-from orchestrator.scene.model import Difficulty, Interface, Scene
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import Scene
+from orchestrator.scene.overview import Difficulty
 from orchestrator.scene.soles import Sole
 
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000 brick by brick, 64 subdomains: 40, 32,

@@ -23,7 +23,8 @@ from orchestrator.scene.conditions.ground import Added, Layer, add_layers
 from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.partition import Partition
 from orchestrator.scene.tools.motion import Driven, Rigid
 from orchestrator.scene.tools.surfaces import Plane, Round, Surface

@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import local_size, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Interface
+from orchestrator.scene.interface import Interface
 
 # Each pass leaves a small share of what was off, as P changes with the nodes.
 PASSES = 3
