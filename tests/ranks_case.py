@@ -36,7 +36,7 @@ WATCHED = [{"at": [0.31, 0.77, 0.2]}, {"at": [0.5, 0.5, 0.5], "quantity": "stres
 CASES = {
     # whose parts rank 0 hands out
     "perfect": {
-        "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"metis": 8},
+        "parts": [boxed("beam", [4, 1, 1], [8, 2, 2])], "subdomains": {"metis": 8},
         "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 4}, "traction": [[10, 0, 5], [0, 10, 1]]}],
@@ -247,7 +247,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
         return None
     summary = solved.summary
     if team.size > 1 and name in MADE_BY_ALL or name == "perfect":
-        left = None if team.size == 1 or name in MADE_BY_ALL else "a mesh that one process cuts, or reads"
+        left = None if team.size == 1 or name in MADE_BY_ALL else "a mesh that one process makes"
         assert (summary["scene_in_pieces"], summary["scene_left_to_one"]) == (name in MADE_BY_ALL, left)
     result = {"displacement": solved.displacement, "estimate": [summary["discretisation_error"]], "reactions": summary["reactions"],
               "energy": summary["energy"], "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"],

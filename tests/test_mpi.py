@@ -92,7 +92,8 @@ def rounding(case: str, name: str) -> float:
 def subdomains(case: str) -> int:
     """How many a case has, at least."""
     made = CASES[case]
-    return len(made["parts"]) if "parts" in made else np.prod(made["subdomains"]["grid"]) if "grid" in made["subdomains"] else 4
+    cut = made["subdomains"]
+    return cut["metis"] if "metis" in cut else len(made["parts"]) if "parts" in made else np.prod(cut["grid"]) if "grid" in cut else 4
 
 
 @pytest.mark.parametrize("ranks", quick([2, 3, 4], 2))

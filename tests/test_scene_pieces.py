@@ -80,6 +80,7 @@ def saved(tmp_path_factory):
             (folder / name).mkdir()
             bar(folder / name, partitions)
     write_groups(folder)
+    write_ell(folder / "ell.msh")
     (folder / "mixed/bar_5.msh").write_bytes((folder / "five/bar_5.msh").read_bytes())
     (folder / "short/bar_2.msh").unlink()
     return folder
@@ -95,6 +96,19 @@ def write_groups(folder):
         "gmsh:physical": tags, "gmsh:geometrical": tags}), "gmsh22")
 
 
+def write_ell(file):
+    """Of one volume."""
+    with session():
+        occ = gmsh.model.occ
+        occ.cut([(3, occ.addBox(0, 0, 0, 2, 2, 1))], [(3, occ.addBox(1, 1, 0, 1, 1, 1))])
+        occ.synchronize()
+        gmsh.model.addPhysicalGroup(3, [1], name="ell")
+        gmsh.model.addPhysicalGroup(2, [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(-0.1, -0.1, -0.1, 0.1, 2.1, 1.1, 2)], name="wall")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(file))
+
+
 @pytest.mark.parametrize("element", ["P1", "P2"])
 @pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
                                   "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds",
@@ -103,6 +117,25 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
     config = config_from({"name": "pieces", **CASES["partitions" if file else case], **file, "blackbox": {"element": element}})
+    same_as_one(config, 3)
+
+
+@pytest.mark.parametrize("element", ["P1", late("P2")])
+@pytest.mark.parametrize("box, subdomains, interfaces", [
+    (True, {"metis": 9}, []), (True, {"metis": 17}, [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["part 1?", "*"]}]),
+    (False, {"metis": 12}, [{"law": "contact"}]), (False, {"grid": [3, 1, 2]}, []), (False, {"slices": {"axis": "y", "count": 5}}, []),
+    (False, {"groups": True, "split_above": 300}, [])])
+def test_a_mesh_that_one_rank_cuts_for_all(box, subdomains, interfaces, element, saved):
+    """A box by METIS, and a file of one volume in any way."""
+    mesh = {"box": {"size": [2, 2, 1], "cells": [6, 5, 3]}} if box else {"file": str(saved / "ell.msh"), "scale": 0.5}
+    rest = 2 if box else 1
+    config = config_from({
+        "name": "cut", "mesh": mesh, "subdomains": subdomains, "materials": [{"young": 200e3, "poisson": 0.3}],
+        **({"interfaces": interfaces} if interfaces else {}), "blackbox": {"element": element},
+        "boundary": [{"on": "xmin" if box else "wall", "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 0}, "traction": [1, 0, -1]},
+                     {"on": {"plane": "y", "at": rest}, "foundation": {"normal": 1e4, "tangential": 1e3}}],
+        "output": {"probes": [{"at": [0.21, 0.33, 0.27]}, {"on": {"plane": "y", "at": rest}, "quantity": "resultant"},
+                              {"on": {"plane": "z", "at": 0}, "quantity": "max", "of": "stress"}]}})
     same_as_one(config, 3)
 
 
@@ -212,7 +245,9 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
     {"output": {"probes": [{"on": "xmax", "part": "slice 1"}]}}, {"output": {"probes": [{"on": "top"}]}},
     {"output": {"probes": [{"on": "xmax", "part": "nobody"}]}}, {"output": {"probes": [{"section": {"plane": "x", "at": 4}}]}},
-    {"output": {"probes": [{"section": {"plane": "x", "at": 1}}]}, "interfaces": [{"law": "contact"}]}, {"subdomains": {"metis": 4}}])
+    {"output": {"probes": [{"section": {"plane": "x", "at": 1}}]}, "interfaces": [{"law": "contact"}]},
+    {"mesh": None, "parts": [boxed("part", [4, 1, 1], [8, 2, 2])], "subdomains": {"metis": 4}, "boundary": [
+        {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]}])
 def test_what_one_has_to_judge_is_left_to_it(change):
     config = config_from({"name": "pieces", **BLOCK, **change})
     assert_left(among(2, lambda team: make(config, team)))

@@ -1,4 +1,4 @@
-"""Meshes that ranks have in shares, cut at their volumes: each rank is dealt the cells of its subdomains, and of others those around."""
+"""Meshes that ranks have in shares, cut in subdomains: each rank is dealt the cells of its subdomains, and of others those around."""
 
 from __future__ import annotations
 
@@ -25,13 +25,12 @@ OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surfa
 class Dealt:
     """A mesh of which each rank has a share at first. All ranks make it, and call what has a ``team``, together.
 
-    names : of its volumes; extent : of all of it
-    sizes : (volumes,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many
-    body : name of the one volume that these are subdomains of
+    names : of its subdomains; extent : of all of it
+    sizes : (subdomains,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many
     """
 
-    def __init__(self, share: Share, nodes: int, team: Team, body: str = ""):
-        self._share, self.names, self._body, points = share, share.mesh.volumes, body, share.mesh.nodes
+    def __init__(self, share: Share, nodes: int, team: Team):
+        self._share, self.names, points = share, share.partition.names, share.mesh.nodes
         ends = np.stack([-points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
         low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
         self.extent = Extent(nodes, np.stack([-low, high]))
@@ -39,12 +38,12 @@ class Dealt:
 
     def _measured(self, team: Team) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As ``sizes``; nodes that are at one place, but for what a grid of ``PLACES`` does not tell apart, are one."""
-        mesh, (low, high) = self._share.mesh, self.extent.box
+        mesh, of, (low, high) = self._share.mesh, self._share.partition.subdomain, self.extent.box
         n = len(mesh.nodes)
-        own = np.unique(mesh.volume[:, None] * np.int64(n) + mesh.cells)
+        own = np.unique(of[:, None] * np.int64(n) + mesh.cells)
         nodes, = team.sum(np.bincount(own // n, minlength=len(self.names)))
         faces = faces_of(mesh.cells, n)
-        sides = mesh.volume[np.stack([faces.owner, np.where(faces.neighbour < 0, faces.owner, faces.neighbour)])]
+        sides = of[np.stack([faces.owner, np.where(faces.neighbour < 0, faces.owner, faces.neighbour)])]
         border = (faces.neighbour < 0) | (sides[0] != sides[1])
         place = np.rint((mesh.nodes - low) / (high - low).max() * (PLACES - 1)).astype(int) @ PLACES ** np.arange(3)
         pairs, common = met(np.tile(place[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
@@ -55,19 +54,19 @@ class Dealt:
         outer faces that are near outer faces of theirs, as far as ``entries`` of ``interfaces`` reach, and those that some of the ``tools``
         that are pushed may touch, too."""
         share, self._share = self._share, None
-        home = rank_of[share.mesh.volume]
+        home = rank_of[share.partition.subdomain]
         share = share.handed_on([np.flatnonzero(home == rank) for rank in range(team.size)], team)
         around = _touching(share, team)
         beside = share.handed_on(around, team)
         faces = faces_of(beside.mesh.cells, len(beside.mesh.nodes))
-        mine = rank_of[beside.mesh.volume[faces.owner]] == team.rank
+        mine = rank_of[beside.partition.subdomain[faces.owner]] == team.rank
         outer = faces.triangles[mine & (faces.neighbour < 0)]
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        around = [np.union1d(some, near) for some, near in zip(around, [_supporting(share.mesh, outer, some) for some in around] if self._body
-                                                               else _near(share.mesh, outer, entries, team))]
-        around = [np.union1d(some, at) for some, at in zip(around, cells_at_tools(self._named(share.mesh), outer, tools, team))]
+        near = [_supporting(share.mesh, outer, some) for some in around] if len(share.mesh.volumes) == 1 else \
+            _near(share.mesh, outer, entries, team)
+        around = [np.unique(np.concatenate(three)) for three in zip(around, near, cells_at_tools(share.mesh, outer, tools, team))]
         self._share = share.handed_on(around, team)
 
     def piece(self, mine: np.ndarray) -> Piece:
@@ -77,12 +76,8 @@ class Dealt:
         """
         share, self._share = self._share, None
         surfaces = dict(share.mesh.surfaces)
-        outer, mesh = surfaces.pop(OUTER), replace(share.mesh, surfaces=surfaces, within=self.extent.box)
-        return Piece.of(replace(share, mesh=self._named(mesh)), outer, mesh.volume, mine, self.names)
-
-    def _named(self, mesh: Mesh) -> Mesh:
-        """With its true volumes."""
-        return replace(mesh, volume=np.zeros_like(mesh.volume), volumes=[self._body]) if self._body else mesh
+        outer = surfaces.pop(OUTER)
+        return Piece.of(replace(share, mesh=replace(share.mesh, surfaces=surfaces, within=self.extent.box)), outer, mine)
 
 
 def _touching(share: Share, team: Team) -> list[np.ndarray]:

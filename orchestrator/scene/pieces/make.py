@@ -46,7 +46,7 @@ def source_of(config: Config, team: Team = ALONE) -> Dealt | str:
         return "an accuracy"
     if any(code.brings_loads or code.remembers for code in config.codes):
         return "matter or loads of a code's own"
-    return dealt(config, team) or "a mesh that one process cuts, or reads"
+    return dealt(config, team) or "a mesh that one process makes"
 
 
 def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | str:

@@ -56,25 +56,25 @@ class Piece:
     choice: Choice | None = None
 
     @classmethod
-    def of(cls, share: Share, outer: np.ndarray, subdomain: np.ndarray, mine: np.ndarray, names: Sequence[str]) -> Piece:
+    def of(cls, share: Share, outer: np.ndarray, mine: np.ndarray) -> Piece:
         """Of all cells at the nodes of some subdomains.
 
         outer : (k, 3) int, outer faces of the whole mesh
-        subdomain : (m,) int, of the whole scene's; mine : (s,) int, ascending, those that are all here; names : of all
+        mine : (s,) int, ascending, subdomains of the whole scene that are all here
         Raises InputError: one of them has no tets or is not connected; tets are inverted, ranks have read what does not agree
         """
-        mesh, faces = checked(share.mesh)
+        (mesh, faces), whole = checked(share.mesh), share.partition
         if mesh is not share.mesh or not share.sound:
             raise wrong(("mesh",), "tets that are inverted, or files that do not agree", "files of one sound mesh")
         kept = faces.neighbour >= 0
         kept[faces.find(outer)] = True
         faces = Faces(faces.nodes, *(x[kept] for x in (faces.triangles, faces.keys, faces.owner, faces.neighbour)), *2 * [np.empty(0, int)])
-        present, subdomain = np.unique(subdomain, return_inverse=True)
+        present, subdomain = np.unique(whole.subdomain, return_inverse=True)
         owner = subdomain[np.unique(pieces(faces, subdomain)[1], return_index=True)[1]]
         if (np.bincount(owner, minlength=len(present))[np.isin(present, mine)] > 1).any() or not np.isin(mine, present).all():
             raise wrong(PATH, "subdomains that are empty or in pieces", "connected subdomains")
-        cut = Partition(subdomain.ravel(), [names[e] for e in present], here=np.isin(present, mine))
-        return cls(mesh, faces, cut, present, share.number, share.cell_number, len(names))
+        cut = Partition(subdomain.ravel(), *([of[e] for e in present if of] for of in (whole.names, whole.bodies)), np.isin(present, mine))
+        return cls(mesh, faces, cut, present, share.number, share.cell_number, len(whole.names))
 
     def of_element(self, element: str, matter: Sequence[Any], nodes: int, team: Team) -> tuple[Piece, int]:
         """The same, with a node in the middle of every edge of P2, or where ``auto`` chooses that, of a mesh of so many corners; and how

@@ -10,21 +10,30 @@ import numpy as np
 from orchestrator.parallel.team import Team
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.partition import Partition
 
 
 @dataclass(frozen=True)
 class Share:
     """Some cells of a mesh with their nodes.
 
-    mesh : of these; names of volumes and surfaces are those of the whole mesh, in one order on all ranks
+    mesh : of these; partition : of these; names of volumes, surfaces and subdomains are those of the whole mesh, in one order on all ranks
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
     sound : whether what ranks have told of one node or cell was the same
     """
 
     mesh: Mesh
+    partition: Partition
     number: np.ndarray
     cell_number: np.ndarray
     sound: bool = True
+
+    @property
+    def without_cells(self) -> Share:
+        """What is known of the whole mesh."""
+        mesh, none = self.mesh, np.empty(0, dtype=int)
+        return Share(replace(mesh, nodes=mesh.nodes[:0], cells=mesh.cells[:0], volume=none, surfaces={
+            name: triangles[:0] for name, triangles in mesh.surfaces.items()}), replace(self.partition, subdomain=none), none, none)
 
     def handed_on(self, cells: Sequence[np.ndarray], team: Team) -> Share:
         """What all ranks hand on to this one; they do it together.
@@ -33,7 +42,7 @@ class Share:
         """
         told = [self._rows(some) for some in cells]
         cell, node, face = (np.concatenate(team.deliver([rows[i] for rows in told])).reshape(-1, width)
-                            for i, width in enumerate((2 + self.mesh.cells.shape[1], 4, 4 + 9 * bool(self.mesh.smooth))))
+                            for i, width in enumerate((3 + self.mesh.cells.shape[1], 4, 4 + 9 * bool(self.mesh.smooth))))
         cell, same = _each_once(cell)
         node, alike = _each_once(node)
         face, at = face[:, :4].astype(int), face[:, 4:]
@@ -42,14 +51,14 @@ class Share:
         ends = np.searchsorted(face[:, 0], np.arange(1, len(self.mesh.surfaces)))
         triangles = np.split(np.searchsorted(number, face[:, 1:]), ends) if self.mesh.surfaces else []
         normals = dict(zip(self.mesh.surfaces, np.split(at[which].reshape(len(which), at.shape[1] // 3, 3), ends)))
-        mesh = replace(self.mesh, nodes=np.ascontiguousarray(node[:, 1:]), cells=np.searchsorted(number, cell_rows[:, 2:]),
+        mesh = replace(self.mesh, nodes=np.ascontiguousarray(node[:, 1:]), cells=np.searchsorted(number, cell_rows[:, 3:]),
                        volume=cell_rows[:, 1].copy(), surfaces=dict(zip(self.mesh.surfaces, triangles)),
                        smooth={name: shape if shape.normals is None else replace(shape, normals=normals[name])
                                for name, shape in self.mesh.smooth.items()})
-        return Share(mesh, number, cell_rows[:, 0].copy(), self.sound and same and alike)
+        return Share(mesh, replace(self.partition, subdomain=cell_rows[:, 2].copy()), number, cell_rows[:, 0].copy(), self.sound and same and alike)
 
     def _rows(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Numbers of some cells (k, 2 + corners) with their volumes and nodes, of nodes (n, 4) with their places, and of triangles
+        """Numbers of some cells (k, 3 + corners) with their volumes, subdomains and nodes, of nodes (n, 4) with their places, and of triangles
         (t, 4) with the surface that names them, (t, 13) with normals at their corners where a CAD model tells of shapes."""
         mesh, own = self.mesh, self.mesh.cells[cells]
         nodes = np.unique(own)
@@ -64,7 +73,7 @@ class Share:
         width = 9 * bool(mesh.smooth)
         normals = np.concatenate([np.empty((0, width)), *(known.get(name, np.full((len(triangles), width), np.nan))
                                                           for name, triangles in mesh.surfaces.items())])
-        return (np.column_stack([self.cell_number[cells], mesh.volume[cells], self.number[own]]),
+        return (np.column_stack([self.cell_number[cells], mesh.volume[cells], self.partition.subdomain[cells], self.number[own]]),
                 np.column_stack([self.number[nodes], mesh.nodes[nodes]]),
                 np.column_stack([surface[there], self.number[named[there]], normals[there]]))
 

@@ -11,14 +11,15 @@ import numpy as np
 
 from orchestrator.config.mesh import OnePart
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError
+from orchestrator.errors import InputError, Problems
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
-from orchestrator.scene.mesh.faces import MAX_NODES
+from orchestrator.scene.body import Meshed
+from orchestrator.scene.mesh.faces import MAX_NODES, pieces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.partitioned import check_whole, in_partitions
 from orchestrator.scene.mesh.sources import finished, grid_of, joined, make_mesh, placed
-from orchestrator.scene.partition import AXES, block_name, layers, slice_name
+from orchestrator.scene.partition import AXES, Partition, block_name, layers, make_partition, slice_name
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.share import Share
 
@@ -35,21 +36,20 @@ def agreed(made: Callable[[], T], team: Team) -> T | None:
 
 
 def dealt(config: Config, team: Team) -> Dealt | None:
-    """The configuration's mesh, each volume a subdomain, or cut in blocks; None, on all ranks, where they cannot make it together."""
-    if config.mesh and (config.mesh.box or config.mesh.beam) and (config.subdomains.grid or config.subdomains.slices):
-        return _of_bricks(config.mesh, config.subdomains, team)
-    if not config.subdomains.groups or config.subdomains.split_above is not None:
-        return None
-    if config.parts is not None:
-        return _of_parts(config.parts, team)
-    if config.mesh.step and config.mesh.conforming is False:
-        return _of_made(lambda: [make_mesh(config.mesh, share=(team.rank, team.size))[0]], team)
-    if config.mesh.polycrystal:
-        return _of_grains(config.mesh, team)
-    if not config.mesh.file:
-        return None
-    divided = config.mesh.file and team.share(bool(in_partitions(Path(config.mesh.file))))
-    return (_of_partitions if divided else _of_one)(config.mesh, team)
+    """The configuration's mesh in its subdomains; None, on all ranks, where they cannot make it together."""
+    mesh, subdomains = config.mesh, config.subdomains
+    by_volume = subdomains.groups and subdomains.split_above is None
+    if mesh is None:
+        return _of_parts(config.parts, team) if by_volume else None
+    if (mesh.box or mesh.beam) and (subdomains.grid or subdomains.slices):
+        return _of_bricks(mesh, subdomains, team)
+    if mesh.step and mesh.conforming is False and by_volume:
+        return _of_made(lambda: [make_mesh(mesh, share=(team.rank, team.size))[0]], team)
+    if mesh.polycrystal and by_volume:
+        return _of_grains(mesh, team)
+    if mesh.file and by_volume and team.share(bool(in_partitions(Path(mesh.file)))):
+        return _of_partitions(mesh, team)
+    return None if mesh.step or mesh.polycrystal else _of_one(config, team)
 
 
 def _of_bricks(mesh: Any, subdomains: Any, team: Team) -> Dealt | None:
@@ -62,18 +62,35 @@ def _of_bricks(mesh: Any, subdomains: Any, team: Team) -> Dealt | None:
     made, number, cells = bricks.some(np.arange(team.rank * bricks.bricks // team.size, (team.rank + 1) * bricks.bricks // team.size))
     made = replace(made, nodes=factor * made.nodes, within=factor * np.stack([np.zeros(3), bricks.size]))
     block = np.ravel_multi_index([layers(made, axis, count) for axis, count in enumerate(blocks)], blocks)
-    return Dealt(Share(replace(made, volume=block, volumes=names), number, cells), int(np.prod(bricks.counts + 1)), team, bricks.name)
+    return Dealt(Share(made, Partition(block, names), number, cells), int(np.prod(bricks.counts + 1)), team)
 
 
-def _of_one(mesh: Any, team: Team) -> Dealt | None:
-    """A file that rank 0 reads, and nobody keeps; ``mesh`` of the configuration."""
-    read = agreed(lambda: False if team.rank else make_mesh(mesh)[0], team)
-    if read is None:
+def _of_one(config: Config, team: Team) -> Dealt | None:
+    """What rank 0 reads or makes, and cuts, and nobody keeps."""
+    share = agreed(lambda: False if team.rank else _cut(config), team)
+    if share is None:
         return None
-    known = team.share(None if team.rank else replace(read, nodes=read.nodes[:0], cells=read.cells[:0], volume=read.volume[:0],
-                                                      surfaces=_with_all({}, read.surfaces)))
-    nodes, share = team.share(0 if team.rank else len(read.nodes)), known if team.rank else read
-    return Dealt(Share(share, np.arange(len(share.nodes)), np.arange(len(share.cells))), nodes, team)
+    nodes, known = team.share(None if team.rank else (len(share.number), share.without_cells))
+    return Dealt(known if team.rank else share, nodes, team)
+
+
+def _cut(config: Config) -> Share | None:
+    """All of a mesh, cut; None where what is told of it hangs on several of its volumes, or on pieces of one."""
+    if config.subdomains.split_above is None:
+        mesh, faces = make_mesh(config.mesh)
+    else:  # which counts nodes in the middle of edges
+        body = Meshed()(config, False, Problems())
+        mesh, faces = body.mesh, body.faces
+    partition = make_partition(mesh, faces, config.subdomains)
+    if partition.names != mesh.volumes and len(mesh.volumes) + pieces(faces, mesh.volume)[0] > 2:
+        return None
+    corners = replace(mesh, nodes=mesh.nodes[:faces.nodes], cells=mesh.cells[:, :4])
+    return Share(corners, partition, np.arange(faces.nodes), np.arange(len(mesh.cells)))
+
+
+def _by_volume(mesh: Mesh, number: np.ndarray, cell_number: np.ndarray, nodes: int, team: Team) -> Dealt:
+    """A share whose volumes are the subdomains."""
+    return Dealt(Share(mesh, Partition(mesh.volume, mesh.volumes), number, cell_number), nodes, team)
 
 
 def _of_grains(mesh: Any, team: Team) -> Dealt | None:
@@ -88,7 +105,7 @@ def _of_grains(mesh: Any, team: Team) -> Dealt | None:
     except InputError:  # on all of them
         return None
     number, nodes = numbered(node_tags, team)
-    return Dealt(Share(own, number, numbered(cell_tags, team)[0]), nodes, team)
+    return _by_volume(own, number, numbered(cell_tags, team)[0], nodes, team)
 
 
 def _of_partitions(mesh: Any, team: Team) -> Dealt | None:
@@ -110,7 +127,7 @@ def _of_partitions(mesh: Any, team: Team) -> Dealt | None:
     except InputError:  # on all of them
         return None
     number, nodes = numbered(read.node_tags, team)
-    return Dealt(Share(whole, number, numbered(read.cell_tags, team)[0]), nodes, team)
+    return _by_volume(whole, number, numbered(read.cell_tags, team)[0], nodes, team)
 
 
 def _of_parts(parts: list[OnePart], team: Team) -> Dealt | None:
@@ -139,7 +156,7 @@ def _of_made(make: Callable[[], list[Mesh]], team: Team) -> Dealt | None:
                     source=" + ".join(dict.fromkeys(part[4] for part in every)),
                     remarks=list(dict.fromkeys(text for part in every for text in part[5])),
                     smooth={name: mesh.smooth.get(name, shape) for part in every for name, shape in part[6].items()})
-    return Dealt(Share(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells))), int(counts[:, 0].sum()), team)
+    return _by_volume(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells)), int(counts[:, 0].sum()), team)
 
 
 def _with_all(own: dict[str, np.ndarray], names: Any) -> dict[str, np.ndarray]:
