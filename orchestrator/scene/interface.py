@@ -52,6 +52,7 @@ class Interface(FacePatch):
         larger one between bodies that are cut further, or their surface is known
     given : (k, 3, 3) what the CAD model says of them at the corners of the triangles where nodes of two bodies are paired, nan where it
         says nothing
+    called : names by which an entry of ``interfaces`` may call either side
     entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     mortar : points and transfer operators between sides that do not match; None where nodes are paired
     surfaces : what the operators are made of, until they are: boundary conditions have a say in it
@@ -64,6 +65,7 @@ class Interface(FacePatch):
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
     given: np.ndarray | None = None
+    called: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     entry: int = -1
     mortar: Mortar | None = None
     surfaces: Surfaces | None = None

@@ -197,8 +197,8 @@ def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: lis
     alone = surface_of(surfaces.points[0], surfaces.triangles[0], np.full(len(surfaces.triangles[0]), -1), under[0].normals)
     surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]))
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
-                                 surfaces=surfaces)
+                                 surfaces=surfaces, called=tuple(names))
     apart = search.laws[index].apart
     distance = surface_gap(search, interface, (index, apart)) if apart else None
-    search.laws.apply(index, interface, names[0], distance)
+    search.laws.apply(index, interface, distance)
     return interface

@@ -44,7 +44,7 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
     around = _Around(search, apart)
     for pair, at in zip(pairs.tolist(), np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)):
         a, b = one[at], two[at]
-        entry, known = -1, None
+        entry, known = -1, ((), ())
         if partition.body(pair[0]) != partition.body(pair[1]):
             known = around.known(pair, (a, b))
             entry = laws.foreseen(*known)
@@ -54,21 +54,19 @@ def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
         a, b = a[loose], b[loose]
         if not len(a):
             continue
-        if known is not None:
-            laws.between(*known)
-        made.append(_interface(search, tuple(pair), around.with_ends(a)))
-        if known is not None:
-            laws.apply(entry, made[-1], known[0])
+        laws.between(*known)
+        made.append(_interface(search, tuple(pair), around.with_ends(a), known))
+        laws.apply(entry, made[-1])
         joined = components(label[a], label[b], len(label))[1]
         label = joined[label]
     return made
 
 
-def _interface(search: Search, pair: tuple[int, int], split: np.ndarray) -> Interface:
+def _interface(search: Search, pair: tuple[int, int], split: np.ndarray, called: tuple[tuple[str, ...], tuple[str, ...]]) -> Interface:
     """Interface without facets, of split nodes (n,) of the first side and the second side's split nodes of the same nodes."""
     nodes, corners = search.numbering.nodes[split], 3 if search.numbering.corners.shape[1] == 4 else 6
     return search.interface(pair, (nodes, nodes), np.empty((0, corners), dtype=int), np.empty((0, 2), dtype=int),
-                            normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
+                            called=called, normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
 
 
 class _Around:

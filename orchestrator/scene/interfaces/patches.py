@@ -44,9 +44,10 @@ def make_interfaces(search: Search) -> tuple[list[Interface], dict[tuple[int, in
     found += hinges(search, found)
     for number, interface in enumerate(found):
         interface.index = number
-    laws.refuse_within(cuts, problems)
-    if search.asked and search.mesh.within is None:
-        _report_unused(search, list(dict.fromkeys(pairs)))
+    if search.mesh.within is None:  # else an entry may be of use elsewhere
+        laws.refuse_within(cuts, problems)
+        if search.asked:
+            _report_unused(search, list(dict.fromkeys(pairs)))
     if search.bodies and not problems.found:
         tell_distances(search, found)
         near = report_neighbours(search, found)
@@ -64,8 +65,9 @@ def _shared(search: Search) -> list[Interface]:
         known = _known_as(search, shared[first:last], (one, two))
         entry = -1 if partition.body(one) == partition.body(two) else laws.between(*known)
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
-        found.append(search.interface((one, two), (nodes, nodes), local.reshape(-1, triangles.shape[1]), cells[first:last]))
-        laws.apply(entry, found[-1], known[0])
+        found.append(search.interface((one, two), (nodes, nodes), local.reshape(-1, triangles.shape[1]), cells[first:last],
+                                      called=known))
+        laws.apply(entry, found[-1])
         if laws[entry].follows:
             search.problems.add(("interfaces", entry, "pairing"), f"follow between {' and '.join(search.names((one, two)))}, which share "
                                 "faces of one mesh", "bodies with meshes of their own: shared nodes are no faces to slide on",
@@ -136,11 +138,11 @@ def _opposite(search: Search) -> Iterator[Interface]:
             nodes, at, local = np.unique(patch.triangles, return_index=True, return_inverse=True)
             others = patch.opposite.ravel()[at]
             interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape),
-                                         patch.cells)
+                                         patch.cells, called=known)
             given = search.skins.given(pair[0])
             interface.given = None if given is None else given[patch.facets[:, 0]]
             gap = paired_gap(search, interface, (index, apart), _filled(search, pair, patch)) if apart else None
-            laws.apply(index, interface, known[0], gap)
+            laws.apply(index, interface, gap)
             yield interface
 
 

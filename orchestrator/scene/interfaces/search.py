@@ -67,16 +67,15 @@ class Laws:
         hits = self._matching(first, second)
         return hits[-1] if hits else -1
 
-    def apply(self, index: int, interface: Interface, first: Iterable[str], distance: np.ndarray | None = None) -> None:
+    def apply(self, index: int, interface: Interface, distance: np.ndarray | None = None) -> None:
         """Give an interface the law of an entry; it stays what it is when none matched.
 
-        first : the names its first side goes by: they tell which way the entry's parts are ordered
         distance : (n,) of the sides along the normal, where it has been read from the geometry
         """
         if index < 0:
             return
         entry, interface.entry = self.entries[index], index
-        direction = 1.0 if self.means(entry.pair[0], first) else -1.0
+        direction = 1.0 if self.means(entry.pair[0], interface.called[0]) else -1.0  # which way the entry's parts are ordered
         govern(interface, entry, self.factors[index] if self.factors else [], direction, distance)
 
     def __getitem__(self, index: int) -> Any:

@@ -25,12 +25,12 @@ OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surfa
 class Dealt:
     """A mesh of which each rank has a share at first. All ranks make it, and call what has a ``team``, together.
 
-    names : of its subdomains; extent : of all of it
+    names : of its subdomains; further : whether they are pieces of bodies; extent : of all of it
     sizes : (subdomains,) nodes of each; (k, 2) int, pairs that share three or more; (k,) how many
     """
 
     def __init__(self, share: Share, nodes: int, team: Team):
-        self._share, self.names, points = share, share.partition.names, share.mesh.nodes
+        self._share, self.names, self.further, points = share, share.partition.names, bool(share.partition.bodies), share.mesh.nodes
         ends = np.stack([-points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)])
         low, high = np.array(team.max(*ends.ravel())).reshape(2, 3)
         self.extent = Extent(nodes, np.stack([-low, high]))
@@ -64,9 +64,10 @@ class Dealt:
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        near = [_supporting(share.mesh, outer, some) for some in around] if len(share.mesh.volumes) == 1 else \
-            _near(share.mesh, outer, entries, team)
-        around = [np.unique(np.concatenate(three)) for three in zip(around, near, cells_at_tools(share.mesh, outer, tools, team))]
+        found = [around, [_supporting(share.mesh, outer, some) for some in around], cells_at_tools(share.mesh, outer, tools, team)]
+        if len(share.mesh.volumes) > 1:
+            found.append(_near(share, outer, entries, team))
+        around = [np.unique(np.concatenate(some)) for some in zip(*found)]
         self._share = share.handed_on(around, team)
 
     def piece(self, mine: np.ndarray) -> Piece:
@@ -100,18 +101,19 @@ def _supporting(mesh: Mesh, outer: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.flatnonzero(there[mesh.cells].sum(axis=1) > 2)
 
 
-def _near(mesh: Mesh, outer: np.ndarray, entries: Sequence[Any], team: Team) -> list[np.ndarray]:
-    """For every rank cells of this one's volumes that have outer faces (k, 3) within reach of such of its: those behind all outer faces,
-    which tell of a pair what the whole would, and those that touch outer faces within reach of the box around its, or, where sides may
-    slide on, any."""
-    bodies, farthest, slide = _bodies(mesh, outer), max((e.reach or 0.0 for e in entries), default=0.0), any(e.follows for e in entries)
-    boxes = np.array([[*np.concatenate(body.box), max(REACH * body.size.max(), farthest)] for body in bodies]).reshape(-1, 7)
+def _near(share: Share, outer: np.ndarray, entries: Sequence[Any], team: Team) -> list[np.ndarray]:
+    """For every rank cells of this one's subdomains that have outer faces (k, 3) of a volume within reach of such of its, of another volume:
+    those behind all outer faces, which tell of a pair what the whole would, and those that touch outer faces within reach of the box around
+    its, or, where sides may slide on, any."""
+    mesh, bodies, farthest = share.mesh, _bodies(share, outer), max((e.reach or 0.0 for e in entries), default=0.0)
+    slide = any(e.follows for e in entries)
+    boxes = np.array([[*np.concatenate(body.box), max(REACH * body.size.max(), farthest), body.volume] for body in bodies]).reshape(-1, 8)
     found = [np.empty(0, int)] * team.size
     for rank, theirs in enumerate(team.all_gather(boxes)):
         cells, met_there = [np.empty(0, int)], np.zeros(len(mesh.nodes), dtype=bool)
-        for body, (*_, room) in zip(bodies, boxes) if rank != team.rank else ():
+        for body, (*_, room, _) in zip(bodies, boxes) if rank != team.rank else ():
             (low, high), reach = body.box, np.maximum(theirs[:, 6], room)[:, None]
-            close = theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1)]
+            close = theirs[((theirs[:, 3:6] >= low - reach) & (theirs[:, :3] <= high + reach)).all(axis=1) & (theirs[:, 7] != body.volume)]
             cells += [body.cells] * bool(len(close))
             for box in close:
                 met_there[body.triangles[body.within((box[:3], box[3:6]), np.inf if slide else max(box[6], room))]] = True
@@ -119,11 +121,12 @@ def _near(mesh: Mesh, outer: np.ndarray, entries: Sequence[Any], team: Team) -> 
     return found
 
 
-def _bodies(mesh: Mesh, outer: np.ndarray) -> list[Body]:
-    """Outer faces (k, 3) of a mesh, by its volumes."""
+def _bodies(share: Share, outer: np.ndarray) -> list[Body]:
+    """Outer faces (k, 3) of a mesh, by its subdomains and volumes."""
+    mesh = share.mesh
     faces = faces_of(mesh.cells, len(mesh.nodes))
     at, none = faces.find(outer), np.empty(0, int)
     if not len(at):
         return []
     return outer_bodies(mesh, Faces(faces.nodes, faces.triangles[at], faces.keys[at], faces.owner[at], np.full(len(at), -1), none, none),
-                        mesh.volume)
+                        share.partition.subdomain)

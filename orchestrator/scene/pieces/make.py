@@ -30,7 +30,7 @@ from orchestrator.scene.overview import Beside
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.dealt import Dealt
-from orchestrator.scene.pieces.outline import BEHIND, Outline
+from orchestrator.scene.pieces.outline import BEHIND, OPPOSITE, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
 from orchestrator.scene.pieces.pushed import pushed_tools
 from orchestrator.scene.pieces.sources import agreed, dealt
@@ -85,14 +85,15 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene 
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
     bodies = np.flatnonzero(kind < grounds)
     free = Supports.joined([whole.kept], bodies).free(np.unique(body[bodies], return_inverse=True)[1].ravel()).any()
-    whole.near = _near(local, whole, team)
+    near = _near(local, whole, team)
     if team.max(float((whole.prints[local.present[local.tools]] != local.prints).any()))[0]:
         return "a tool that ranks have not made alike"
     bolts = sorted(bolt.entry for bolt in whole.bolts if bolt and bolt.entry >= 0)  # of each cut one interface
     asked = "interfaces" in config.model_fields_set
-    if any((free, parted, (whole.faces == 0).any(), bolts != [*range(len(config.bolts))], asked and not _of_use(laws, whole),
-            any(beside.refused for beside in whole.near.values()))):
+    if near is None or any((free, parted, (whole.faces == 0).any(), bolts != [*range(len(config.bolts))], asked and not _of_use(laws, whole),
+                            source.further and (whole.order[:, 0] == OPPOSITE).any(), any(beside.refused for beside in near.values()))):
         return JUDGED
+    whole.near = near
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
     if not part.bonded:
         _tell_areas(part, team)
@@ -181,13 +182,16 @@ class Local:
         return Extent(extent.nodes + int(whole.nodes[added].sum()), np.stack([np.minimum(extent.box[0], -low), np.maximum(extent.box[1], high)]))
 
 
-def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Beside]:
-    """The pairs that are near each other, with what is said of them once it is known whether something connects them. All ranks ask together."""
+def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Beside] | None:
+    """The pairs that are near each other, with what is said of them once it is known whether something connects them; None where no rank
+    has all of one. All ranks ask together."""
     if not whole.near:
         return {}
     part, body = local.part, components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[1]  # tools connect nothing
     own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
     of = {v: number for told in team.all_gather(own) for v, number in told.items()}
+    if any(v not in of for pair in whole.near for v in pair):
+        return None
     return {(one, two): Beside(beside.gap) if beside.enough and of[one] == of[two] else beside for (one, two), beside in whole.near.items()}
 
 
@@ -226,7 +230,12 @@ def gathered(config: Config, piece: Piece, team: Team) -> dict[int, np.ndarray]:
 
 def _of_use(laws: Laws, whole: Outline) -> bool:
     """Whether every entry governs, or would but for a later one, some interface, and every name that it leaves out or chooses is known."""
-    for one, two in whole.sides[whole.order[:, 0] != BEHIND].tolist():
-        laws.between((whole.names[one],), (whole.names[two],))
+    problems, cuts = Problems(), []
+    for (one, two), called, kind in zip(whole.sides.tolist(), whole.called, whole.order[:, 0].tolist()):
+        if whole.bodies[one] != whole.bodies[two] and kind != BEHIND:
+            laws.between(*called)
+        elif kind != BEHIND:
+            cuts.append((whole.names[one], whole.names[two]))
+    laws.refuse_within(cuts, problems)
     named = [name for entry in laws.entries for name in (*chain.from_iterable(entry.exclude or ()), *([entry.slave] if entry.slave else ()))]
-    return all(used or entry.tool for used, entry in zip(laws.used, laws.entries)) and all(laws.meant(name) for name in named)
+    return not problems.found and all(used or entry.tool for used, entry in zip(laws.used, laws.entries)) and all(laws.meant(name) for name in named)

@@ -19,8 +19,8 @@ from orchestrator.scene.part import overview, without_nodes
 from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
-OF_INTERFACES = ("sides", "entry", "order", "joins", "apart", "laws", "bolts", "mixed", "matched", "met")
-BEHIND = 3  # among kinds of interfaces
+OF_INTERFACES = ("sides", "called", "entry", "order", "joins", "apart", "laws", "bolts", "mixed", "matched", "met")
+OPPOSITE, BEHIND = 1, 3  # among kinds of interfaces
 
 
 @dataclass
@@ -29,7 +29,7 @@ class Outline:
 
     number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
     names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
-    sides : (k, 2) int, subdomains of each interface; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
+    sides : (k, 2) int, subdomains of each interface; called : as these have it; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
     order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a rigid tool or a ground; and its place among those of
         its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
@@ -55,6 +55,7 @@ class Outline:
     nodes: np.ndarray
     prints: np.ndarray
     sides: np.ndarray
+    called: list
     entry: np.ndarray
     order: np.ndarray
     joins: np.ndarray
@@ -92,7 +93,7 @@ class Outline:
         return cls(present[own], [s.name for s in subdomains], [s.body for s in subdomains], np.array([s.code for s in subdomains]),
                    np.array([s.heated for s in subdomains], dtype=bool), np.array([len(s.cells) for s in subdomains]),
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
-                   present[sides], np.array([i.entry for i in first], dtype=int), order[at],
+                   present[sides], [i.called for i in first], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
                    [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if (i.entry < 0 and not i.law.perfect) or i.tool else None for i in first],
                    [bolts.get(i.index) for i in first],
@@ -126,7 +127,7 @@ class Outline:
                 return np.max(values, axis=0)
             if name in ("faces", "used", "covered"):
                 return np.sum(values, axis=0).astype(values[0].dtype)
-            if name in ("names", "bodies", "laws", "bolts"):
+            if name in ("names", "bodies", "called", "laws", "bolts"):
                 every = [word for words in values for word in words]
                 return [every[i] for i in (pairs if name in OF_INTERFACES else own)]
             return np.concatenate(values)[pairs if name in OF_INTERFACES else own]
@@ -159,7 +160,7 @@ class Outline:
         present : as for ``of``; laws : of the whole, which interfaces elsewhere get
         """
         local = {e: s for e, s in zip(present.tolist(), part.subdomains)}
-        subdomains = [replace(local[e], index=e, heated=heated) if e in local else self._hollow(e, part)
+        subdomains = [replace(local[e], index=e, heated=heated, code=int(self.code[e])) if e in local else self._hollow(e, part)
                       for e, heated in enumerate(self.heated.tolist())]
         there: dict[tuple[int, int], list[Interface]] = {}
         for i in part.interfaces:
@@ -172,8 +173,9 @@ class Outline:
                 interfaces.append(replace(own, index=k, subdomains=pair, name=title))
                 continue
             at = np.arange(2)  # of all nodes those that the sides are least and farthest apart at
-            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool), tool=tools.get(self.bodies[pair[1]]))
-            laws.apply(entry, own, (self.names[pair[0]],), self.apart[k])
+            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool), called=self.called[k],
+                            tool=tools.get(self.bodies[pair[1]]))
+            laws.apply(entry, own, self.apart[k])
             if self.laws[k] is not None:
                 own.law, *own.law_at_steps = self.laws[k]
             interfaces.append(without_nodes(own))

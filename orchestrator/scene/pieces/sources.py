@@ -75,14 +75,14 @@ def _of_one(config: Config, team: Team) -> Dealt | None:
 
 
 def _cut(config: Config) -> Share | None:
-    """All of a mesh, cut; None where what is told of it hangs on several of its volumes, or on pieces of one."""
+    """All of a mesh, cut; None where volumes are cut of a mesh in several pieces, which may be near, or in, each other."""
     if config.subdomains.split_above is None:
         mesh, faces = make_mesh(config.mesh)
     else:  # which counts nodes in the middle of edges
         body = Meshed()(config, False, Problems())
         mesh, faces = body.mesh, body.faces
     partition = make_partition(mesh, faces, config.subdomains)
-    if partition.names != mesh.volumes and len(mesh.volumes) + pieces(faces, mesh.volume)[0] > 2:
+    if partition.names != mesh.volumes and pieces(faces, np.zeros(len(mesh.cells), dtype=int))[0] > 1:
         return None
     corners = replace(mesh, nodes=mesh.nodes[:faces.nodes], cells=mesh.cells[:, :4])
     return Share(corners, partition, np.arange(faces.nodes), np.arange(len(mesh.cells)))
