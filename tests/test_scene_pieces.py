@@ -120,21 +120,25 @@ def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     same_as_one(config, 3)
 
 
+BETWEEN = [{"law": "contact", "between": ["*", "bar_1"]}, {"law": "pretension", "between": ["bar_2", "*"], "force": 3.0}]
+
+
 @pytest.mark.parametrize("element", ["P1", late("P2")])
-@pytest.mark.parametrize("box, subdomains, interfaces", [
-    (True, {"metis": 9}, []), (True, {"metis": 17}, [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["part 1?", "*"]}]),
-    (False, {"metis": 12}, [{"law": "contact"}]), (False, {"grid": [3, 1, 2]}, []), (False, {"slices": {"axis": "y", "count": 5}}, []),
-    (False, {"groups": True, "split_above": 300}, [])])
-def test_a_mesh_that_one_rank_cuts_for_all(box, subdomains, interfaces, element, saved):
-    """A box by METIS, and a file of one volume in any way."""
-    mesh = {"box": {"size": [2, 2, 1], "cells": [6, 5, 3]}} if box else {"file": str(saved / "ell.msh"), "scale": 0.5}
-    rest = 2 if box else 1
+@pytest.mark.parametrize("file, subdomains, interfaces", [
+    (None, {"metis": 9}, []), (None, {"metis": 17}, [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["part 1?", "*"]}]),
+    ("ell.msh", {"metis": 12}, [{"law": "contact"}]), ("ell.msh", {"grid": [3, 1, 2]}, []),
+    ("ell.msh", {"slices": {"axis": "y", "count": 5}}, []), ("ell.msh", {"groups": True, "split_above": 300}, []),
+    ("whole.msh", {"metis": 14}, BETWEEN), ("bar.msh", {"grid": [4, 2, 1]}, [{"law": "contact"}]),
+    ("five/bar_*.msh", {"groups": True, "split_above": 90}, BETWEEN)])
+def test_a_mesh_that_one_rank_cuts_for_all(file, subdomains, interfaces, element, saved):
+    """A box by METIS, a file of one volume in any way, and files of several: which have laws between them, not within."""
+    mesh = {"file": str(saved / file), "scale": 0.5} if file else {"box": {"size": [2, 2, 1], "cells": [6, 5, 3]}}
     config = config_from({
         "name": "cut", "mesh": mesh, "subdomains": subdomains, "materials": [{"young": 200e3, "poisson": 0.3}],
         **({"interfaces": interfaces} if interfaces else {}), "blackbox": {"element": element},
-        "boundary": [{"on": "xmin" if box else "wall", "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 0}, "traction": [1, 0, -1]},
-                     {"on": {"plane": "y", "at": rest}, "foundation": {"normal": 1e4, "tangential": 1e3}}],
-        "output": {"probes": [{"at": [0.21, 0.33, 0.27]}, {"on": {"plane": "y", "at": rest}, "quantity": "resultant"},
+        "boundary": [{"on": "wall" if file else "xmin", "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 0}, "traction": [1, 0, -1]},
+                     {"on": {"plane": "y", "at": 0}, "foundation": {"normal": 1e4, "tangential": 1e3}}],
+        "output": {"probes": [{"at": [0.21, 0.33, 0.27]}, {"on": {"plane": "y", "at": 0}, "quantity": "resultant"},
                               {"on": {"plane": "z", "at": 0}, "quantity": "max", "of": "stress"}]}})
     same_as_one(config, 3)
 
@@ -352,6 +356,8 @@ def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
     assert components(*np.array([i.subdomains for i in whole.interfaces]).T, len(whole.subdomains))[0] == 3 - joined
     assert any("without an interface" in text for text in scene_cautions(whole)) == (shift == 0.003)
     same_as_one(config, 2)
+    data = config.model_dump(exclude_unset=True) | {"subdomains": {"metis": 8}}  # which may be in each other
+    assert_left(among(3, lambda team: make(config_from(data), team)))
 
 
 @pytest.mark.parametrize("far, told", [(0.03, 0), (0.3, 1)])
@@ -381,6 +387,28 @@ def test_arms_that_are_near_each_other(tmp_path, far, told):
     assert bool(alone) == bool(told) and all(one.step == 1 for one in alone)
     for found in among(4, lambda team: passed(make(config, team), team)):
         assert [*differing([*map(tuple, found)], [*map(tuple, alone)])] == []
+
+
+@pytest.mark.parametrize("gap, left", [(0.04, True), (3.0, False)])
+def test_arms_that_are_cut_further(tmp_path, gap, left):
+    """Each a volume, of which no rank has all: where they are near each other one process sees whether they pass."""
+    with session():
+        occ = gmsh.model.occ
+        high, _ = occ.fuse([(3, occ.addBox(0, 0, 1, 2, 1, gap))], [(3, occ.addBox(0, 0, 1 + gap, 6, 1, 1))])
+        made = occ.fragment([(3, occ.addBox(0, 0, 0, 6, 1, 1))], high)[0]
+        occ.synchronize()
+        for k, (_, tag) in enumerate(made):
+            gmsh.model.addPhysicalGroup(3, [tag], name=f"arm {k}")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(tmp_path / "fork.msh"))
+    config = config_from({"name": "fork", "mesh": {"file": str(tmp_path / "fork.msh")}, "subdomains": {"metis": 12},
+                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
+    assert bool(build_scene(config).near) == left
+    if left:
+        assert_left(among(4, lambda team: make(config, team)))
+    else:
+        same_as_one(config, 4)
 
 
 # four blocks of a square that meet in a line, and one on top of two of them
