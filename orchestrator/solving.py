@@ -153,9 +153,10 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
     if len(config.codes) == 1:  # a code that all subdomains need: before the time it takes to mesh
         find_codes(config.codes, run_programs=False)
     apart = ranks.team.size > 1 and ranks.team.share(meshed is None) and not reference
-    made = make(config, ranks.team, ranks.speeds) if apart else "all of it is asked for"
+    kept = Meshed()
+    made = make(config, ranks.team, ranks.speeds, kept) if apart else "all of it is asked for"
     if isinstance(made, str):
-        made = None if ranks.team.rank else replace(build_scene(config, run_programs=True, meshed=meshed), left=made)
+        made = None if ranks.team.rank else replace(build_scene(config, run_programs=True, meshed=meshed or kept.once), left=made)
     trim()
     return made
 

@@ -11,6 +11,7 @@ import pytest
 from meshes.bar import bar
 from quick import late
 from boxes import boxed
+from in_process import IN_PROCESS
 from ranks_case import CASES
 from threads import among
 
@@ -18,6 +19,7 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.files import read
+from orchestrator.scene import body
 from orchestrator.scene.mesh import grain_meshes, quadratic, solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
@@ -29,7 +31,9 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.probes import Surface
 from orchestrator.scene.part import overview, part_of
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.pieces.make import make
+from orchestrator.solving import Ranks, scene_of
 
 # nobody asks for numbers of nodes and cells of faces to slide on once operators are made; whether any face is bent is told of own ones; of
 # neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
@@ -530,6 +534,34 @@ def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, element, part):
                           "boundary": [{"on": {"plane": "x", "at": -1.0 * part}, "displacement": [0, 0, 0]},
                                        {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
     same_as_one(config, 3)
+
+
+@pytest.mark.parametrize("mesh, subdomains", [("solids", "groups"), ("solids", {"groups": True, "split_above": 200}), ("solids", {"metis": 14}),
+                                              ("grains", {"groups": True, "split_above": 150}), ("grains", {"metis": 20})])
+@pytest.mark.parametrize("element", ["P1", late("P2")])
+def test_solids_that_share_faces_and_grains_that_are_cut(mesh, subdomains, element, solids):
+    """One rank meshes them for all, in contact, shapes of faces and all."""
+    mesh = {"step": solids["step"], "h": 0.5} if mesh == "solids" else {"polycrystal": {**GRAINS, "grains": 8, "h": 0.25, "seed": 1}}
+    same_as_one(config_from({
+        "name": "solids", "mesh": mesh, "subdomains": subdomains, "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": element},
+        "interfaces": [{"law": "contact", "friction": 0.2}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1 + ("step" in mesh)}, "displacement": [0.01, 0, -0.01]}]}), 3)
+
+
+@pytest.mark.parametrize("count", [6, 1])
+def test_a_mesh_that_one_has_to_judge_is_made_once(count, tmp_path, monkeypatch):
+    """Of two bodies, which may be in each other; one part of both is wrong, which rank 0 says."""
+    made, make_once, box = [], body.make_mesh, bricks([1, 1, 1], [2, 2, 2], "box")
+    monkeypatch.setattr(body, "make_mesh", lambda *given: made.append(given) or make_once(*given))
+    meshio.write(tmp_path / "two.msh", meshio.Mesh(np.concatenate([box.nodes, box.nodes + 2]), [(
+        "tetra", np.concatenate([box.cells, box.cells + len(box.nodes)]))]), "gmsh22")
+    config = config_from({"name": "two", "mesh": {"file": str(tmp_path / "two.msh")}, "subdomains": {"metis": count}, "blackbox": IN_PROCESS,
+                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": at}, "displacement": [0, 0, 0]}
+                                                                                        for at in (0, 2)]})
+    whole, other = among(2, lambda team: scene_of(config, Ranks(team)))
+    assert (whole.left == "a mesh that one process makes" and other is None) if count == 6 else "1 parts for 2 separate bodies" in str(whole)
+    assert len(made) == 1
 
 
 @pytest.mark.parametrize("auto", [False, True])

@@ -66,7 +66,7 @@ class Meshed:
 
     def __call__(self, config: Config, run_programs: bool, problems: Problems) -> Body:
         """The mesh of a configuration, of four- or ten-node tets, and which matter each has; what is wrong goes to ``problems``."""
-        mesh, faces = self._of_source(config, run_programs)
+        mesh, faces = self.of_corners(config, run_programs)
         element, choice = config.codes[0].element, None
         if element == "auto":
             unknowns = 3 * (len(mesh.nodes) + len(edges_of(mesh.cells, TET_EDGES)[0]))
@@ -82,7 +82,8 @@ class Meshed:
                      "give fewer load steps, or a coarser mesh")
         return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
 
-    def _of_source(self, config: Config, run_programs: bool) -> tuple[Mesh, Faces]:
+    def of_corners(self, config: Config, run_programs: bool = False) -> tuple[Mesh, Faces]:
+        """The mesh of a configuration, of four-node tets, and its faces."""
         parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
         if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
             self._made = self._quadratic = None  # not both at once
@@ -90,3 +91,13 @@ class Meshed:
                           self._call(make_parts, config.parts, run_programs, self._sizes, self._known))
             self._asked = config.mesh, parts
         return self._made
+
+    def once(self, config: Config, run_programs: bool, problems: Problems) -> Body:
+        """As when called, and keeps nothing."""
+        body = self(config, run_programs, problems)
+        self.let_go()
+        return body
+
+    def let_go(self) -> None:
+        """Keeps the last one no longer."""
+        self._made = self._quadratic = None

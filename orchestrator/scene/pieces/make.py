@@ -17,7 +17,7 @@ from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.numbering import ordered
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.scene.body import Body
+from orchestrator.scene.body import Body, Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.boundary import faces_meant
 from orchestrator.scene.conditions.finder import AT_POINTS, Finder, of_all
@@ -40,21 +40,22 @@ from orchestrator.timing import predicted_cost
 JUDGED = "something is amiss, or hangs on all of the mesh"
 
 
-def source_of(config: Config, team: Team = ALONE) -> Dealt | str:
-    """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together."""
+def source_of(config: Config, team: Team = ALONE, meshed: Meshed | None = None) -> Dealt | str:
+    """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together; ``meshed`` as of ``make``."""
     if config.refines:
         return "an accuracy"
     if any(code.brings_loads or code.remembers for code in config.codes):
         return "matter or loads of a code's own"
-    return dealt(config, team) or "a mesh that one process makes"
+    return dealt(config, team, meshed or Meshed()) or "a mesh that one process makes"
 
 
-def make(config: Config, team: Team, speeds: np.ndarray | None = None) -> Scene | str:
+def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: Meshed | None = None) -> Scene | str:
     """The part of a scene that is this rank's, which all ranks make together; or why one has to make the whole, the same on all of them.
 
     speeds : as of ``owners``
+    meshed : what makes a mesh on rank 0; where one has to make the scene of it, it may have it already
     """
-    source = source_of(config, team)
+    source = source_of(config, team, meshed)
     if isinstance(source, str):
         return source
     if len(source.names) < team.size:

@@ -1,4 +1,4 @@
-"""Meshes that ranks read or make in shares: bricks, files in partitions, grains, parts and solids meshed apart, some each; other files rank 0."""
+"""Meshes that ranks read or make in shares: bricks, files in partitions, grains, parts and solids meshed apart, some each; others rank 0."""
 
 from __future__ import annotations
 
@@ -35,8 +35,11 @@ def agreed(made: Callable[[], T], team: Team) -> T | None:
     return None if team.max(float(own is None))[0] else own
 
 
-def dealt(config: Config, team: Team) -> Dealt | None:
-    """The configuration's mesh in its subdomains; None, on all ranks, where they cannot make it together."""
+def dealt(config: Config, team: Team, meshed: Meshed) -> Dealt | None:
+    """The configuration's mesh in its subdomains; None, on all ranks, where they cannot make it together.
+
+    meshed : what makes meshes on rank 0, and keeps one that ranks cannot make together
+    """
     mesh, subdomains = config.mesh, config.subdomains
     by_volume = subdomains.groups and subdomains.split_above is None
     if mesh is None:
@@ -49,7 +52,7 @@ def dealt(config: Config, team: Team) -> Dealt | None:
         return _of_grains(mesh, team)
     if mesh.file and by_volume and team.share(bool(in_partitions(Path(mesh.file)))):
         return _of_partitions(mesh, team)
-    return None if mesh.step or mesh.polycrystal else _of_one(config, team)
+    return _of_one(config, team, meshed)
 
 
 def _of_bricks(mesh: Any, subdomains: Any, team: Team) -> Dealt | None:
@@ -65,25 +68,26 @@ def _of_bricks(mesh: Any, subdomains: Any, team: Team) -> Dealt | None:
     return Dealt(Share(made, Partition(block, names), number, cells), int(np.prod(bricks.counts + 1)), team)
 
 
-def _of_one(config: Config, team: Team) -> Dealt | None:
+def _of_one(config: Config, team: Team, meshed: Meshed) -> Dealt | None:
     """What rank 0 reads or makes, and cuts, and nobody keeps."""
-    share = agreed(lambda: False if team.rank else _cut(config), team)
+    share = agreed(lambda: False if team.rank else _cut(config, meshed), team)
     if share is None:
         return None
     nodes, known = team.share(None if team.rank else (len(share.number), share.without_cells))
     return Dealt(known if team.rank else share, nodes, team)
 
 
-def _cut(config: Config) -> Share | None:
+def _cut(config: Config, meshed: Meshed) -> Share | None:
     """All of a mesh, cut; None where volumes are cut of a mesh in several pieces, which may be near, or in, each other."""
     if config.subdomains.split_above is None:
-        mesh, faces = make_mesh(config.mesh)
+        mesh, faces = meshed.of_corners(config)
     else:  # which counts nodes in the middle of edges
-        body = Meshed()(config, False, Problems())
+        body = meshed(config, False, Problems())
         mesh, faces = body.mesh, body.faces
     partition = make_partition(mesh, faces, config.subdomains)
     if partition.names != mesh.volumes and pieces(faces, np.zeros(len(mesh.cells), dtype=int))[0] > 1:
         return None
+    meshed.let_go()
     corners = replace(mesh, nodes=mesh.nodes[:faces.nodes], cells=mesh.cells[:, :4])
     return Share(corners, partition, np.arange(faces.nodes), np.arange(len(mesh.cells)))
 
