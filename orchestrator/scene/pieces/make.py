@@ -55,6 +55,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: M
     speeds : as of ``owners``
     meshed : what makes a mesh on rank 0; where one has to make the scene of it, it may have it already
     """
+    meshed = meshed or Meshed()
     source = source_of(config, team, meshed)
     if isinstance(source, str):
         return source
@@ -69,6 +70,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: M
     tools = agreed(lambda: pushed_tools(config), team)
     if tools is None:
         return JUDGED
+    meshed.let_go()  # of the whole, which from here on nobody has
     source.deal(rank_of, config.interfaces, tools, team)
     made, extent = _pieces(config, source, np.flatnonzero(rank_of == team.rank), team)
     surfaces = {} if made[0] is None else gathered(config, made[0], team)

@@ -38,7 +38,7 @@ def agreed(made: Callable[[], T], team: Team) -> T | None:
 def dealt(config: Config, team: Team, meshed: Meshed) -> Dealt | None:
     """The configuration's mesh in its subdomains; None, on all ranks, where they cannot make it together.
 
-    meshed : what makes meshes on rank 0, and keeps one that ranks cannot make together
+    meshed : what makes a mesh on rank 0, and keeps it
     """
     mesh, subdomains = config.mesh, config.subdomains
     by_volume = subdomains.groups and subdomains.split_above is None
@@ -87,7 +87,6 @@ def _cut(config: Config, meshed: Meshed) -> Share | None:
     partition = make_partition(mesh, faces, config.subdomains)
     if partition.names != mesh.volumes and pieces(faces, np.zeros(len(mesh.cells), dtype=int))[0] > 1:
         return None
-    meshed.let_go()
     corners = replace(mesh, nodes=mesh.nodes[:faces.nodes], cells=mesh.cells[:, :4])
     return Share(corners, partition, np.arange(faces.nodes), np.arange(len(mesh.cells)))
 
