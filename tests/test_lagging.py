@@ -44,11 +44,21 @@ def test_what_lags_behind_is_solved(eight):
 
 
 def test_bodies_without_room_go_on_without(eight, monkeypatch):
-    """From some three hundred bodies on their usual fields alone are all that there is room for."""
+    """Where there are so many that their usual fields alone are all that there is room for."""
     monkeypatch.setattr(correction, "UNKNOWNS", 5 * eight.coarse.bodies)
+    monkeypatch.setattr(correction, "TIMES", 1)
     assert len(eight.coarse.response.U) > 5 and eight.coarse.has_room(eight.coarse.response, 0)
     s = eight.local(eight.stage(np.zeros((eight.steps, eight.space.size)))).s
     assert lagging.LaggingPoints(eight.space).judge(evaluated(eight, s)).changes == ()
+
+
+def test_of_many_bodies_each_may_have_some(eight, monkeypatch):
+    monkeypatch.setattr(correction, "UNKNOWNS", 1)
+    s = eight.local(eight.stage(np.zeros((eight.steps, eight.space.size)))).s
+    monitor, now, usual = lagging.LaggingPoints(eight.space), evaluated(eight, s), eight.coarse.response.U
+    assert monitor.judge(now).changes == ("lagging",)
+    fields = monitor.change(now).coarse.response.U
+    assert len(usual) < len(fields) <= 2 * len(usual) and np.array_equal(fields[: len(usual)], usual)
 
 
 def test_a_resumed_run_has_the_same_fields(eight):

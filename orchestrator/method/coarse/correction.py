@@ -48,9 +48,10 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # Longest move of a loose body in one Newton step, over the largest displacement at the start, where no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
-# Fields of a body, and unknowns of all, up to which points have fields of their own. An iteration of 27 grains then takes two to six times
-# as long.
-MOST, UNKNOWNS = 72, 2000
+# Fields of a body, and unknowns of all, up to which points have fields of their own: an iteration of 27 grains then takes two to six times
+# as long. As many as a body has anyway it may have for points, however many bodies there are: a thousand grains wait for a few points, and
+# take four times as long with twice as many.
+MOST, UNKNOWNS, TIMES = 72, 2000, 2
 
 
 class CoarseCorrection:
@@ -97,7 +98,7 @@ class CoarseCorrection:
 
     def has_room(self, fields: Responses, more: int) -> bool:
         """Whether each body may have so many fields beside these; it may always have none."""
-        return not more or len(fields.U) + more <= min(MOST, UNKNOWNS / self.bodies)
+        return not more or len(fields.U) + more <= min(MOST, max(UNKNOWNS / self.bodies, TIMES * len(self.usual.U)))
 
     def with_own(self, dofs: np.ndarray) -> CoarseCorrection:
         """The same with trace dofs (q,) of this rank, ascending, as fields of their own, each for its body; ``most`` back-substitutions."""
@@ -132,7 +133,7 @@ class CoarseCorrection:
         fields = PairFields.of(pairs, T, _at_points(map(pairs.masked, pairs.responses(*self.everywhere)), np.float32), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
                              [self.response.W[:, part].T for part in self.parts], self.anew,
-                             self.half if self.response is self.usual else 0)
+                             self.half)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""

@@ -58,9 +58,10 @@ class Responses:
         return cls(space, U, V, W, V - times(k, W), u)
 
     def beside(self, other: Responses) -> Responses:
-        """Both, orthonormal."""
+        """These as they are, which are orthonormal, and what they leave of the others."""
         U, V = np.vstack([self.U, other.U]), np.vstack([self.V, other.V])
-        R = np.array([orthonormal(gram) for gram in per_body(self.space, U, V)]).reshape(-1, len(U), len(U))
+        own, more = np.split(np.eye(len(U)), [len(self.U)], axis=1)
+        R = np.array([_beside(own, more, gram) for gram in per_body(self.space, U, V)]).reshape(-1, len(U), len(U))
         del U, V  # one after the other: fields of many points of their own are most of what a rank holds
         traces = (combined(np.vstack(each), R, self.space.parts) for each in (
             (self.U, other.U), (self.V, other.V), (self.W, other.W), (self.F, other.F)))
@@ -71,7 +72,11 @@ def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:
     """(m, n) combinations of what a body may move in (m, n), orthonormal: the first half of them, then what these leave of the others."""
     half = may.shape[1] // 2
     first, others = may[:, :half], may[:, half:]
-    first = first @ orthonormal(first.T @ gram @ first)
+    return _beside(first @ orthonormal(first.T @ gram @ first), others, gram)
+
+
+def _beside(first: np.ndarray, others: np.ndarray, gram: np.ndarray) -> np.ndarray:
+    """(m, n) combinations: the first, which are orthonormal, and what they leave of the others, orthonormal."""
     largest = float(np.einsum("ij,ik,kj->j", others, gram, others).max(initial=0.0))
     others = others - first @ (first.T @ gram @ others)
     return np.hstack([first, others @ orthonormal(others.T @ gram @ others, largest)])

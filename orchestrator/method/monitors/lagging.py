@@ -20,7 +20,9 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 PATIENCE, FALLS = 8, 0.1  # iterations in which ‖F(s) − s‖ falls to such a share where a run is not slow
-SHARE = 0.01  # of the square of what is left in all load steps, that a point carries which lags behind
+# Of the square of what is left in all load steps, what a point carries that lags behind; and how often twice that is tried where there
+# is no room for so many.
+SHARE, FEWER = 0.01, 7
 
 
 class LaggingPoints(Monitor):
@@ -59,15 +61,16 @@ class LaggingPoints(Monitor):
         return Verdict(changes=(self.name,), sweeps=most / now.problem.steps) if most else Verdict()
 
     def fitting(self, now: Evaluation) -> tuple[np.ndarray, bool]:
-        """Trace dofs of this rank, the farthest behind, that the coarse problem has room for; and whether those before give way."""
-        coarse, left, share = now.problem.coarse, lags(now), SHARE
-        while True:
-            dofs = traces_of(now, left > share)
-            new = dofs[self.since[0, dofs] == 0]
-            for chosen, fields in ((new, coarse.response), (dofs, coarse.usual)):
-                if coarse.has_room(fields, coarse.most(chosen)):
+        """Trace dofs of this rank, the farthest behind, that the coarse problem has room for; and whether those before give way, as they
+        do where there is room for none beside them."""
+        coarse, left = now.problem.coarse, lags(now)
+        every = [traces_of(now, left > SHARE * 2**k) for k in range(FEWER)]
+        new = [dofs[self.since[0, dofs] == 0] for dofs in every]
+        for fields, several in ((coarse.response, new), (coarse.usual, every)) if coarse.most(new[0]) else ():
+            for chosen in several:
+                if coarse.most(chosen) and coarse.has_room(fields, coarse.most(chosen)):
                     return chosen, fields is not coarse.response
-            share *= 2
+        return every[0][:0], False
 
     def change(self, now: Evaluation) -> Decomposition:
         coarse = now.problem.coarse
