@@ -86,7 +86,7 @@ class Meshed:
         """The mesh of a configuration, of four-node tets, and its faces."""
         parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
         if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
-            self._made = self._quadratic = None  # not both at once
+            self.let_go()  # not both at once
             self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0), self._known) if config.mesh else
                           self._call(make_parts, config.parts, run_programs, self._sizes, self._known))
             self._asked = config.mesh, parts

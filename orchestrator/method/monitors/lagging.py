@@ -64,13 +64,14 @@ class LaggingPoints(Monitor):
         """Trace dofs of this rank, the farthest behind, that the coarse problem has room for; and whether those before give way, as they
         do where there is room for none beside them."""
         coarse, left = now.problem.coarse, lags(now)
-        every = [traces_of(now, left > SHARE * 2**k) for k in range(FEWER)]
-        new = [dofs[self.since[0, dofs] == 0] for dofs in every]
-        for fields, several in ((coarse.response, new), (coarse.usual, every)) if coarse.most(new[0]) else ():
-            for chosen in several:
-                if coarse.most(chosen) and coarse.has_room(fields, coarse.most(chosen)):
-                    return chosen, fields is not coarse.response
-        return every[0][:0], False
+        behind = [traces_of(now, left > SHARE * 2**k) for k in range(FEWER)]
+        new = [dofs[self.since[0, dofs] == 0] for dofs in behind]
+        if coarse.most(new[0]):
+            for fields, several in ((coarse.response, new), (coarse.usual, behind)):
+                for chosen in several:
+                    if (more := coarse.most(chosen)) and coarse.has_room(fields, more):
+                        return chosen, fields is not coarse.response
+        return new[0][:0], False
 
     def change(self, now: Evaluation) -> Decomposition:
         coarse = now.problem.coarse
