@@ -74,6 +74,7 @@ def test_the_model_knows_no_room_but_its_own():
 
 
 def test_lines_fit_a_screen():
-    long = [f"{path}:{number}" for path in sorted(PACKAGE.parent.glob("[a-z]*/**/*.py"))
+    folders = (PACKAGE.parent / name for name in ("orchestrator", "benchmarks", "tests", "configs", "meshes", "docs"))  # not what runs leave
+    long = [f"{path}:{number}" for folder in folders for path in sorted(folder.rglob("*.py"))
             for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1) if len(line) > 150]
     assert not long

@@ -45,6 +45,7 @@ from orchestrator.results.answers import InterfaceTable
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.pieces.dealt import Dealt
+from orchestrator.scene.body import Meshed
 from orchestrator.scene.pieces.make import Local, source_of
 from orchestrator.scene.pieces.outline import Outline
 from orchestrator.scene.soles.make import make_soles
@@ -174,7 +175,7 @@ def _of_eight(side: int) -> np.ndarray:
 def _made(config: Config, rank_of: np.ndarray) -> list[tuple[Local, Dealt]]:
     """What each rank makes of a scene that they make together, here as threads."""
     def of_rank(team: Team) -> tuple[Local, Dealt]:
-        source = source_of(config, team)
+        source = source_of(config, team, Meshed())
         source.deal(rank_of, config.interfaces, (), team)
         return Local.of(config, [source.piece(np.flatnonzero(rank_of == team.rank))], {}), source
 

@@ -27,6 +27,11 @@ def numbered(tags: np.ndarray, team: Team) -> tuple[np.ndarray, int]:
     return np.concatenate(answers).astype(int), sum(counts)
 
 
+def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """(sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,) says, run after run."""
+    return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
+
+
 def ordered(names: np.ndarray, values: np.ndarray, team: Team) -> np.ndarray:
     """(K, …) values (k, …) of all ranks, which ask together, in the order of their names (k, c) int."""
     every, found = (np.concatenate(each) for each in zip(*team.all_gather((names, values))))

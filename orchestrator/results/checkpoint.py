@@ -26,6 +26,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.checkpoint import COMMON, Checkpoint, Numbers, Start, kind_of
 from orchestrator.packed import read_arrays
+from orchestrator.parallel.numbering import runs
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 
@@ -98,8 +99,7 @@ def columns_of(numbers: Numbers) -> dict[str, np.ndarray]:
 
 def _columns(arrays: Mapping[str, np.ndarray], kind: str) -> np.ndarray:
     """(k,) int, which columns of the whole scene a file has."""
-    begin, length = arrays[COLUMNS + kind].T
-    return np.repeat(begin - (np.cumsum(length) - length), length) + np.arange(length.sum())
+    return runs(*arrays[COLUMNS + kind].T)
 
 
 def read_file(path: Path) -> tuple[dict[str, Any], Checkpoint]:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.parallel.borders import Borders, Meeting
-from orchestrator.parallel.numbering import classes
+from orchestrator.parallel.numbering import classes, runs
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.model import Scene
@@ -93,6 +93,5 @@ def _meeting(scene: Scene, ends: np.ndarray, rank_of: np.ndarray, team: Team) ->
     across = {rank: np.concatenate(copies, axis=1)[0] for rank, copies in pairs.items()}
     counts = np.diff(ends)
     every = team.sum(counts)[0].astype(int)
-    names = np.arange(count) + np.repeat(np.cumsum(every) - every - ends[:-1], counts)
-    label = classes(names, *within, across, team)
+    label = classes(runs(np.cumsum(every) - every, counts), *within, across, team)
     return Meeting(label, np.isin(label, label[np.concatenate([np.empty(0, int), *across.values()])]), team)

@@ -21,6 +21,7 @@ from orchestrator.method.interface.rows import joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
+from orchestrator.parallel.numbering import runs
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.interface import Interface, ends_of
@@ -92,8 +93,7 @@ class InterfaceFields(Surfaces):
     def some(self, chosen: np.ndarray) -> InterfaceFields:
         """Some of the interfaces (K,) int, in this order."""
         counts = self.counts_of_each
-        rows = {"interface": chosen} | {what: joined([np.arange(end - n, end) for n, end in zip(c[chosen], np.cumsum(c)[chosen])])
-                                        for what, c in zip(("node", "triangle"), counts.T)}
+        rows = {"interface": chosen} | {what: runs((np.cumsum(c) - c)[chosen], c[chosen]) for what, c in zip(("node", "triangle"), counts.T)}
         taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items() if (x := getattr(self, name)) is not None}
         offsets, faces = np.cumsum([0, *counts[chosen, 0]]), counts[chosen, 1]
         moved = np.repeat(offsets[:-1] - self.offsets[chosen], faces)[:, None]

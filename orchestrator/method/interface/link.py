@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orchestrator.parallel.numbering import runs
 from orchestrator.parallel.team import ALONE, Team
 
 
@@ -31,10 +32,5 @@ class Link:
         counts = np.zeros((2, count))
         counts[:, mine] = traces, boundaries
         counts = team.sum(counts)[0].astype(int)
-        number, boundary_number = (np.repeat((np.cumsum(each) - each)[mine], each[mine]) + _within(each[mine]) for each in counts)
+        number, boundary_number = (runs((np.cumsum(each) - each)[mine], each[mine]) for each in counts)
         return cls(number, boundary_number, int(counts[0].sum()), count, team=team)
-
-
-def _within(counts: np.ndarray) -> np.ndarray:
-    """0, 1, 2 … in each of some groups, one group after another."""
-    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -29,6 +29,7 @@ from orchestrator.method.interface.rows import block_diagonal, Blocks, digest, t
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.parallel.numbering import runs
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,5 @@ def _numbers(space: TraceSpace, bases: list[np.ndarray]) -> tuple[np.ndarray, np
     """(size,) int, which of the macro unknowns of all ranks this rank's are, and (size,) bool, whether another sees them too."""
     widths = np.array([basis.shape[1] for basis in bases], dtype=int)
     most = np.array(space.team.max(*widths), dtype=int)
-    starts = np.cumsum(most) - most
     shared = [any(len(side) and side[0] >= space.size for side in sides) for sides in space.sides]
-    within = np.arange(widths.sum()) - np.repeat(np.cumsum(widths) - widths, widths)
-    return np.repeat(starts, widths) + within, np.repeat(np.array(shared, dtype=bool), widths)
+    return runs(np.cumsum(most) - most, widths), np.repeat(np.array(shared, dtype=bool), widths)

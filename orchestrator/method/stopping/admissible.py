@@ -24,6 +24,7 @@ from orchestrator.method.interface.rows import Segments, narrow, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.parallel.numbering import runs
 
 RIGID = 6
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
@@ -51,8 +52,7 @@ class RigidModes:
         self._space, self.dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
         self._seen = np.union1d(space.subdomains, space.owner).astype(int)
         self._starts = np.concatenate([[0], np.cumsum(counts[self._seen])])
-        self.number = (np.repeat((np.cumsum(counts) - counts)[self._seen] - self._starts[:-1], counts[self._seen])
-                       + np.arange(self._starts[-1]))
+        self.number = runs((np.cumsum(counts) - counts)[self._seen], counts[self._seen])
         self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
         self._of = Segments(space.boundary)
         at = np.searchsorted(self._seen, np.asarray(space.subdomains, dtype=int)[self._of.subdomains])

@@ -9,6 +9,7 @@ from itertools import chain
 
 import numpy as np
 
+from orchestrator.parallel.numbering import runs
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
@@ -147,7 +148,7 @@ def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[
     start, stop = (low[:, axis] - room)[order], (high[:, axis] + room)[order]
     later = np.searchsorted(start, stop, side="right") - np.arange(1, len(order) + 1)
     first = np.repeat(np.arange(len(order)), later)
-    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(later) - later, later)
+    second = runs(np.arange(1, len(order) + 1), later)
     i, j = np.sort([order[first], order[second]], axis=0)
     apart = np.maximum(low[i] - high[j], low[j] - high[i]).max(axis=1)
     near = apart <= np.maximum(room[i], room[j])

@@ -76,6 +76,13 @@ class Mesh:
         """(2, 3) the box around all nodes, of the whole mesh where this is a piece of it."""
         return np.stack([self.nodes.min(axis=0), self.nodes.max(axis=0)]) if self.within is None else self.within
 
+    @property
+    def hollow(self) -> Mesh:
+        """The mesh without nodes and cells: what is known of all of it."""
+        return replace(self, nodes=self.nodes[:0], cells=self.cells[:0], volume=self.volume[:0],
+                       surfaces={name: triangles[:0] for name, triangles in self.surfaces.items()},
+                       smooth={name: shape.of(slice(0)) for name, shape in self.smooth.items()})
+
     def is_foreign(self, cells: np.ndarray) -> np.ndarray:
         """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""
         known = np.zeros(len(self.volumes), dtype=bool)

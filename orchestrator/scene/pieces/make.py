@@ -16,7 +16,7 @@ from orchestrator.errors import Problems
 from orchestrator.parallel.borders import Borders
 from orchestrator.parallel.numbering import ordered
 from orchestrator.parallel.placement import owners
-from orchestrator.parallel.team import ALONE, Team
+from orchestrator.parallel.team import Team
 from orchestrator.scene.body import Body, Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.boundary import faces_meant
@@ -30,7 +30,7 @@ from orchestrator.scene.overview import Beside
 from orchestrator.scene.part import part_of
 from orchestrator.scene.pieces.bolts import cut
 from orchestrator.scene.pieces.dealt import Dealt
-from orchestrator.scene.pieces.outline import BEHIND, OPPOSITE, Outline
+from orchestrator.scene.pieces.outline import AT_NODES, BEHIND, OPPOSITE, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
 from orchestrator.scene.pieces.pushed import pushed_tools
 from orchestrator.scene.pieces.sources import agreed, dealt
@@ -40,13 +40,13 @@ from orchestrator.timing import predicted_cost
 JUDGED = "something is amiss, or hangs on all of the mesh"
 
 
-def source_of(config: Config, team: Team = ALONE, meshed: Meshed | None = None) -> Dealt | str:
+def source_of(config: Config, team: Team, meshed: Meshed) -> Dealt | str:
     """What makes the configuration's pieces; or why one process has to make the scene. All ranks ask together; ``meshed`` as of ``make``."""
     if config.refines:
         return "an accuracy"
     if any(code.brings_loads or code.remembers for code in config.codes):
         return "matter or loads of a code's own"
-    return dealt(config, team, meshed or Meshed()) or "a mesh that one process makes"
+    return dealt(config, team, meshed) or "a mesh that one process makes"
 
 
 def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: Meshed | None = None) -> Scene | str:
@@ -82,7 +82,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: M
     rank_of = np.repeat(np.arange(team.size), [len(x.number) for x in every])[np.argsort(number)]
     kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, and as ``Local.of`` has it
     extent = local.numbered(whole, np.sort(number), extent, team)
-    body = components(*whole.sides[whole.order[:, 0] != 2].T, len(whole.number))[1]
+    body = components(*whole.sides[whole.order[:, 0] != AT_NODES].T, len(whole.number))[1]
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
     grounds = 1 + len(config.interfaces)  # their first kind
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
@@ -190,7 +190,7 @@ def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Bes
     has all of one. All ranks ask together."""
     if not whole.near:
         return {}
-    part, body = local.part, components(*whole.sides[whole.order[:, 0] < 2].T, len(whole.number))[1]  # tools connect nothing
+    part, body = local.part, components(*whole.sides[whole.order[:, 0] <= OPPOSITE].T, len(whole.number))[1]  # tools connect nothing
     own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
     of = {v: number for told in team.all_gather(own) for v, number in told.items()}
     if any(v not in of for pair in whole.near for v in pair):

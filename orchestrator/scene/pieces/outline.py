@@ -20,7 +20,7 @@ from orchestrator.scene.pieces.piece import Extent
 
 _NONE = np.empty(0, dtype=int)
 OF_INTERFACES = ("sides", "called", "entry", "order", "joins", "apart", "laws", "bolts", "mixed", "matched", "met")
-OPPOSITE, BEHIND = 1, 3  # among kinds of interfaces
+SHARED, OPPOSITE, AT_NODES, BEHIND = range(4)  # kinds of interfaces, see ``Outline.order``
 
 
 @dataclass
@@ -30,8 +30,8 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
     names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
     sides : (k, 2) int, subdomains of each interface; called : as these have it; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
-    order : (k, 2) int, 0 of shared faces, 1 of opposite ones, 2 of nodes alone, 3 with a rigid tool or a ground; and its place among those of
-        its pair
+    order : (k, 2) int, of ``SHARED`` faces, of ``OPPOSITE`` ones, ``AT_NODES`` alone, or ``BEHIND`` bodies, with a rigid tool or a ground; and its
+        place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
     laws : of tools, grounds and bolts, at every load step; None of others, which ``entry`` tells of
     bolts : what is known of a bolt there but for its interface; None where there is none
@@ -192,8 +192,8 @@ class Outline:
 def _order(scene: Scene) -> np.ndarray:
     """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
     made = scene.interfaces
-    kind = np.array([BEHIND if i.law.on_ground or i.tool else 2 if not len(i.triangles) else
-                     int(not np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1)))) for i in made], dtype=int)
+    kind = np.array([BEHIND if i.law.on_ground or i.tool else AT_NODES if not len(i.triangles) else
+                     SHARED if np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))) else OPPOSITE for i in made], dtype=int)
     pairs = np.sort(ends_of(made), axis=1)
     changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)
     begins = np.flatnonzero(np.concatenate([[True], changes])) if made else _NONE

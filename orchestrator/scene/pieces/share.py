@@ -31,11 +31,8 @@ class Share:
     @property
     def without_cells(self) -> Share:
         """What is known of the whole mesh."""
-        mesh, none = self.mesh, np.empty(0, dtype=int)
-        hollow = replace(mesh, nodes=mesh.nodes[:0], cells=mesh.cells[:0], volume=none,
-                         surfaces={name: triangles[:0] for name, triangles in mesh.surfaces.items()},
-                         smooth={name: shape.of(slice(0)) for name, shape in mesh.smooth.items()})
-        return Share(hollow, replace(self.partition, subdomain=none), none, none)
+        none = np.empty(0, dtype=int)
+        return Share(self.mesh.hollow, replace(self.partition, subdomain=none), none, none)
 
     def handed_on(self, cells: Sequence[np.ndarray], team: Team) -> Share:
         """What all ranks hand on to this one; they do it together.

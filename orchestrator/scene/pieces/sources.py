@@ -146,20 +146,18 @@ def _of_made(make: Callable[[], list[Mesh]], team: Team) -> Dealt | None:
     made = agreed(make, team)
     if made is None or team.max(float(sum(len(mesh.nodes) for mesh in made)))[0] > MAX_NODES:
         return None
-    told = team.all_gather([(len(m.nodes), len(m.cells), m.volumes, list(m.surfaces), m.source, m.remarks,
-                             {name: shape.of(slice(0)) for name, shape in m.smooth.items()}) for m in made])
-    every, first = [part for rank in told for part in rank], sum(len(rank) for rank in told[: team.rank])
-    counts = np.array([[nodes, cells, len(volumes)] for nodes, cells, volumes, *_ in every])
-    nodes, cells, volumes = counts[:first].sum(axis=0)
-    mesh, names = joined(made), [name for part in every for name in part[2]]
+    told = team.all_gather([((len(mesh.nodes), len(mesh.cells), len(mesh.volumes)), mesh.hollow) for mesh in made])
+    counts, every = zip(*(part for rank in told for part in rank))
+    nodes, cells, volumes = np.array(counts)[: sum(len(rank) for rank in told[: team.rank])].sum(axis=0)
+    mesh, names = joined(made), [name for part in every for name in part.volumes]
     if len(set(names)) < len(names):
         return None
     whole = replace(mesh, volume=mesh.volume + volumes, volumes=names,
-                    surfaces=_with_all(mesh.surfaces, [name for part in every for name in part[3]]),
-                    source=" + ".join(dict.fromkeys(part[4] for part in every)),
-                    remarks=list(dict.fromkeys(text for part in every for text in part[5])),
-                    smooth={name: mesh.smooth.get(name, shape) for part in every for name, shape in part[6].items()})
-    return _by_volume(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells)), int(counts[:, 0].sum()), team)
+                    surfaces=_with_all(mesh.surfaces, [name for part in every for name in part.surfaces]),
+                    source=" + ".join(dict.fromkeys(part.source for part in every)),
+                    remarks=list(dict.fromkeys(text for part in every for text in part.remarks)),
+                    smooth={name: mesh.smooth.get(name, shape) for part in every for name, shape in part.smooth.items()})
+    return _by_volume(whole, nodes + np.arange(len(mesh.nodes)), cells + np.arange(len(mesh.cells)), sum(count[0] for count in counts), team)
 
 
 def _with_all(own: dict[str, np.ndarray], names: Any) -> dict[str, np.ndarray]:
