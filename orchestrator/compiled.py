@@ -12,12 +12,16 @@ questions to the codes their cores have nothing else to do.
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
+import re
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, ExitStack, suppress
 from functools import cache
+from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -26,6 +30,7 @@ from orchestrator.optional import check_there, need
 
 # Sums may be formed in any order that the compiler likes, which is the same in every call; nan and inf stay what they are.
 SUMS = {"reassoc", "contract"}
+LOOPS = re.compile(rb"^@(compiled|intrinsic|numba\.)", re.MULTILINE)  # in modules that have some
 
 
 class Compiled:
@@ -56,6 +61,7 @@ class Compiled:
 
     def _compiled(self, cache: bool) -> Callable[..., Any]:
         numba = need("numba")
+        self.function.__qualname__ = f"{self.function.__name__}-{made_of()}"  # which names the file that the machine code is kept in
         with _PLACE:
             before, numba.core.config.CACHE_DIR = numba.core.config.CACHE_DIR, str(kept_in())
             try:
@@ -89,6 +95,14 @@ def kept_in() -> Path:
     asked = os.environ.get("NUMBA_CACHE_DIR")
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(asked or os.path.join(home, "latin-orchestrator"))
+
+
+@cache
+def made_of(package: Path = Path(__file__).parent) -> str:
+    """A name for all that machine code depends on but the processor, of which the compiler takes care: Python, the compiler itself, and
+    the text of every module with loops, which take along what they call."""
+    texts = [text for path in sorted(package.rglob("*.py")) if LOOPS.search(text := path.read_bytes())]
+    return hashlib.sha256(repr((sys.version, version("numba"), str(package), texts)).encode()).hexdigest()[:16]
 
 
 def compiled(function: Callable[..., Any]) -> Compiled:

@@ -5,43 +5,28 @@ The loops are compiled by the first few iterations of the smallest scene that ca
 
 from __future__ import annotations
 
-import hashlib
-import sys
 import time
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 
-from orchestrator.compiled import kept_in
+from orchestrator.compiled import kept_in, made_of
 from orchestrator.config.load import load_config
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent, command, WANTED
 from orchestrator.parallel import petsc
 from orchestrator.solving import solve
 
-SCENE = Path(__file__).with_suffix(".yaml")
-
-
-def compile_loops() -> None:
-    """Solve the scene as far as it calls every loop; machine code is kept for the next process."""
-    solve(load_config(SCENE).config)
+SCENE = Path(__file__).with_suffix(".yaml")  # solved as far as it calls every loop
 
 
 def compiled_once() -> str:
     """Compile the loops if that has not been done for this package, Python and compiler; a line that tells where they are."""
-    done, begin = kept_in() / f"done-{_made_of()}", time.perf_counter()
+    done, begin = kept_in() / f"done-{made_of()}", time.perf_counter()
     if not done.exists():
-        compile_loops()
+        solve(load_config(SCENE).config)
         with suppress(OSError):
             done.touch()
     return f"loops of contact: compiled in {time.perf_counter() - begin:.1f} s, kept in {kept_in()}"
-
-
-def _made_of() -> str:
-    """A name for what machine code depends on, but for the processor, of which the compiler takes care."""
-    files = [path for path in sorted(Path(__file__).parent.rglob("*.py")) if b"\n@compiled" in path.read_bytes()]
-    stamps = [(str(path), path.stat().st_mtime_ns, path.stat().st_size) for path in files]
-    return hashlib.sha256(repr((sys.version, version("numba"), stamps)).encode()).hexdigest()[:16]
 
 
 def examine() -> list[str]:

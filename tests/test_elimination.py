@@ -1,17 +1,20 @@
 """Linear algebra of the coarse contact problem: elimination front after front, and what is compiled."""
 
+import ast
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from ranks_case import SIZE, lattice
 
+import orchestrator
 from orchestrator.method.coarse import elimination, layout, ordering, rigid_first, subtrees
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.compiled import compiled
+from orchestrator.compiled import LOOPS, compiled, made_of
 
 @pytest.mark.parametrize("calls", [0.0, ordering.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
@@ -146,6 +149,25 @@ def test_a_pivot_that_vanishes_is_told():
     pattern = BlockPattern(np.array([[0, 1]]), 2, SIZE)
     with pytest.raises(ZeroDivisionError, match="pivot"):
         pattern.factors(np.zeros((4, SIZE, SIZE)), 0.0)
+
+
+def test_machine_code_is_that_of_all_loops_as_they_are_written(tmp_path):
+    """What a loop takes from another module goes along into its machine code."""
+    made = []
+    for name, text in [("loops", "@compiled\n"), ("called", "@intrinsic\n"), ("plain", ""), ("loops", "@compiled\n\n"),
+                       ("called", "\n@intrinsic\n"), ("plain", "print()\n")]:
+        (tmp_path / f"{name}.py").write_text(text)
+        made.append(made_of.__wrapped__(tmp_path))
+    assert made[1] == made[2] and made[4] == made[5] and len(set(made)) == 4
+
+
+def test_loops_take_nothing_from_modules_without_any():
+    package = Path(orchestrator.__file__).parent
+    texts = {path: path.read_bytes() for path in package.rglob("*.py")}
+    for path, text in texts.items():
+        if LOOPS.search(text) and path.name != "compiled.py":
+            taken = {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and "orchestrator" in node.module}
+            assert all(LOOPS.search(texts[(package.parent / one.replace(".", "/")).with_suffix(".py")]) for one in taken), path
 
 
 WRITE_NOTHING = """

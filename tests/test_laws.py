@@ -10,7 +10,8 @@ from method_case import config, solved
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Law, Stages, Written
-from orchestrator.laws.contact import Contact, forces, OPEN, SLIP, slopes, STICK
+from orchestrator.laws.contact import Contact, OPEN, SLIP, STICK
+from orchestrator.laws.contact_loops import forces, slopes
 from orchestrator.laws.elastic import Elastic, SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import BONDED, Hold, Points, Status, table
 from orchestrator.method.iterated import load_cases

@@ -100,26 +100,27 @@ def _inverted_by_panels(P, panel, product):
 
 
 @compiled
-def eliminate(start, stop, product, blocks, layout, own, beside, work, order, bounds):
+def eliminate(start, stop, product, blocks, layout, room, runs):
     """Eliminate fronts, children before parents; False if a pivot of one vanishes.
 
-    start, stop : of the runs of fronts, which are in that order and begin where ``bounds`` says
+    start, stop : of the ``runs``: fronts in the order of work, and where each run of them begins
     product : address of BLAS's product
     blocks : (b, size, size) of the matrix
     layout : as ``elimination.Layout`` has it
-    own, beside, work : (·,) take L, U and S
+    room : three (·,), which take L, U and S
     """
+    (own, beside, work), (order, bounds) = room, runs
     band, sizes = layout[1], layout[2]
     right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[11].size
-    runs = np.empty((most, 3), np.int64)
+    joined = np.empty((most, 3), np.int64)  # runs of neighbours
     for f in order[bounds[start] : bounds[stop]]:
         a, m = sizes[f]
-        _entered(f, blocks, layout, own, work, right, runs)
+        _entered(f, blocks, layout, own, work, right, joined)
         for p in range(0, a, band):
             if not _across(f, p, product, layout, own, beside, right):
                 return False
         if m:
-            _left(f, product, layout, own, beside, work, runs)
+            _left(f, product, layout, own, beside, work, joined)
     return True
 
 
