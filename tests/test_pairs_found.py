@@ -7,6 +7,7 @@ from math import cos, pi, sin
 import gmsh
 import numpy as np
 import pytest
+from boxes import boxed
 from mortar_case import pairs_looked_at
 from quick import late
 from yaml_case import call
@@ -22,6 +23,7 @@ from orchestrator.scene.interfaces.opposite import outer_bodies
 from orchestrator.scene.interfaces.skins import Skin, smooth_faces, surface_of
 from orchestrator.scene.mesh.shared_faces import arrays
 from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved, placed
 from orchestrator.scene.mesh.mesh import Mesh
@@ -87,6 +89,27 @@ def test_pairs_depend_neither_on_units_nor_on_numbering(flange):
     assert set(one) == set(two)
     for pair, area in one.items():
         assert 1e6 * two[pair] == pytest.approx(area, rel=1e-6), pair
+
+
+READ = {"law": "contact", "gap": "geometry"}
+
+
+@pytest.mark.parametrize("gap, cells, entry", [
+    (2.0, 2, READ), (2.0, 3, READ), (2.5, 2, {**READ, "within": 2.5}), (3.7, 3, {**READ, "within": 3.7}), (1e-3, 2, {"law": "contact"}),
+    (0.2, 3, {"law": "perfect", "tolerance": 0.3}), (-0.2, 3, {"law": "contact", "gap": -0.2, "tolerance": 0.3})],
+    ids=["twice the size", "twice the size, not matching", "a length", "a length, not matching", "nodes that coincide", "a tolerance", "a press fit"])
+def test_faces_at_a_limit_are_paired_however_axes_lie(gap, cells, entry):
+    """All of them: a distance that is the limit rounds to either side of it."""
+    for k in range(12):
+        rotate = {"axis": [1, k, 3 - k], "degrees": 17 * k}
+        place = moved(np.array([[0.0, 0.0, 1 + gap]]), Move.model_validate({"rotate": rotate}))[0].tolist()
+        scene = build_scene(config_from({
+            "name": "limit", "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": [{**entry, "between": ["a", "b"]}],
+            "parts": [boxed("a", [2, 2, 1], [2, 2, 1], move={"rotate": rotate}),
+                      boxed("b", [2, 2, 1], [cells, cells, 1], move={"rotate": rotate, "translate": place})],
+            "boundary": [{"on": face, "displacement": [0, 0, 0]} for face in ("a/zmin", "b/zmax")]}))
+        (interface,) = scene.interfaces
+        assert areas(scene.mesh.nodes[interface.global_nodes], interface.triangles).sum() == pytest.approx(4.0), k
 
 
 @pytest.mark.long

@@ -20,6 +20,8 @@ Between = either(Literal["auto"], Sides, lambda value: isinstance(value, str),
 # In units of the local element size.
 Tolerance = auto_or(Annotated[float, Field(gt=0, le=10)], "a number > 0, at most 10, in units of the element size")
 RIGHT = 90.0  # degrees; faces that turn farther look away from each other
+# Limits of distances and angles are round numbers, and so are drawings: what lies on a limit is within it, however coordinates round.
+ROUND = 1 + 1e-9
 
 
 def scaled(value: Any, factor: float) -> Any:

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from orchestrator.compiled import in_parts
 from orchestrator.config.base import Positive, either
-from orchestrator.config.boundary import Entry
+from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.contact_loops import forces, OPENS, slopes, SLIPS, STICKS
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
@@ -54,7 +54,7 @@ class Parameters(Entry):
 
     @property
     def reach(self) -> float | None:
-        return self.within
+        return ROUND * self.within if self.within else None
 
     @property
     def scaled(self) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ class Parameters(Entry):
 
     @property
     def fit(self) -> float:
-        return 0.0 if self.apart else max(-(self.gap or 0.0), 0.0)
+        return 0.0 if self.apart else ROUND * max(-(self.gap or 0.0), 0.0)
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.config.boundary import ROUND
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.distances import surface_gap
 from orchestrator.scene.interfaces.matching import Patch, back_to_back
@@ -28,7 +29,7 @@ from orchestrator.scene.interface import Interface
 
 # What two bodies have in common is a pair from this share of the smaller facet there, and if this share of it is sure:
 # less is where edges cross.
-COMMON = 0.1
+COMMON = 0.1 / ROUND
 
 
 @dataclass(frozen=True)

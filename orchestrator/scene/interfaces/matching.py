@@ -14,12 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, Body, Facets, opposite
 from orchestrator.scene.mesh.faces import edge_patches
 
 # How deep, in h, parts may reach into each other to be noticed.
-DEEP = 0.5
+DEEP = 0.5 * ROUND
 # Corners that are apart may miss each other sideways by this share of their distance: normals turn.
 ASIDE = 0.3
 ROUNDED = 1e-6  # of a thickness
@@ -114,7 +115,7 @@ def _thickness(body: Facets, own: np.ndarray, most: np.ndarray) -> np.ndarray:
     """(m,) how thick a body is behind its facets (m,) int, infinite where that is more than ``most`` (m,)."""
     facets, at = np.unique(own, return_inverse=True)
     reach = np.zeros(len(facets))
-    np.maximum.at(reach, at, most)
+    np.maximum.at(reach, at, ROUND * most)
     found = find_segments(body.some(facets), body, reach, OPPOSITE)
     result = np.full(len(facets), np.inf)
     np.minimum.at(result, found.slave, np.where(found.distance < 0, -found.distance, np.inf))

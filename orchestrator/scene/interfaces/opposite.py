@@ -9,13 +9,14 @@ from itertools import chain
 
 import numpy as np
 
+from orchestrator.config.boundary import ROUND
 from orchestrator.parallel.numbering import runs
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 
 # Of the local mesh size h = √(2 × facet area): nodes closer than this coincide, surfaces closer touch, and gaps are sought so far.
-COINCIDE, TOUCHING, REACH = 1e-3, 0.1, 2.0
+COINCIDE, TOUCHING, REACH = (ROUND * share for share in (1e-3, 0.1, 2.0))
 # Two faces are opposite when the cosine between their normals is below this.
 OPPOSITE = -0.7
 # A barycentric coordinate this small is zero: edges that lie upon each other must not cross for rounding.

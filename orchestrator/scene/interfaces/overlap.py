@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
 from orchestrator.scene.mesh.faces import Faces, faces_of
@@ -16,7 +17,7 @@ from orchestrator.scene.mesh.geometry import barycentric
 from orchestrator.scene.mesh.mesh import Mesh
 
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
-AROUND, DEEP = 8, 0.1
+AROUND, DEEP = 8, 0.1 * ROUND
 ROUNDING = 1e-9
 # Of the mesh size, how far corners that two parts share may be off their planes for rounding.
 SHARED = 1e-6

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config.boundary import Entry
+from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
@@ -91,13 +91,13 @@ class Laws:
         """Distance up to which an entry pairs faces, in units of the element size."""
         entry = self[index]
         if entry.tolerance != "auto":
-            return entry.tolerance
+            return ROUND * entry.tolerance
         return TOUCHING if entry.found else REACH if entry.apart else COINCIDE
 
     def opposite(self, index: int) -> float:
         """Bound on the cosine between normals of faces that an entry pairs."""
         angle = self[index].angle
-        return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(angle)))
+        return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(ROUND * angle)))
 
     def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.
