@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
@@ -200,6 +201,10 @@ class Config(Part):
     def factors_of(self, history: str | None) -> list[float]:
         """The factors of every load step."""
         return [1.0] * self.steps if history is None else list(self.histories[history])
+
+    def factors(self, entries: Iterable[Any]) -> list[list[float]]:
+        """What multiplies each entry at every load step."""
+        return [self.factors_of(entry.history) for entry in entries]
 
     def with_element(self, element: str) -> Config:
         """The same with an element in all entries of ``blackbox``, where it may have been left open."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,60 +10,22 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.body import Body, Meshed
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
-from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
+from orchestrator.scene.conditions.boundary import Held, moving_as_one, prescribe, resolve_boundary
 from orchestrator.scene.conditions.selection import assign_codes, cells_loaded, check_figures
-from orchestrator.scene.cautions import loads_on_pairs
-from orchestrator.scene.conditions.ground import add_grounds, held_rows, within_free
+from orchestrator.scene.conditions.ground import held_rows, within_free
 from orchestrator.scene.conditions.finder import OVER_FACES, Finder
 from orchestrator.scene.conditions.rigid import check_held
-from orchestrator.scene.interfaces.freedom import join_bolts, leave_free, straighten
-from orchestrator.scene.interfaces.overlap import sagittas
-from orchestrator.scene.interfaces.search import Laws, Search
+from orchestrator.scene.interfaces.freedom import leave_free, straighten
 from orchestrator.scene.conditions.loose import joins
-from orchestrator.scene.interfaces.mortar.fitting import fitted
-from orchestrator.scene.interfaces.mortar.surfaces import Matter
-from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
-from orchestrator.scene.interface import Interface
-from orchestrator.scene.model import BoundaryEntry, PlacedBolt, Scene, Subdomain
-from orchestrator.scene.overview import Beside
+from orchestrator.scene.joints import add_behind, add_rigid, Cut, joined, Joints, near_sagittas
+from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
 from orchestrator.scene.names import look_alike
-from orchestrator.scene.bolts import BoltCut, cut_bolts
+from orchestrator.scene.bolts import cut_bolts
 from orchestrator.scene.partition import Partition, make_partition
-
-
-@dataclass
-class Cut:
-    """The mesh in subdomains.
-
-    bolts : their cuts
-    failed : it could not be cut, and is judged whole
-    """
-
-    partition: Partition
-    numbering: SplitNumbering
-    bolts: Sequence[BoltCut] = ()
-    failed: bool = False
-
-
-@dataclass
-class Joints:
-    """Where subdomains meet.
-
-    near, covered : see ``Scene``
-    grounds : those of the interfaces that are with a ground, and the entry of ``boundary`` that each is of
-    stands : per entry of ``boundary`` that stands on one, the nodes of its grounds
-    """
-
-    interfaces: list[Interface]
-    near: dict[tuple[int, int], Beside]
-    bolts: list[PlacedBolt]
-    covered: np.ndarray
-    grounds: list[tuple[int, Interface]] = field(default_factory=list)
-    stands: dict[int, slice] = field(default_factory=dict)
 
 
 def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | None = None) -> Scene:
@@ -91,15 +51,15 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     """
     problems = Problems()
     body = (meshed or Meshed())(config, run_programs, problems)
-    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems, body.surfaces)
+    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, config.factors(config.boundary), problems, body.surfaces)
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
-    joints = _joined(config, body, cut, boundary, problems)
-    plain, sagitta = replace(body), _sagittas(body, cut, joints)
-    _with_tools(config, body, cut, joints, boundary, problems)
+    joints = joined(config, body, cut, boundary, problems)
+    plain, sagitta = replace(body), near_sagittas(body, cut, joints)
+    add_rigid(config, body, cut, joints, boundary, problems)
     bodies = replace(body)  # without grounds
     if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
-        _grounded(body, cut, joints, boundary, problems)
+        add_behind(body, cut, joints, boundary, problems)
     loads, thermal, body_force = _loaded(config, plain, body, cut, boundary, problems)
     held = _supported(config, body, cut, joints, boundary, problems)
     _freed(config, body, cut, joints, held, problems)
@@ -107,19 +67,14 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     if whole and resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
         # A selection that failed holds nothing: a second complaint would only distract.
         _check_held(bodies, cut, joints, held, problems)
-    probes = (_watched if whole else _seen)(config, plain, cut, joints, problems)
+    probes = _watched(config, plain, cut, joints, problems)
     problems.raise_if_any()
     _remark(config, body.mesh, problems)
-    subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
+    subdomains = _subdomains(config, body, cut, joints, held, loads, thermal)
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
                  fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, sagitta, joints.bolts, thermal,
                  probes=probes, element=body.choice, body_force=body_force, covered=joints.covered)
-
-
-def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
-    """What multiplies each entry at every load step."""
-    return [config.factors_of(entry.history) for entry in entries]
 
 
 def _divided(config: Config, body: Body, problems: Problems) -> Cut:
@@ -136,79 +91,6 @@ def _divided(config: Config, body: Body, problems: Problems) -> Cut:
     return Cut(partition, split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes)), cuts, failed)
 
 
-def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], problems: Problems) -> Joints:
-    """The interfaces; where their sides are fitted to each other the mesh's nodes move, and what acts on faces with them."""
-    mesh, matter = body.mesh, _matter(body, boundary)
-    laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes], _times(config, config.interfaces))
-    asked = "interfaces" in config.model_fields_set and any(entry.tool is None for entry in config.interfaces)
-    interfaces, near = ([], {}) if cut.failed else make_interfaces(Search(
-        mesh, body.faces, cut.partition, cut.numbering, laws, problems, asked, matter))
-    bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems, mesh.within is None)
-    if mesh.foreign and not cut.failed:
-        from orchestrator.scene.foreign.standin import report_joints, report_units
-
-        report_joints(mesh, interfaces, cut.numbering, problems)
-        report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
-    here = np.ones(len(mesh.cells), dtype=bool) if cut.partition.here is None else cut.partition.here[cut.partition.subdomain]
-    covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering, here)
-    if any(i.surfaces is not None for i in interfaces):
-        stays = matter.held.copy()
-        for stand in mesh.foreign:
-            stays[stand.nodes] = True
-        body.mesh = fitted(mesh, interfaces, stays)
-        if mesh.within is not None and not np.array_equal(body.mesh.nodes, mesh.nodes):
-            problems.add(("interfaces",), "curved faces that do not match", "all of the mesh, to fit one to the other")
-        for entry, given, times in zip(boundary, config.boundary, _times(config, config.boundary)):
-            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems(),  # told before
-                                body.surfaces.get(entry.index))
-    return Joints(interfaces, near, bolts, covered)
-
-
-def _sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]:
-    """Of volumes that are near others, see ``Scene``."""
-    if not joints.near:
-        return {}
-    here, beside = cut.partition.here, sorted({v for pair in joints.near for v in pair})
-    elsewhere = () if here is None else body.mesh.volume[~here[cut.partition.subdomain]]
-    return sagittas(body.mesh, body.faces, np.setdiff1d(beside, elsewhere).astype(int).tolist())
-
-
-def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
-    """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
-    young = np.array([m.young for m in body.materials] or [1.0])[np.maximum(body.material, 0) if body.materials else 0 * body.material]
-    held = np.zeros(len(body.mesh.nodes), dtype=bool)
-    for entry in boundary:
-        if entry.prescribed and entry.prescribed.fixed.any():
-            held[entry.nodes] = True
-    for stand in body.mesh.foreign:
-        held[stand.nodes] |= stand.held.any(axis=1)
-    return Matter(young, held)
-
-
-def _with_tools(config: Config, body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
-    """Adds rigid tools: cells, subdomains, interfaces, and entries of ``boundary`` that drive them."""
-    if not config.tools or cut.failed or not body.materials:
-        return
-    from orchestrator.scene.tools.add import add_tools, pressed_tools
-
-    pressed = pressed_tools(body.mesh, body.faces, cut.partition, config.interfaces, config.tools, _times(config, list(config.tools.values())),
-                            problems)
-    if problems.found:
-        return
-    added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, pressed, len(boundary))
-    body.mesh, body.faces, body.material, cut.partition, cut.numbering = (
-        added.mesh, added.faces, added.material, added.partition, added.numbering)
-    joints.interfaces = joints.interfaces + interfaces
-    boundary += entries
-
-
-def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
-    """Adds a ground behind every entry that stands on one: cells, subdomains, interfaces."""
-    added, joints.grounds, joints.stands = add_grounds(body.mesh, cut.partition, body.material, boundary, problems)
-    body.mesh, body.material, cut.partition, cut.numbering = added.mesh, added.material, added.partition, added.numbering
-    joints.interfaces = joints.interfaces + [i for _, i in joints.grounds]
-
-
 def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
             problems: Problems) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
     """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated;
@@ -222,7 +104,7 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
         if entry.forces and len(entry.triangles):
             entry.forces.add_to(loads, cut.numbering.find(cut.partition.subdomain[entry.cells[:, 0]][:, None], entry.triangles))
     matter = [*config.matter, *(None for _ in mesh.foreign)]
-    for i, (entry, times) in enumerate(zip(config.loads, _times(config, config.loads))):
+    for i, (entry, times) in enumerate(zip(config.loads, config.factors(config.loads))):
         cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
         where = InVolumes(("loads", i, entry.acts), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
                           plain.material[cells], np.array(times, dtype=float), problems)
@@ -276,24 +158,17 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
-    """The probes; and whether what figures are to show is there."""
-    if not isinstance(config.output.figures, bool):
-        check_figures(plain.mesh.nodes, plain.mesh.volumes, config.steps, config.output.figures, ("output", "figures"), problems)
-    if not config.output.probes:
-        return []
-    return _finder(plain, cut, joints, problems).find(config.output.named_probes)
-
-
-def _seen(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
-    """What subdomains of a piece that are all there have of probes over faces and across sections."""
-    found = _finder(plain, cut, joints, problems)
-    return replace(found, own=cut.partition.here[found.subdomain]).find(config.output.named_probes, OVER_FACES)
-
-
-def _finder(plain: Body, cut: Cut, joints: Joints, problems: Problems) -> Finder:
-    subdomain = cut.partition.subdomain[: len(plain.mesh.cells)]  # tools and grounds come after
+    """The probes, and whether what figures are to show is there; of a piece of a mesh those over faces and across sections, in subdomains that
+    are all there."""
+    mesh, asked = plain.mesh, config.output.named_probes
+    subdomain = cut.partition.subdomain[: len(mesh.cells)]  # tools and grounds come after
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
-    return Finder(plain.mesh, plain.faces, subdomain, bodies, joints.interfaces, problems)
+    finder = Finder(mesh, plain.faces, subdomain, bodies, joints.interfaces, problems)
+    if mesh.within is not None:
+        return replace(finder, own=cut.partition.here[subdomain]).find(asked, OVER_FACES)
+    if not isinstance(config.output.figures, bool):
+        check_figures(mesh.nodes, mesh.volumes, config.steps, config.output.figures, ("output", "figures"), problems)
+    return finder.find(asked)
 
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
@@ -306,34 +181,23 @@ def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
                           for name in config.histories if name not in used]
 
 
-@dataclass
-class _Fields:
-    """What every subdomain gets its share of: of cells ``material`` and ``thermal``, of split nodes ``held`` and ``loads``."""
-
-    material: np.ndarray
-    held: Held
-    loads: np.ndarray
-    thermal: np.ndarray | None
-
-
-def _subdomains(config: Config, mesh: Mesh, cut: Cut, joints: Joints, fields: _Fields) -> list[Subdomain]:
+def _subdomains(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, loads: np.ndarray, thermal: np.ndarray | None) -> list[Subdomain]:
     """The subdomains with all that is theirs, and the code that solves each."""
-    partition, numbering, held, made = cut.partition, cut.numbering, fields.held, []
-    fixed = held.fixed
+    mesh, partition, numbering, fixed, made = body.mesh, cut.partition, cut.numbering, held.fixed, []
     order = np.argsort(partition.subdomain, kind="stable")
     bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
     for i, name in enumerate(partition.names):
         cells, own = order[bounds[i]:bounds[i + 1]], slice(numbering.offsets[i], numbering.offsets[i + 1])
         made.append(Subdomain(
-            i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start, fields.material[cells], fixed[own],
-            np.ascontiguousarray(held.values[:, own]), np.ascontiguousarray(fields.loads[:, own]), held.by[own], body=partition.body(i),
+            i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start, body.material[cells], fixed[own],
+            np.ascontiguousarray(held.values[:, own]), np.ascontiguousarray(loads[:, own]), held.by[own], body=partition.body(i),
             foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]), contact_area=np.zeros(own.stop - own.start),
-            heated=fields.thermal is not None and bool(fields.thermal[:, cells].any())))
+            heated=thermal is not None and bool(thermal[:, cells].any())))
     grounded = {i.subdomains[1]: i.subdomains[0] for i in joints.interfaces if i.tool is not None}
     grounded |= {i.subdomains[1]: i.subdomains[0] for _, i in joints.grounds}
     assign_codes(mesh, [s for s in made if s.index not in grounded], config.codes)
-    for e, body in grounded.items():
-        made[e].code = made[body].code
+    for e, beside in grounded.items():
+        made[e].code = made[beside].code
     for i in joints.interfaces:
         for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes) if not i.law.perfect else ()):
             made[e].contact_area[nodes] += node_areas(mesh.nodes[made[e].nodes[nodes]], i.triangles_on(side))

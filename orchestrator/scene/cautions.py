@@ -10,11 +10,10 @@ import numpy as np
 from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
 from orchestrator.scene.overview import Beside
-from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.errors import some
 
 FLAT = 1e-9  # share of a force, along an axis, that is rounding

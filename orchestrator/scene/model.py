@@ -18,6 +18,7 @@ from orchestrator.scene.loads.base import Forces, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.overview import Beside, Overview
+from orchestrator.scene.tools.motion import Rigid
 
 
 @dataclass

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.scene.loads.base import Cylindrical, OnFaces, Prescribed
+from orchestrator.scene.loads.base import OnFaces, Prescribed
+from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.interfaces.search import bonded
 from orchestrator.scene.mesh.faces import Faces, components

@@ -17,13 +17,11 @@ from orchestrator.scene.interfaces.mortar.paired import paired_mortar
 from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals
-from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_normals
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import PlacedBolt
 from orchestrator.scene.bolts import BoltCut
-from orchestrator.scene.mesh.mesh import SplitNumbering
 from orchestrator.scene.partition import Partition
 
 

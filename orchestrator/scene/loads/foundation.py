@@ -12,7 +12,8 @@ from pydantic import Field
 from orchestrator.config.base import Part, Positive
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
-from orchestrator.scene.loads.base import Cylindrical, Ground, Kind, OnFaces
+from orchestrator.scene.loads.base import Ground, Kind, OnFaces
+from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import node_normals
 
 

@@ -83,7 +83,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: M
     kind = np.sort(number) // local.count  # 0 of the mesh's subdomains, and as ``Local.of`` has it
     extent = local.numbered(whole, np.sort(number), extent, team)
     body = components(*whole.sides[whole.order[:, 0] != AT_NODES].T, len(whole.number))[1]
-    laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], [config.factors_of(entry.history) for entry in config.interfaces])
+    laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], config.factors(config.interfaces))
     grounds = 1 + len(config.interfaces)  # their first kind
     parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
     bodies = np.flatnonzero(kind < grounds)

@@ -259,7 +259,6 @@ def linked(weights: sp.csr_array, facets: sp.csr_array, offset: np.ndarray, poin
     return sp.csr_array(plain + arms @ turned)
 
 
-
 def _blocks(blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> sp.csr_array:
     """Sparse matrix of 3 × 3 blocks (k, c, 3, 3) in the block rows (k,) and block columns (k, c)."""
     inner = np.arange(3)
