@@ -19,16 +19,14 @@ import numpy as np
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.faces import LOCAL_FACES, MAX_NODES, pack
+from orchestrator.scene.mesh.groups import cells_of, physical_names, volumes_of
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.checks import HEAD, bad_file, check_content, check_memory, memory_left
-from orchestrator.scene.mesh.partitioned import TAG, Partitioned, check_whole, in_partitions, read_partitions, share_of
+from orchestrator.scene.mesh.partitioned import TAG, in_partitions, read_all, read_partitions, share_of
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 
-# Where the formats keep the number of each cell's group, the most telling first.
-TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref",
-        "netgen:index")
 ROOM = 2.0  # bytes that reading takes per byte of the file, at least
 BY_VTK = {".vtu", ".pvtu", ".vtk"}  # meshio knows no text and no fields of theirs
 BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
@@ -90,19 +88,19 @@ def _meshed(loaded: meshio.Mesh, path: Path) -> Mesh:
     raw, remarks = straightened(loaded)
     raw, split = in_tets(raw, str(path))
     _check_kinds(path, {block.type for block in raw.cells})
-    cells, groups, rest = _cells(raw, "tetra", 3, "volume")
-    volumes, volume, unclear = _volumes(groups, len(cells), rest)
-    if lost := [name for name, (_, dimension) in _physical(raw) if dimension == 3 and name not in groups]:
+    cells, groups, rest = cells_of(raw, "tetra", 3, "volume")
+    volumes, volume, unclear = volumes_of(groups, len(cells), rest)
+    if lost := [name for name, (_, dimension) in physical_names(raw) if dimension == 3 and name not in groups]:
         unclear.append("named in the file, with no elements: " + ", ".join(f"'{name}'" for name in lost[:5])
                        + (", …" if len(lost) > 5 else "") + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 keeps them")
-    triangles, surfaces, _ = _cells(raw, "triangle", 2, "surface")
+    triangles, surfaces, _ = cells_of(raw, "triangle", 2, "surface")
     used, inverse = np.unique(cells, return_inverse=True)
     renumber = np.full(len(raw.points), -1)
     renumber[used] = np.arange(len(used))
     named = {name: renumber[triangles[index]] for name, index in surfaces.items()}
     # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
     named = {name: rows[(rows >= 0).all(axis=1)] for name, rows in named.items()}
-    for name, (_, dimension) in _physical(raw):
+    for name, (_, dimension) in physical_names(raw):
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), dtype=np.int64))
     return Mesh(np.asarray(raw.points, dtype=float)[used], inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[
@@ -131,7 +129,8 @@ def _load(path: Path) -> meshio.Mesh:
     """Read a file with the reader of its ending."""
     ending = path.suffix.lower()
     if parts := in_partitions(path):
-        return _all_partitions(parts)
+        check_memory(ROOM * sum(path.stat().st_size for path in parts), ("mesh", "file"), str(parts[0]), "start it on several ranks")
+        return read_all(parts)
     if not path.is_file():
         raise bad_file(path, "no such file", "an existing mesh file", "check the path")
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
@@ -161,14 +160,6 @@ def _load(path: Path) -> meshio.Mesh:
                        "check that the ending fits the content, or convert it with gmsh") from None
 
 
-def _all_partitions(paths: list[Path]) -> meshio.Mesh:
-    check_memory(ROOM * sum(path.stat().st_size for path in paths), ("mesh", "file"), str(paths[0]), "start it on several ranks")
-    files = [Partitioned(path) for path in paths]
-    raw, _ = read_partitions(files)
-    check_whole([file.partitions for file in files], {number for number, _ in raw.info["volumes"]}, paths[0])
-    return raw
-
-
 def _check_beside(path: Path) -> None:
     """Raises InputError where a file of XDMF takes its numbers from one that is not beside it, or below: from a device, say."""
     for item in re.findall(rb"<DataItem\b[^>]*\bFormat\s*=\s*[\"'](?:HDF|Binary)[\"'][^>]*>([^<]*)", path.read_bytes()):
@@ -176,63 +167,6 @@ def _check_beside(path: Path) -> None:
         if not named.resolve().is_relative_to(path.resolve().parent) or not named.is_file():
             raise bad_file(path, "it takes numbers from a file that is not beside it", "files in its folder or below",
                            "put them beside it, and name them so")
-
-
-def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:
-    """All cells of a kind, their groups (name → indices), and a name for those in no group."""
-    blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
-    if not blocks:
-        return np.empty((0, 3), dtype=int), {}, ""
-    cells = np.concatenate([np.asarray(raw.cells[i].data, dtype=np.int64) for i in blocks])
-    starts = np.cumsum([0, *(len(raw.cells[i].data) for i in blocks)])
-    groups: dict[str, list[np.ndarray]] = {}
-    for name, sets in raw.cell_sets.items():
-        index = [start + np.asarray(sets[i], dtype=np.int64) for i, start in zip(blocks, starts) if sets[i] is not None and len(sets[i])]
-        if index and not name.startswith("gmsh:"):
-            groups.setdefault(name, []).extend(index)
-    known = {numbers: name for name, numbers in _physical(raw)}
-    for key in TAGS:
-        if key not in raw.cell_data:
-            continue
-        tags = np.concatenate([np.ravel(raw.cell_data[key][i]).astype(np.int64) for i in blocks])
-        for tag in np.unique(tags[tags != 0]):
-            name = known.get((int(tag), dimension), f"{word}_{tag}") if key == "gmsh:physical" else f"{word}_{tag}"
-            groups.setdefault(name, []).append(np.flatnonzero(tags == tag))
-        if tags.any():
-            break
-    if {"gmsh:geometrical", "gmsh:physical"} <= raw.cell_data.keys():
-        pairs = np.unique(np.column_stack([np.concatenate([np.ravel(raw.cell_data[key][i]) for i in blocks])
-                                           for key in ("gmsh:geometrical", "gmsh:physical")]), axis=0)
-        if len(pairs) > len(np.unique(pairs[:, 0])):  # gmsh's older files (2.2) have an element in two groups twice, once for each
-            _, first, back = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
-            cells, groups = cells[first], {name: [back.ravel()[i] for i in index] for name, index in groups.items()}
-    return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, f"{word}_0" if groups else f"{word}_1"
-
-
-def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[str], np.ndarray, list[str]]:
-    """One volume per cell: the smallest of the groups that hold it, so that sets of sets do not hide parts; what to say of it."""
-    volume, names, said, shared = np.full(size, -1), list(groups), [], []
-    for i in sorted(range(len(names)), key=lambda i: -len(groups[names[i]])):
-        volume[groups[names[i]]] = i
-    for i, name in enumerate(names):
-        owners, counts = np.unique(volume[groups[name]], return_counts=True)
-        lost = [j for j in owners if j != i]
-        # Two names for the same tets are no riddle.
-        if lost and not (len(owners) == 1 and len(groups[names[lost[0]]]) == len(groups[name])):
-            kept = len(groups[name]) - counts[owners != i].sum()
-            shared.append(f"of '{name}' {kept:,} of {len(groups[name]):,} are left, the others are in "
-                          + ", ".join(f"'{names[j]}'" for j in lost[:3]) + (", …" if len(lost) > 3 else ""))
-    if shared:
-        said.append("tetrahedra in several groups belong to the smallest of them: " + "; ".join(shared[:5])
-                    + (f"; and so on for {len(shared) - 5} more" if len(shared) > 5 else "")
-                    + ". A group that keeps none names no volume: name those that have its tetrahedra")
-    if (volume < 0).any():
-        if groups:
-            said.append(f"{(volume < 0).sum():,} of {size:,} tetrahedra are in no group of the file: they are '{rest}'")
-        volume[volume < 0] = len(names)
-        names.append(rest)
-    used, volume = np.unique(volume, return_inverse=True)
-    return [names[i] for i in used], volume, said
 
 
 def _read_by_gmsh(path: Path) -> meshio.Mesh:
@@ -280,8 +214,3 @@ def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
     return [] if missing <= 0 else [
         f"{missing} of the {known} volumes of gmsh's model have no elements in the file: gmsh saves only what is in a physical group. If "
         "they belong to the model, give each a physical group, or write the file with Mesh.SaveAll = 1"]
-
-
-def _physical(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:
-    """gmsh's physical names, each with its tag and dimension."""
-    return [(name, tuple(map(int, np.ravel(value)[:2]))) for name, value in raw.field_data.items() if np.size(value) >= 2]
