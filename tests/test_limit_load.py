@@ -11,7 +11,8 @@ from scipy.optimize import linprog
 
 from orchestrator.config.load import config_from
 from orchestrator.laws.points import Carries
-from orchestrator.method.stopping.cone_problem import failing, Reach, unresisted
+from orchestrator.method.stopping.carrying_points import Reach
+from orchestrator.method.stopping.cone_problem import failing, unresisted
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about

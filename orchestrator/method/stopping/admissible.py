@@ -25,8 +25,8 @@ from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.numbering import runs
+from orchestrator.scene.conditions.rigid import RIGID
 
-RIGID = 6
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
 # what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
 UNBALANCED = 1e-7

@@ -24,8 +24,8 @@ from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import orthonormal
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.scene.conditions.rigid import RIGID
 
-RIGID = 6
 BALANCED = 1e-13  # of the resultants, what rounding leaves of a balance
 # The same where laws are not convex, so that E of loose bodies is an estimate, and CARRIED of what loads any of them: a thousand grains near
 # the end of a run are there in 3 to 72 steps; the rest of the way moves grains that nothing presses, and takes hundreds.

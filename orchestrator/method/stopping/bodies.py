@@ -8,12 +8,11 @@ import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.conditions.rigid import motions_about, RIGID
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.interface import ends_of
 
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
-RIGID = 6
 
 
 class Bodies:

@@ -30,90 +30,19 @@ Clarabel, an interior-point method (Goulart & Chen, arXiv 2405.12762).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from orchestrator.laws.points import Carries
+from orchestrator.method.stopping.carrying_points import DEPENDENT, Reach
 from orchestrator.optional import Late
+from orchestrator.scene.conditions.rigid import RIGID
 
 clarabel = Late("clarabel")
-RIGID = 6
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits
-ALIKE = 9  # digits to which normals on a plane are the same
-DEPENDENT = 1e-10  # singular value over the largest, below which a row follows from others
 TOLERANCE = 1e-9  # of the interior-point method, on a problem whose loads are of order one
-
-
-@dataclass
-class Reach(Carries):
-    """What P points of bodies may carry.
-
-    J : (P, 3, 12) jumps in the motions of the body on side 1, then of that on side 2; zero columns where it is held. For ``unresisted``
-        (P, 3, 13): the last one goes with what supports prescribe
-    ends : (P, 2) int, which bodies these are
-    group : (P,) int, the interface that each is on
-    normal : (3, P)
-    apart : (P,) how far the sides are apart, over how far bodies may move; counts in ``at_pressures`` alone
-    the others as ``Carries`` has them
-    """
-
-    J: np.ndarray
-    ends: np.ndarray
-    group: np.ndarray
-    normal: np.ndarray
-
-    @classmethod
-    def of(cls, J: np.ndarray, ends: np.ndarray, group: np.ndarray, normal: np.ndarray, carries: Carries) -> Reach:
-        """Motions are padded to six."""
-        more = RIGID - len(carries.motions)
-        return cls(carries.directions, carries.side, carries.limit, carries.friction,
-                   np.pad(carries.motions, ((0, more), (0, 0), (0, 0))), np.pad(carries.works, ((0, more), (0, 0))),
-                   np.zeros(len(J)), J, ends, group, normal)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Reach]) -> Reach:
-        """All points of several."""
-        first = ("J", "ends", "group")
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts], axis=0 if f.name in first else -1)
-                      for f in fields(cls)})
-
-    def some(self, chosen: np.ndarray) -> Reach:
-        """Some of the points."""
-        first = ("J", "ends", "group")
-        return Reach(**{f.name: getattr(self, f.name)[chosen] if f.name in first else getattr(self, f.name)[..., chosen]
-                        for f in fields(self)})
-
-    def extremes(self) -> Reach:
-        """The same without points that carry no more than others.
-
-        On a plane, with one normal and one friction, forces at points within the convex hull are sums of forces at its corners, with
-        their moments.
-        """
-        from scipy.spatial import ConvexHull  # for this alone
-
-        cone, kept = (self.side != 0) & (self.limit == 0) & (self.apart == 0), np.ones(len(self.J), dtype=bool)
-        key = np.round(np.column_stack([self.group, self.side, self.friction, self.normal.T]), ALIKE)
-        _, alike = np.unique(key[cone], axis=0, return_inverse=True)
-        for each in np.split(np.flatnonzero(cone)[np.argsort(alike, kind="stable")], np.cumsum(np.bincount(alike))[:-1]):
-            if len(each) <= 4:
-                continue
-            moved = self.J[each].reshape(len(each), -1)
-            place, size, _ = np.linalg.svd(moved - moved.mean(axis=0), full_matrices=False)
-            if (size > DEPENDENT * np.linalg.norm(moved)).sum() == 2:  # J is linear in the points' places
-                kept[each] = False
-                kept[each[ConvexHull(place[:, :2] * size[:2]).vertices]] = True
-        return self.some(kept)
-
-    def at_pressures(self, push: np.ndarray, apart: np.ndarray) -> Reach:
-        """The same with the friction that forces push (P,) ≥ 0 along the normals allow, whatever pushes beyond them.
-
-        apart : (P,) ≥ 0, how far sides are apart now, over how far the bodies may move
-        """
-        return replace(self, limit=self.limit + self.friction * push, friction=np.zeros_like(push), apart=apart)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
-from orchestrator.method.stopping.cone_problem import failing, Motion, Reach, unresisted
+from orchestrator.method.stopping.carrying_points import Reach
+from orchestrator.method.stopping.cone_problem import failing, Motion, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
 from orchestrator.scene.interface import ends_of
 

@@ -12,6 +12,7 @@ from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 
+RIGID = 6  # motions of a rigid body
 # Motions that move the prescribed components by less than this share of the body's size count as free.
 HELD = 1e-8
 # Beyond these, small perturbations do not hold: a rotation in radians (1 − cos is half a per cent there), and a
