@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import atexit
-import errno
-import gc
 import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional, TypeVar
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, NOT_CONVERGED, InputError, visible, wrong
-from orchestrator.guarded import guard_streams, guarded, heard, lost_output
+from orchestrator.errors import BAD_INPUT, CONVERGED, NOT_CONVERGED, visible, wrong
+from orchestrator.guarded import guarded, whole
 from orchestrator.registry import CODES
 
 if TYPE_CHECKING:
     from orchestrator.config.model import Config
-
-Answer = TypeVar("Answer")
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, epilog=(
     "A first run: orchestrator init my.yaml, orchestrator check my.yaml, orchestrator run my.yaml. Of a command's options: COMMAND --help."))
@@ -68,17 +63,6 @@ RunPrograms = Annotated[bool, typer.Option(
     "--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
 
 
-def _asked_of(path: Path, overrides: list[str] | None, ask: Callable[[Config], Answer]) -> Answer:
-    """Findings of ``ask`` on a configuration; its errors say where in the file they are."""
-    from orchestrator.config.load import load_config, located
-
-    loaded = load_config(path, overrides or [])
-    try:
-        return ask(loaded.config)
-    except InputError as error:
-        raise located(error, loaded) from error
-
-
 @command(BEGIN)
 def init(files: Annotated[list[Path], typer.Argument(metavar="[CONFIG] FILE...", help=(
              "the YAML file to write, none: called as the first of the others; then mesh, STEP and BREP files, none: a beam"))],
@@ -96,6 +80,8 @@ def check(config: ConfigFile, overrides: Overrides = None,
           syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
           run_programs: RunPrograms = False) -> int | None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
+    from orchestrator.config.load import asked_of
+
     def lines(config: Config) -> list[str]:
         if syntax_only:
             return ["OK"]
@@ -103,7 +89,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
 
         return checked(config, run_programs)
 
-    print(visible("\n".join(_asked_of(config, overrides, lines))))
+    print(visible("\n".join(asked_of(config, overrides or [], lines))))
 
 
 @command(BEGIN)
@@ -114,42 +100,20 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
                 "list the graph of parts, codes and interfaces of CONFIG instead, and draw it; -: list it only"))] = None,
             run_programs: RunPrograms = False) -> int | None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
-    from orchestrator.inspect import inspected, listed, model_html
+    from orchestrator.config.load import asked_of
+    from orchestrator.inspect import inspected, listed, model_html, show_graph
 
     if graph is not None:
-        return _graph(source, overrides, graph, html, run_programs)
+        return show_graph(source, overrides or [], graph, html, run_programs)
     if source.suffix.lower() not in (".yaml", ".yml"):
         lines, mesh = inspected(source, h)
     else:
-        lines, mesh = _asked_of(source, overrides, lambda config: listed(config, run_programs))
+        lines, mesh = asked_of(source, overrides or [], lambda config: listed(config, run_programs))
     print(visible("\n".join(lines)))
     if html is not None:
         from orchestrator.results.sealed import write_sealed
 
         write_sealed(html, model_html(mesh))
-
-
-def _graph(source: Path, overrides: list[str] | None, target: Path, html: Path | None, run_programs: bool) -> None:
-    """Lists the graph of a configuration, and draws it unless ``target`` is -."""
-    from orchestrator.inspect import graphed
-    from orchestrator.optional import check_there
-    from orchestrator.results.sealed import write_sealed
-
-    if source.suffix.lower() not in (".yaml", ".yml"):
-        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
-    if html is not None:
-        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
-    drawn = str(target) != "-"
-    if drawn and target.suffix.lower() != ".png":
-        raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
-    if drawn:
-        check_there("matplotlib")
-    graph = _asked_of(source, overrides, lambda config: graphed(config, run_programs))
-    print(visible("\n".join(graph.lines())))
-    if drawn:
-        from orchestrator.results.figures.graph import draw_graph
-
-        write_sealed(target, draw_graph(graph))
 
 
 @command(SOLVE)
@@ -161,49 +125,9 @@ def run(config: ConfigFile, overrides: Overrides = None,
         verbose: Annotated[bool, typer.Option("--verbose", help="print all of the summary, not only what most look for")] = False,
         ) -> int | None:
     """Solve a problem and write its results."""
-    from orchestrator.processes import check_addresses, spare_memory
-    from orchestrator.parallel.team import join
+    from orchestrator.launch import launch
 
-    check_addresses()
-    spare_memory()
-    team = join()
-    try:
-        with team.together():
-            if team.rank:
-                from orchestrator.run import follow
-
-                return follow(team)
-            return _lead(team, config, overrides or [], verbose, output=output, resume=resume, reference=reference, quiet=quiet)
-    except BaseException as error:
-        if team.lost():
-            from orchestrator import folders
-
-            folders.sweep()  # what the lost ones left
-        if not team.speaks():
-            return None
-        raise team.cause(error)
-
-
-def _lead(team, config: Path, overrides: list[str], verbose: bool, **options: object) -> int:
-    """Run on rank 0; errors of the configuration say where in the file they are."""
-    from orchestrator.config.load import load_config, located
-    from orchestrator.parallel.team import Elsewhere
-    from orchestrator.results.figures.artist import artist_for
-
-    loaded = load_config(config, overrides)
-    with artist_for(loaded.config.output.figures) as artist:  # before the run's imports: it has as much to import
-        from orchestrator.run import Means, Ranks, run as solve
-        if loaded.config.refines:
-            from orchestrator.accuracy.loop import run as solve
-
-        try:
-            code = solve(loaded, means=Means(Ranks(team), artist, verbose=verbose), **options)
-            if not team.parted:
-                team.share(None)  # there is nothing more to solve
-            return code
-        except (InputError, Elsewhere) as error:
-            cause = team.cause(error)
-            raise located(cause, loaded) if isinstance(cause, InputError) else error
+    return launch(config, overrides or [], verbose, output=output, resume=resume, reference=reference, quiet=quiet)
 
 
 @command(SOLVE)
@@ -242,9 +166,9 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
            animate: Annotated[bool, typer.Option("--animate", help="also figures/steps.gif: the load steps, one after another")] = False,
            ) -> int | None:
     """Draw the figures and a readable report from a results folder."""
-    from orchestrator.results.report.report import report as write
+    from orchestrator.results.report.report import figures_asked, report as write
 
-    write(directory, _figures(cut, parts, view, steps, scale), interactive, animate)
+    write(directory, figures_asked(cut, parts, view, steps, scale), interactive, animate)
 
 
 @command(RESULTS)
@@ -344,37 +268,5 @@ def _find_benchmarks() -> None:
 
 
 def main() -> None:
-    """Runs the command line: what it has to say is lost rather than what it computes, and interrupts end it with 130."""
-    guard_streams()
-    atexit.register(gc.freeze)  # what is left goes with the process: to look through it first takes a quarter of a second
-    code = None
-    try:
-        app()
-    except SystemExit as ended:
-        code = ended.code
-    if code == 1 and heard():  # before a command has begun, typer takes interrupts for failures
-        code = INTERRUPTED
-    if (error := lost_output()) and error.errno != errno.EPIPE:  # who has read enough, as head, closes the pipe
-        print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.", file=sys.stderr)
-    sys.exit(code)
-
-
-def _figures(cut: str | None, parts: list[str] | None, view: str | None, steps: str | None, scale: str | None) -> dict[str, object] | None:
-    """``output.figures`` as options say; None where they say nothing."""
-    def numbers(text: str, kind: type, *names: str) -> object:
-        found = [kind(number) for number in text.split(",")]
-        if names and len(found) != len(names):
-            raise ValueError
-        return dict(zip(names, found)) if names else found
-
-    readers = {"cut": (cut, lambda text: {"plane": text.partition("=")[0], "at": float(text.partition("=")[2])}, "--cut x=80"),
-               "view": (view, lambda text: numbers(text, float, "azimuth", "elevation"), "--view 30,20"),
-               "steps": (steps, lambda text: numbers(text, int), "--steps 1,5"),
-               "scale": (scale, lambda text: text if text == "step" else numbers(text, float), "--scale 0,165 or --scale step")}
-    figures: dict[str, object] = {"parts": parts} if parts else {}
-    for name, (text, read, example) in readers.items():
-        try:
-            figures |= {} if text is None else {name: read(text)}
-        except ValueError:
-            raise wrong((), f"--{name} {text}", "numbers", f"write {example}") from None
-    return figures or None
+    """Run the command line."""
+    whole(app)

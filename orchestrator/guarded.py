@@ -6,6 +6,9 @@ behind half made. Such an interrupt is raised as soon as the import is over.
 
 from __future__ import annotations
 
+import atexit
+import errno
+import gc
 import io
 import os
 import signal
@@ -41,11 +44,6 @@ def raise_waiting() -> None:
         _waits = False
         signal.setitimer(signal.ITIMER_REAL, 0)
         raise KeyboardInterrupt
-
-
-def heard() -> bool:
-    """Whether there has been an interrupt."""
-    return _heard
 
 
 def guarded(action: Callable[[], int]) -> None:
@@ -95,6 +93,22 @@ def _show(error: OrchestratorError) -> None:
             console.print(Text.assemble("\n", (head, "bold"), "\n", rest))
     else:
         console.print(Text.assemble(("Error: ", "bold red"), visible(str(error))))
+
+
+def whole(program: Callable[[], object]) -> None:
+    """Runs a program to its end: what it has to say is lost rather than what it computes, and interrupts end it with 130."""
+    guard_streams()
+    atexit.register(gc.freeze)  # what is left goes with the process: to look through it first takes a quarter of a second
+    code = None
+    try:
+        program()
+    except SystemExit as ended:
+        code = ended.code
+    if code == 1 and _heard:  # before a command has begun, typer takes interrupts for failures
+        code = INTERRUPTED
+    if (error := lost_output()) and error.errno != errno.EPIPE:  # who has read enough, as head, closes the pipe
+        print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.", file=sys.stderr)
+    sys.exit(code)
 
 
 class _Lenient(io.RawIOBase):

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.start import find_codes
+from orchestrator.config.load import asked_of
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, Problem, wrong
+from orchestrator.errors import InputError, Problem, visible, wrong
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
+from orchestrator.optional import check_there
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
@@ -104,6 +106,29 @@ def graphed(config: Config, run_programs: bool = False) -> Graph:
     return graph_of(config, build_scene(config, run_programs=run_programs), reaction_names(config)).readable()
 
 
+def show_graph(source: Path, overrides: list[str], target: Path, html: Path | None, run_programs: bool) -> None:
+    """Print the graph of a configuration, and draw it unless ``target`` is -.
+
+    html : a page that is asked for beside it
+    Raises InputError: as ``graphed``; that page; no configuration, or no name of a picture
+    """
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
+    if html is not None:
+        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
+    if drawn := str(target) != "-":
+        if target.suffix.lower() != ".png":
+            raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
+        check_there("matplotlib")
+    graph = asked_of(source, overrides, lambda config: graphed(config, run_programs))
+    print(visible("\n".join(graph.lines())))
+    if drawn:
+        from orchestrator.results.figures.graph import draw_graph
+        from orchestrator.results.sealed import write_sealed
+
+        write_sealed(target, draw_graph(graph))
+
+
 def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:
     return [*_content(mesh, young), *pair_table(pairs_of_mesh(mesh, faces)), *(f"remark: {text}" for text in mesh.remarks)]
 
@@ -112,7 +137,6 @@ def _content(mesh: Mesh, young: Sequence[float] = (), matter: Mapping[str, str] 
     box = " … ".join(format_point(corner) for corner in (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)))
     return [repr(mesh), f"box {box}, {units_remark(mesh, young)}", "", *volume_table(volumes_of(mesh), matter), "",
             *surface_table(surfaces_of(mesh)), ""]
-
 
 
 def checked(config: Config, run_programs: bool = False) -> list[str]:

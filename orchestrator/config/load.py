@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -16,6 +16,8 @@ from orchestrator.config.paths import BadOverride, apply, parse, places, with_fi
 from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
+
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
@@ -174,6 +176,15 @@ def settings_from(entry: dict[str, Any]) -> CodeSettings:
         return model.model_validate(entry)
     except ValidationError as error:
         raise InputError(explained(error, entry, model)) from error
+
+
+def asked_of(path: Path, overrides: Sequence[str], ask: Callable[[Config], Answer]) -> Answer:
+    """Findings of ``ask`` on a configuration; its errors say where in the file they are."""
+    loaded = load_config(path, overrides)
+    try:
+        return ask(loaded.config)
+    except InputError as error:
+        raise located(error, loaded) from error
 
 
 def located(error: InputError, loaded: Loaded) -> InputError:

@@ -45,6 +45,27 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
+def figures_asked(cut: str | None, parts: list[str] | None, view: str | None, steps: str | None, scale: str | None) -> dict[str, object] | None:
+    """``output.figures`` as options say; None where they say nothing."""
+    def numbers(text: str, kind: type, *names: str) -> object:
+        found = [kind(number) for number in text.split(",")]
+        if names and len(found) != len(names):
+            raise ValueError
+        return dict(zip(names, found)) if names else found
+
+    readers = {"cut": (cut, lambda text: {"plane": text.partition("=")[0], "at": float(text.partition("=")[2])}, "--cut x=80"),
+               "view": (view, lambda text: numbers(text, float, "azimuth", "elevation"), "--view 30,20"),
+               "steps": (steps, lambda text: numbers(text, int), "--steps 1,5"),
+               "scale": (scale, lambda text: text if text == "step" else numbers(text, float), "--scale 0,165 or --scale step")}
+    figures: dict[str, object] = {"parts": parts} if parts else {}
+    for name, (text, read, example) in readers.items():
+        try:
+            figures |= {} if text is None else {name: read(text)}
+        except ValueError:
+            raise wrong((), f"--{name} {text}", "numbers", f"write {example}") from None
+    return figures or None
+
+
 def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False,
            animate: bool = False) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
