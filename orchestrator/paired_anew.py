@@ -17,7 +17,7 @@ from orchestrator.errors import InputError, some
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.resolution import FIFTH
+from orchestrator.results.summary.cautions import FIFTH
 from orchestrator.scene.interfaces.opposite import TOUCHING
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene

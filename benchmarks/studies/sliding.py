@@ -17,7 +17,7 @@ from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.problems.contact_cases import ironing
 from orchestrator import Solution, config_from, solve
-from orchestrator.results.summary.resolution import FIFTH
+from orchestrator.results.summary.cautions import FIFTH
 
 SIZE, PRESSED, STUCK = 0.1, 0.02, 0.01  # of the slab's elements; depth; push before the die slips
 

@@ -1,10 +1,10 @@
 """Sentences on what a run has done outside the theory it rests on (small perturbations, moderate friction, parts that end up
-inside each other where no interface keeps them apart), and on meshes that are too coarse.
+inside each other where no interface keeps them apart, sides that slide far, tools that roll), and on meshes that are too coarse.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,13 +12,16 @@ from orchestrator.errors import some
 from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.passing import Passed, passing
-from orchestrator.results.summary.resolution import sliding, unresolved
+from orchestrator.method.delivery.tools import Placed
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene
 
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
+FIFTH = 0.2  # of an element, slips beyond which are told; beyond the whole of it pairs no longer face each other
+WRONG = 0.1  # share of pressures, by which curved sides that slide may have them wrong, from which they are told
+AMISS, TURNED = 0.1, 0.01  # shares of gaps' worth of pressure, and of forces that point elsewhere, from which tools are told
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
@@ -62,7 +65,7 @@ def _of_interfaces(scene: Scene, met: Met) -> list[str]:
     for i in scene.interfaces:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
-    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *sliding(met), *unresolved(met.unresolved)]
+    result = [*(f"{some(names)} {caution}" for caution, names in said.items()), *_sliding(met), *_unresolved(met.unresolved)]
     laws = [i.law for i in scene.opening]
     cut = [k for k, (part, law) in enumerate(zip(met.within, laws)) if part >= 0 and not law.joins]
     if cut:
@@ -81,3 +84,39 @@ def passing_through(scene: Scene, passed: Iterable[Passed], lost: Iterable[str] 
             "alike there, let the law read the gap (contact: gap: geometry), or have pairs found from farther "
             "apart (between: auto with tolerance: 1, or within: a length)"
             for (one, two), bodies, step, found in passed if not bodies & lost]
+
+
+def _unresolved(found: Mapping[str, tuple[int, int]]) -> Iterator[str]:
+    """A sentence for pairs of bodies whose place of contact is not resolved at some load step."""
+    if found:
+        places = [f"{name} ({points} points carry it at load step {step})" for name, (points, step) in found.items()]
+        yield (f"the place of contact is hardly wider than a face: {some(places)}; neither its pressures nor the estimated "
+               "error of the mesh are to be believed there: make elements smaller")
+
+
+def _sliding(met: Met) -> Iterator[str]:
+    """A sentence for those that slid by more than an element, by more than a fifth, and on curved faces by too much for these."""
+    far, bent = met.slides, dict(zip(met.names, met.amiss.tolist()))
+    if much := [name for name, share in far.items() if share > 1]:
+        yield (f"{some(much)} slid by more than an element: node pairs do not follow, "
+               "large sliding is outside small perturbations; between parts meshed each on its own contact has pairing: follow")
+    if more := {name: share for name, share in far.items() if FIFTH < share <= 1}:
+        yield (f"{some(sorted(more, key=more.get, reverse=True))} slid by up to {max(more.values()):.2g} of an element: node pairs do not "
+               "follow, and forces act where they did before loading; between parts meshed each on its own contact has pairing: follow")
+    if wrong := {name: share for name, far_ in far.items() if far_ <= 1 and (share := bent[name]) > WRONG}:
+        yield (f"{some(sorted(wrong, key=wrong.get, reverse=True))} slid on curved faces that do not conform: pressures may be off by "
+               f"{min(max(wrong.values()), 1.0):.0%} of the largest, as node pairs do not follow; between parts meshed each on its own "
+               "contact has pairing: follow")
+
+
+def tool_cautions(placed: Sequence[Placed]) -> Iterator[str]:
+    """A sentence on each tool whose contact is not that with its surface, or that faces without contact have passed through."""
+    for one in placed:
+        told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > AMISS) + \
+            [f"forces point {one.turned:.1%} of their size elsewhere"] * (one.turned > TURNED)
+        if told:
+            yield f"{one.tool.name} has moved along its curved surface: {' and '.join(told)}; smaller motions are told right"
+        if one.passed is not None:
+            depth, step, where = one.passed
+            yield (f"{some(one.parts)} passes through {one.tool.name} by {depth:.3g} at load step {step + 1}, at {format_point(where)}, where "
+                   "no faces were sought that it may touch: write within: with a larger length, or angle: for faces that look aside")

@@ -25,9 +25,8 @@ from orchestrator.processes import memory_peak_mb
 from orchestrator.results.answers import reaction_names
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
-from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.summary.cautions import cautions, tool_cautions
 from orchestrator.results.summary.contact_faces import contact_faces
-from orchestrator.results.summary.tools import tool_cautions, tools_moved
 from orchestrator.results.summary.workload import Spent, total
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.elasticity import von_mises
@@ -84,7 +83,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
         "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
         **contact,
-        "tools": tools_moved(delivered.tools),
+        "tools": [{"name": one.tool.name, "about": one.tool.driven.about.tolist(), "displacement": one.moved[:, :3].tolist(),
+                   "rotation": np.degrees(one.moved[:, 3:]).tolist()} for one in delivered.tools],
         "load_path": [found | {"sentence": path_sentence(found)} for found in iterated.found.get("path", [])],
         "limit_load": [asdict(found) | {"sentence": str(found)} for found in iterated.found.get("limit_load", [])],
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
