@@ -72,6 +72,7 @@ class Compiled:
                 numba.core.config.CACHE_DIR = before
 
 
+compiled = Compiled  # the decorator
 _PLACE = threading.Lock()  # numba's setting, which is for all of the process
 
 
@@ -103,11 +104,6 @@ def made_of(package: Path = Path(__file__).parent) -> str:
     the text of every module with loops, which take along what they call."""
     texts = [text for path in sorted(package.rglob("*.py")) if LOOPS.search(text := path.read_bytes())]
     return hashlib.sha256(repr((sys.version, version("numba"), str(package), texts)).encode()).hexdigest()[:16]
-
-
-def compiled(function: Callable[..., Any]) -> Compiled:
-    """Decorator: see ``Compiled``."""
-    return Compiled(function)
 
 
 def make_ready() -> None:
