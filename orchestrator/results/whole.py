@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.method.delivery.interface_fields import ALONG, InterfaceFields
-from orchestrator.parallel.numbering import numbered, runs
+from orchestrator.method.delivery.interface_fields import ALONG, InterfaceFields, rows_of
+from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import SIDES, fields_from, of_interfaces
@@ -70,11 +70,9 @@ def _sides(piece: Piece) -> Iterator[tuple[str, np.ndarray]]:
 
 def _interfaces(own: InterfaceFields, team: Team) -> InterfaceFields:
     """Those of all ranks, in the order of the scene, their arrays streamed but for texts."""
-    counts = own.counts_of_each
-    index, *told = (np.concatenate(each) for each in zip(*team.all_gather((own.index, counts, own.names, own.laws))))
+    index, *told = (np.concatenate(each) for each in zip(*team.all_gather((own.index, own.counts_of_each, own.names, own.laws))))
     every, names, laws = (each[np.argsort(index)] for each in told)
-    starts = np.cumsum(every, axis=0) - every
-    number = {"interface": own.index} | {what: runs(starts[own.index, k], counts[:, k]) for k, what in enumerate(("node", "triangle"))}
+    number = rows_of(every, own.index)
     rows = {what: Rows(at, team) for what, at in number.items()}
     whole = replace(own, triangles=number["node"][own.triangles], owner=own.index[own.owner])
     streamed = {name: rows[of].blocks(x, axis) for name, (of, axis) in ALONG.items() if (x := getattr(whole, name)) is not None}

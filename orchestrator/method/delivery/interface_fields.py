@@ -93,7 +93,7 @@ class InterfaceFields(Surfaces):
     def some(self, chosen: np.ndarray) -> InterfaceFields:
         """Some of the interfaces (K,) int, in this order."""
         counts = self.counts_of_each
-        rows = {"interface": chosen} | {what: runs((np.cumsum(c) - c)[chosen], c[chosen]) for what, c in zip(("node", "triangle"), counts.T)}
+        rows = rows_of(counts, chosen)
         taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items() if (x := getattr(self, name)) is not None}
         offsets, faces = np.cumsum([0, *counts[chosen, 0]]), counts[chosen, 1]
         moved = np.repeat(offsets[:-1] - self.offsets[chosen], faces)[:, None]
@@ -116,6 +116,12 @@ class InterfaceFields(Surfaces):
         found = {name: [0] * self.steps for name in COUNTED}
         return found | {str(name): ((self.status == kind) & (self.areas > 0)).sum(axis=1).tolist()
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
+
+
+def rows_of(counts: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
+    """Rows of some interfaces (K,) int in arrays along interfaces, nodes and triangles, as in ``ALONG``; ``counts``: as ``counts_of_each``."""
+    starts = np.cumsum(counts, axis=0) - counts
+    return {"interface": chosen} | {what: runs(starts[chosen, k], counts[chosen, k]) for k, what in enumerate(("node", "triangle"))}
 
 
 def own_interfaces(d: Decomposition) -> list[Interface]:
