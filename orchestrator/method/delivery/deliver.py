@@ -105,7 +105,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         laws = _laws(d, iterated, lengths, scale)
         contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
                           backward, lawful and shares(d, lawful, inside.energy))
-    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful)
+    # what has stopped by itself says why: far from an answer, or far away, rounding breaks guards
+    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful) if iterated.converged else []
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     f, taken, known = iterated.fields.f, None, None

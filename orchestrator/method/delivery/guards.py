@@ -40,7 +40,7 @@ ROUNDING = 1e-9
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
                   lengths: Lengths | None = None, inside: Interior | None = None, lawful: Lawful | None = None) -> list[str]:
-    """Say what the delivered fields break, a sentence each.
+    """Say what the delivered fields of a run that has converged break, a sentence each.
 
     interfaces, lengths : fields of this rank's interfaces that are not perfect, if the scene has any, and what they
         are compared with
@@ -52,8 +52,6 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.shown] for i in own_interfaces(d)])
     allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
     unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), allowed, lawful)
-    if not iterated.converged:
-        return found
     share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
     if not d.all_perfect and share > BEYOND * max(iterated.last.target[1], ROUNDING):  # where all are, it is part of the bound
         found.append(f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
