@@ -132,7 +132,7 @@ class CoarseCorrection:
         T = _at_points([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
         fields = PairFields.of(pairs, T, _at_points(map(pairs.masked, pairs.responses(*self.everywhere)), np.float32), self.bodies)
         return CoarseProblem(self.stage.space.team, self.stage.space.subdomains, fields, self.K0,
-                             [self.response.W[:, part].T for part in self.parts], self.anew, self.half)
+                             [self.response.W[:, part].T for part in self.parts], self.half)
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""

@@ -37,12 +37,9 @@ from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 MOST_STEPS = 60  # every body has a place, where contacts are stabilised, and it pays to find it
-# ε with which bodies come to rest before they do with the weakest springs, over that. Each leads to the next, by tenths: where the middle
-# one was left out because its ‖ρ‖ was below the goal before the first step, the weakest took 133 steps in the place of 37 for both.
-STIFFER = (100.0, 10.0)
-# Steps in which bodies find their places with weaker springs, after stiffer ones. ‖ρ‖ is below its goal before the first of them,
-# rises as loose bodies move on and touch, and does not tell how near the end is: a thousand grains take up to 150 where there is one.
-MOST_LOOSE = 200
+# ε with which bodies come to rest in turn, over that of the weakest springs: tenths, and what is between where a tenth is too far for so many
+# steps, as where loose bodies move on and touch others on their way.
+RUNGS, STRIDE = 10 ** np.linspace(2, 0, 9), 4
 
 
 class CoarseProblem:
@@ -54,20 +51,19 @@ class CoarseProblem:
     K0 : (bodies, n, n) stiffness of the fields
     W : per own body (t, n), displacement of its traces in the fields
     rigid : how many fields, the first, a body moves in far more easily than in the others; none where that is not known
-    stiffer : ``bodies`` with springs that are as much stiffer as ``STIFFER`` says, where springs begin anew
+    bodies : what all load steps have in common, with the weakest springs
     reduction, goal : of ‖ρ‖ at the start, and in its own unit, to which a load step is solved
-    most : Newton steps that a solve may take, with weaker springs ``MOST_LOOSE``
+    most : Newton steps that a solve may take
     newton_steps : Newton steps of all bodies taken so far
     ends : how solves have ended so far → how many: "tolerance", or why not there: "steps" (as many as
         are allowed), "no direction" (whatever the shift)
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
-    def __init__(self, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray], anew: bool = False,
-                 rigid: int = 0):
+    def __init__(self, team: Team, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray], rigid: int = 0):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, self.own, fields, K0, rigid)
-        self.stiffer = self._with_stiffer(fields.pairs) if anew else []
+        self._sprung: dict[int, Bodies] = {}
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
         self.newton_steps, self.reduction, self.goal, self.most = 0, REDUCTION, 0.0, MOST_STEPS
         self.ends: dict[str, int] = {}
@@ -96,18 +92,25 @@ class CoarseProblem:
         """
         y = yj = np.zeros((self.fields.count, self.fields.size))
         F, stays, start, size, goal = F0, anchor, 0.0, 0.0, self.goal
-        for bodies in (*self.stiffer, self.bodies):
+        rung, stride = 0, STRIDE
+        while rung < len(RUNGS):
+            bodies = self._with_springs(rung)
             at = LoadStep(bodies, number, F0, resultant, before, stays)
-            run, end = self._newton(at, y, goal, MOST_LOOSE if start else self.most)
-            if start and end != "tolerance":  # bodies are at rest with the springs before
-                break
-            if not start:
+            run, end = self._newton(at, y, goal, self.most)
+            if rung and end != "tolerance":  # bodies are at rest with the springs before
+                if stride == 1:
+                    break
+                stride //= 2
+                rung -= stride
+                continue
+            if not rung:
                 start, goal = run.start, max(goal, self.reduction * run.start)
             y, yj, F, size, anchor = run.y, y, at.forces(run.y), run.size, stays
             if end != "tolerance":
                 break
             pairs = bodies.fields.pairs
             stays = pairs.settled(pairs.force(F, before, number).force, F, anchor)[1]
+            rung += stride
         self._ended(step, end, size, start)
         return y, F, anchor, yj
 
@@ -115,16 +118,22 @@ class CoarseProblem:
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
 
-    def _with_stiffer(self, pairs: Pairs) -> list[Bodies]:
-        each = (replace(pairs, stabilisation=np.minimum(times * pairs.stabilisation, STABLEST)) for times in STIFFER)
-        return [self.bodies.stabilised(self.fields.with_springs(stiff)) for stiff in each]
+    def _with_springs(self, rung: int) -> Bodies:
+        """``bodies`` with springs that are as much stiffer as ``RUNGS`` says."""
+        if rung == len(RUNGS) - 1:
+            return self.bodies
+        if rung not in self._sprung:
+            pairs = self.fields.pairs
+            stiff = replace(pairs, stabilisation=np.minimum(RUNGS[rung] * pairs.stabilisation, STABLEST))
+            self._sprung[rung] = self.bodies.stabilised(self.fields.with_springs(stiff))
+        return self._sprung[rung]
 
     def weakened(self, pairs: Pairs) -> CoarseProblem:
         """The same with springs of stabilisation as these pairs have them."""
         other = copy(self)
         other.fields = self.fields.with_springs(pairs)
         other.bodies = self.bodies.stabilised(other.fields)
-        other.stiffer = other._with_stiffer(pairs) if self.stiffer else []
+        other._sprung = {}
         return other
 
     def _newton(self, at: LoadStep, y: np.ndarray, goal: float, most: int, radius: np.ndarray | None = None) -> tuple[Newton, str]:
