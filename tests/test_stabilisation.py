@@ -12,6 +12,7 @@ from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
 from orchestrator.method.coarse.load_step import Line, LoadStep
+from orchestrator.method.coarse.problem import CoarseProblem
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautions, SHARE, stabilisation
 from orchestrator.method.monitors import Verdict
@@ -275,6 +276,28 @@ def test_springs_that_go_on_carrying_stay_where_they_are():
 
 PILE = {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 8]}}, "subdomains": {"grid": [3, 3, 8]},
         "law": [{"law": "contact", "friction": 0.3}]}
+
+
+def test_springs_between_tenths_lead_where_a_tenth_is_too_far(monkeypatch):
+    """As a thousand grains need them, which no test has: here solves are refused whose springs are less than half those before."""
+    made = contact(0.3, method={"tolerance": {"law": 1e-4}, "max_iterations": 100}, **CASES["ten grains"])
+    one, newton, before, refused = converged(made), CoarseProblem._newton, [], []
+
+    def unless_too_far(self, at, y, *others):
+        run, end = newton(self, at, y, *others)
+        springs = at.bodies.fields.pairs.stabilisation.max()
+        if y.any() and springs < before[-1] / 2:
+            refused.append(before[-1] / springs)
+            return run, "steps"
+        before.append(springs)
+        return run, end
+
+    monkeypatch.setattr(CoarseProblem, "_newton", unless_too_far)
+    other = converged(made)
+    assert set(np.round(np.log10(refused), 6)) == {1, 0.5}
+    assert set(other.summary["coarse_ends"]) == {"tolerance"}
+    force = np.array(one.summary["reactions"])
+    assert np.abs(np.array(other.summary["reactions"]) - force).max() <= 1e-3 * np.abs(force).max()
 
 
 @pytest.mark.long
