@@ -49,9 +49,8 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # others go their supports say.
 REACH = 0.3
 # Fields of a body, and unknowns of all, up to which points have fields of their own: an iteration of 27 grains then takes two to six times
-# as long. As many as a body has anyway it may have for points, however many bodies there are: a thousand grains wait for a few points, and
-# take four times as long with twice as many.
-MOST, UNKNOWNS, TIMES = 72, 2000, 2
+# as long. However many bodies there are, each may have twice as many for points as it has anyway: a thousand grains wait for a few points.
+MOST, UNKNOWNS, TIMES = 72, 2000, 3
 
 
 class CoarseCorrection:
@@ -96,23 +95,18 @@ class CoarseCorrection:
         """Of these trace dofs (q,) of this rank, and of other ranks', how many the body has that has the most."""
         return int(self.stage.space.team.max(np.bincount(self.stage.space.owner[dofs], minlength=1).max())[0])
 
-    def has_room(self, fields: Responses, more: int) -> bool:
-        """Whether each body may have so many fields beside these; it may always have none."""
-        return not more or len(fields.U) + more <= min(MOST, max(UNKNOWNS / self.bodies, TIMES * len(self.usual.U)))
+    @property
+    def room(self) -> int:
+        """How many trace dofs of each body may be fields of their own."""
+        return max(0, int(min(MOST, max(UNKNOWNS / self.bodies, TIMES * len(self.usual.U)))) - len(self.usual.U))
 
     def with_own(self, dofs: np.ndarray) -> CoarseCorrection:
-        """The same with trace dofs (q,) of this rank, ascending, as fields of their own, each for its body; ``most`` back-substitutions."""
+        """The same with these trace dofs (q,) of this rank, ascending, as fields of their own, each for its body, and no others;
+        ``most`` back-substitutions."""
         result, space = copy(self), self.stage.space
         owner, own = space.owner[dofs], np.zeros((self.most(dofs), space.size))
         own[np.arange(len(dofs)) - np.searchsorted(owner, owner), dofs] = 1.0
-        result._respond(self.response.beside(Responses.answered(self.stage, own)))
-        result.problem.restore(self.problem.state())
-        return result
-
-    def without_own(self) -> CoarseCorrection:
-        """The same with the fields of set-up alone."""
-        result = copy(self)
-        result._respond(self.usual)
+        result._respond(self.usual.beside(Responses.answered(self.stage, own)))
         result.problem.restore(self.problem.state())
         return result
 

@@ -21,7 +21,7 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 PATIENCE, FALLS = 8, 0.1  # iterations in which ‖F(s) − s‖ falls to such a share where a run is not slow
 # Of the square of what is left in all load steps, what a point carries that lags behind; and how often twice that is tried where there
-# is no room for so many.
+# is no room for so many of a body.
 SHARE, FEWER = 0.01, 7
 
 
@@ -30,15 +30,14 @@ class LaggingPoints(Monitor):
 
     mark : iteration and residual that a later one is compared with
     resting : whether the law residual has been small
-    chosen, afresh : (q,) int, trace dofs that are to become fields of their own; those before give way
-    since : (1, D) iteration after which each trace dof of this rank became a field of its own; 0: it is none
+    own, chosen : (D,) bool, which trace dofs of this rank are fields of their own, and which are to be
     """
 
     name = "lagging"
 
     def __init__(self, space: TraceSpace):
-        self.mark, self.since, self.resting = (0, 1.0), np.zeros((1, space.size)), False
-        self.chosen, self.afresh = np.empty(0, dtype=int), False
+        self.mark, self.resting = (0, 1.0), False
+        self.own = self.chosen = np.zeros(space.size, bool)
 
     @classmethod
     def of(cls, case: Case) -> LaggingPoints | None:
@@ -56,39 +55,42 @@ class LaggingPoints(Monitor):
         slow, self.mark = residual > FALLS * self.mark[1], (now.number, float(residual))
         if not slow:
             return Verdict()
-        self.chosen, self.afresh = self.fitting(now)
-        most = now.problem.coarse.most(self.chosen)
-        return Verdict(changes=(self.name,), sweeps=most / now.problem.steps) if most else Verdict()
+        self.chosen, coarse = self.fitting(now), now.problem.coarse
+        if not now.problem.space.team.max(float((self.chosen != self.own).any()))[0]:
+            return Verdict()
+        return Verdict(changes=(self.name,), sweeps=coarse.most(np.flatnonzero(self.chosen)) / now.problem.steps)
 
-    def fitting(self, now: Evaluation) -> tuple[np.ndarray, bool]:
-        """Trace dofs of this rank, the farthest behind, that the coarse problem has room for; and whether those before give way, as they
-        do where there is room for none beside them."""
-        coarse, left = now.problem.coarse, lags(now)
+    def fitting(self, now: Evaluation) -> np.ndarray:
+        """(D,) bool, trace dofs of this rank that are to be fields of their own: of each body those that are and, of the farthest behind,
+        as many as it has room for beside them. Where it has room for none, those that are give way."""
+        space, left, result = now.problem.space, lags(now), self.own.copy()
+        owner = space.owner[: space.size]
+
+        def count(dofs: np.ndarray) -> np.ndarray:
+            return np.bincount(owner[dofs], minlength=space.link.subdomain_count)
+
         behind = [traces_of(now, left > SHARE * 2**k) for k in range(FEWER)]
-        new = [dofs[self.since[0, dofs] == 0] for dofs in behind]
-        if coarse.most(new[0]):
-            for fields, several in ((coarse.response, new), (coarse.usual, behind)):
-                for chosen in several:
-                    if (more := coarse.most(chosen)) and coarse.has_room(fields, more):
-                        return chosen, fields is not coarse.response
-        return new[0][:0], False
+        waiting = count(behind[0] & ~self.own) > 0  # bodies
+        for kept in (self.own, np.zeros_like(self.own)):
+            for some in behind:
+                fits = waiting & (count(some & ~self.own) > 0) & (count(kept | some) <= now.problem.coarse.room)
+                result = np.where(fits[owner], kept | some, result)
+                waiting &= ~fits
+        return result
 
     def change(self, now: Evaluation) -> Decomposition:
-        coarse = now.problem.coarse
-        if self.afresh:
-            coarse, self.since = coarse.without_own(), np.zeros_like(self.since)
-        self.since[0, self.chosen] = now.number
-        return replace(now.problem, coarse=coarse.with_own(self.chosen))
+        self.own = self.chosen
+        return self._with_own(now.problem)
+
+    def _with_own(self, problem: Decomposition) -> Decomposition:
+        return replace(problem, coarse=problem.coarse.with_own(np.flatnonzero(self.own)))
 
     def state(self) -> dict[str, Any]:
-        return {"trace/since": self.since.copy(), "mark": list(self.mark), "resting": self.resting}
+        return {"trace/own": self.own[None].astype(float), "mark": list(self.mark), "resting": self.resting}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.since, self.mark, self.resting = state["trace/since"].copy(), tuple(state["mark"]), state["resting"]
-        coarse = problem.coarse
-        for number in sorted(set().union(*problem.space.team.all_gather(self.since[self.since > 0].tolist()))):
-            coarse = coarse.with_own(np.flatnonzero(self.since[0] == number))
-        return replace(problem, coarse=coarse)
+        self.own, self.mark, self.resting = state["trace/own"][0] > 0, tuple(state["mark"]), state["resting"]
+        return self._with_own(problem) if problem.space.team.max(float(self.own.any()))[0] else problem
 
 
 def lags(now: Evaluation) -> np.ndarray:
@@ -101,7 +103,9 @@ def lags(now: Evaluation) -> np.ndarray:
 
 
 def traces_of(now: Evaluation, points: np.ndarray) -> np.ndarray:
-    """(q,) int, ascending, this rank's trace dofs at points (P,) bool."""
+    """(D,) bool, this rank's trace dofs at points (P,) bool."""
     pairs = now.problem.local.pairs
     dofs = np.concatenate([side[:, points][pairs.free[:, points]] for side in (pairs.transfer.one, pairs.transfer.two)])
-    return np.unique(dofs[(dofs >= 0) & (dofs < now.problem.space.size)])
+    result = np.zeros(now.problem.space.size, bool)
+    result[dofs[(dofs >= 0) & (dofs < len(result))]] = True
+    return result
