@@ -66,7 +66,7 @@ class Parameters(Entry):
 
     @property
     def fit(self) -> float:
-        return 0.0 if self.apart else ROUND * max(-(self.gap or 0.0), 0.0)
+        return 0.0 if self.apart else max(-(self.gap or 0.0), 0.0)
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:

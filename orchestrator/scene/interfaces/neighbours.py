@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.config.boundary import ROUND
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.facing import COMMON
@@ -177,7 +178,7 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
     result = set()
     for pair, index in governing.items():
         found = search.inside(*pair) if not len(np.intersect1d(*(own[v] for v in pair))) else None
-        if found is None or search.laws[index].fit >= found.depth:
+        if found is None or ROUND * search.laws[index].fit >= found.depth:
             continue
         result.add(pair)
         search.problems.add(_path(search, index), f"{' and '.join(repr(mesh.volumes[v]) for v in pair)} are inside each other by about "
