@@ -34,6 +34,11 @@ _KEY = (2 * _STEPS + 1) ** np.arange(2, -1, -1)  # of three numbers of steps, a 
 _DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COARSE
 
 
+def cosine_of(angle: float | None) -> float:
+    """Bound on the cosine between normals of faces that an entry with this ``angle`` in degrees pairs; None: ``OPPOSITE``."""
+    return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(ROUND * angle)))
+
+
 @dataclass(frozen=True)
 class Facets:
     """Triangles: corners (k, 3, 3), unit normals (k, 3) to which they turn, areas (k,)."""

@@ -13,7 +13,7 @@ from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
-from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, outer_bodies
+from orchestrator.scene.interfaces.opposite import Body, COINCIDE, REACH, TOUCHING, cosine_of, outer_bodies
 from orchestrator.scene.interfaces.overlap import Overlap, Solid, overlap
 from orchestrator.scene.interfaces.skins import Skins, surface_of
 from orchestrator.scene.mesh.faces import Faces, components, pack, pieces
@@ -96,8 +96,7 @@ class Laws:
 
     def opposite(self, index: int) -> float:
         """Bound on the cosine between normals of faces that an entry pairs."""
-        angle = self[index].angle
-        return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(ROUND * angle)))
+        return cosine_of(self[index].angle)
 
     def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.config.boundary import Entry, ROUND
+from orchestrator.config.boundary import Entry
 from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, TOUCHING
+from orchestrator.scene.interfaces.opposite import COINCIDE, REACH, TOUCHING, cosine_of
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import barycentric, facet_normals, format_point
 from orchestrator.scene.mesh.mesh import Mesh
@@ -57,7 +57,7 @@ def may_touch(mesh: Mesh, triangles: np.ndarray, tool: Rigid, entry: Entry) -> n
 def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid, entry: Entry) -> tuple[np.ndarray, float]:
     """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at some load step; and how near any comes that
     looks at it."""
-    cosine = OPPOSITE if entry.angle is None else -np.cos(np.radians(ROUND * entry.angle))
+    cosine = cosine_of(entry.angle)
     chosen, near = np.zeros(len(local), dtype=bool), np.inf
     for move in np.unique(tool.driven.moves, axis=0):
         distance, normal = tool.at(move, points)
