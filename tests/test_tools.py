@@ -180,6 +180,14 @@ def test_what_is_wrong_with_a_tool_is_one_message(what):
     assert len(caught.value.problems) == 1 and words in str(caught.value) and caught.value.problems[0].cure
 
 
+def test_a_tool_that_presses_on_what_is_held_is_called_by_its_name():
+    data = block(PLANE | {"displacement": [0, 0, -0.01]})
+    data["boundary"] = [HELD, {"on": "xmin", "displacement": [0, 0, 0]}]
+    with pytest.raises(InputError, match=r"boundary\[1\] and plane on both sides") as caught:
+        build_scene(config_from(data))
+    assert [problem.path for problem in caught.value.problems] == [("interfaces", 0)]
+
+
 @pytest.mark.parametrize("change, words", [
     (lambda t: t[:-1], "not closed: 3 edges"), (lambda t: np.r_[t[:1, ::-1], t[1:]], "turned against their neighbours, at 3 edges"),
     (lambda t: t[:, ::-1], "inside out"), (None, "no triangles")])

@@ -213,8 +213,9 @@ def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems)
         if not (bad := wrong > allowed + share).any():
             continue
         step, worst = np.unravel_index(int(np.where(bad, wrong, 0.0).argmax()), wrong.shape)
-        entries = sorted({int(e) for e in by[worst].ravel() if e >= 0})
-        problems.add(("boundary", entries[-1]), f"{' and '.join(f'boundary[{e}]' for e in entries)} on both sides of {i.name}, at "
+        entries = [held.boundary[e] for e in sorted({int(e) for e in by[worst].ravel() if e >= 0})]
+        path = ("boundary", entries[-1].index) if i.tool is None else ("interfaces", i.entry)
+        problems.add(path, f"{' and '.join(entry.name for entry in entries)} on both sides of {i.name}, at "
                      f"{format_point(points[place[worst]])} and {len(np.unique(place[bad.any(axis=0)]))} nodes in all, move the second by "
                      f"{format_point(jump[step, worst])} against the first at load step {step + 1}, which law: {i.law.name} forbids, by "
                      f"{wrong[step, worst]:.3g}", "displacements on both sides that the interface between them lets happen",
