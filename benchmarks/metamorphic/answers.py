@@ -16,8 +16,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from orchestrator import BlackBoxError, InputError, Problem, Solution, build_scene, load_config, solve
+from orchestrator.run import run
 
-BESIDE = ("files", "ranks")  # of a scene's data, what is not in its YAML
+BESIDE = ("files", "ranks", "sittings")  # of a scene's data, what is not in its YAML
 REFUSED, CONVERGED, STOPPED, CODE_FAILED, BROKEN = "refused", "converged", "stopped", "code failed", "traceback"
 SINGULAR = "too close to singular"  # of slender bodies and extreme moduli, said by name: exit code 3
 
@@ -74,7 +75,7 @@ def answer(data: Mapping[str, Any]) -> Answer:
         path = Path(folder) / "scene.yaml"
         write(data, path)
         try:
-            solution = solve(load_config(path).config) if "ranks" not in data else _by_ranks(path, data["ranks"])
+            solution = _solved(path, data)
         except InputError as error:
             found = Answer(REFUSED, "; ".join(p.found for p in error.problems))
         except BlackBoxError as error:
@@ -99,6 +100,20 @@ def write(data: Mapping[str, Any], path: Path, comment: str = "") -> None:
         (path.parent / name).write_text(text, encoding="utf-8")
 
 
+def _solved(path: Path, data: Mapping[str, Any]) -> Solution:
+    if "ranks" in data:
+        return _by_ranks(path, data["ranks"])
+    return _stopped_once(path, data["sittings"]) if "sittings" in data else solve(load_config(path).config)
+
+
+def _stopped_once(path: Path, iterations: int) -> Solution:
+    """The solution of a run that was stopped after some iterations and resumed, read from its folder, on the scene built here."""
+    folder, quiet = path.parent / "results", ["output.figures=false"]
+    run(load_config(path, [*quiet, f"method.max_iterations={iterations}"]), output=folder, quiet=True)
+    run(loaded := load_config(path, quiet), output=folder, resume=True, quiet=True)
+    return replace(Solution.read(folder), scene=build_scene(loaded.config))
+
+
 def _by_ranks(path: Path, ranks: int) -> Solution:
     """The solution of a run under mpiexec, read from its folder, on the scene built here."""
     folder = path.parent / "results"
@@ -114,8 +129,9 @@ def _by_ranks(path: Path, ranks: int) -> Solution:
 
 
 def bodies(solution: Solution) -> list[tuple[int, str]]:
-    """Index and name of the volumes that are not a ground's."""
-    return [(number, name) for number, name in enumerate(solution.scene.mesh.volumes) if not name.startswith("ground of ")]
+    """Index and name of the volumes that are no ground's and no tool's."""
+    tools = {i.tool.name for i in solution.scene.interfaces if i.tool is not None}
+    return [(number, name) for number, name in enumerate(solution.scene.mesh.volumes) if not name.startswith("ground of ") and name not in tools]
 
 
 def _answered(solution: Solution) -> Answer:

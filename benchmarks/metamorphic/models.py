@@ -14,6 +14,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from benchmarks.kit.elasticity import stiffness
+from benchmarks.metamorphic.tools import tools
 from benchmarks.metamorphic.variant import Variant
 from orchestrator import build_scene, config_from
 
@@ -66,7 +67,7 @@ def part_as_deck(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def _foreign(data: dict, rng: np.random.Generator, door) -> Variant | None:
     if data["subdomains"] != "groups" or data["blackbox"].get("element") == "P2" or len(data["parts"]) < 2 or \
-            any(e.get("on", "*") == "*" for e in data.get("loads", [])):
+            any(e.get("on", "*") == "*" for e in data.get("loads", [])) or tools(data):
         return None
     busy = {e["on"].split("/")[0] for e in data["boundary"]} | {e["on"] for e in data.get("loads", [])}
     free = [p["name"] for p in data["parts"] if p["name"] not in busy]

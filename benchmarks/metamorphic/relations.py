@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.metamorphic import models, unchanged
+from benchmarks.metamorphic.tools import tools
 from benchmarks.metamorphic.units import in_units, loaded, turned
 from benchmarks.metamorphic.variant import Variant
 
@@ -52,7 +53,7 @@ def other_units(data: dict, rng: np.random.Generator) -> Variant | None:
 def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
     """Everything that acts, and all gaps that are numbers, times a factor: all laws are homogeneous in that."""
     if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
-           for e in data.get("interfaces", [])) or any(e.get("pairing") or e["law"] == "cohesive" for e in data.get("interfaces", [])):
+           for e in data.get("interfaces", [])) or any(e.get("pairing") or e["law"] == "cohesive" for e in data.get("interfaces", [])) or tools(data):
         return None
     opens = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", []))
     one_way = opens or "bolts" in data or any("spin" in e for e in data.get("loads", []))  # bolts pull, turning bodies are pulled out
@@ -94,12 +95,14 @@ def reordered(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def sides_swapped(data: dict, rng: np.random.Generator) -> Variant | None:
     """between: [b, a] for [a, b]; jumps go the other way."""
-    named = [e for e in data.get("interfaces", []) if isinstance(e.get("between"), list) and e["between"] != ["*", "*"]]
-    if not named:
+    def named(entry: dict) -> bool:
+        return isinstance(entry["between"], list) and isinstance(entry["between"][1], str)
+
+    if not any(named(e) and e["between"] != ["*", "*"] for e in data.get("interfaces", [])):
         return None
     made = copy.deepcopy(data)
     for entry in made["interfaces"]:
-        if isinstance(entry.get("between"), list):
+        if named(entry):
             entry["between"].reverse()
             if "jump" in entry:
                 entry["jump"] = [0.0 - x for x in entry["jump"]]
@@ -139,6 +142,17 @@ def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
         choices += [{"sole": {"fit": False}}, {"sole": {"contact_ratio": 0.6}}, {"memory": 10}]
     method |= choices[int(rng.integers(len(choices)))]
     return Variant({**data, "method": method})
+
+
+def solved_roughly(data: dict, rng: np.random.Generator) -> Variant | None:
+    """To a larger error, with intervals of all forces."""
+    method = {**data["method"], "tolerance": {"error": float(rng.choice([0.1, 0.01, 1e-4]))}}
+    return Variant({**data, "method": method, "output": {"certified": ["reactions", "sections", "resultants"]}}, rough=True)
+
+
+def in_two_sittings(data: dict, rng: np.random.Generator) -> Variant:
+    """Stopped after a few iterations, and resumed."""
+    return Variant({**data, "sittings": int(rng.integers(1, 12))})
 
 
 def batched(data: dict, rng: np.random.Generator) -> Variant | None:
@@ -190,16 +204,16 @@ def said_otherwise(data: dict, rng: np.random.Generator) -> Variant:
 
 def _factors(data: dict) -> list[float]:
     """The factors of the history, per load step; a history that nothing names makes no load steps."""
-    entries = [e for key in ("boundary", "loads", "interfaces", "bolts") for e in data.get(key, [])]
+    entries = [e for key in ("boundary", "loads", "interfaces", "bolts") for e in data.get(key, [])] + tools(data)
     return data["histories"]["h"] if any("history" in e for e in entries) else [1.0]
 
 
 RELATIONS: dict[str, Relation] = {
     "turned by quarters": turned_round, "turned askew": turned_askew, "other units": other_units, "loaded more": loaded_more,
     "renamed": renamed, "reordered": reordered, "sides swapped": sides_swapped, "cut otherwise": cut_otherwise,
-    "solved otherwise": solved_otherwise, "batched": batched, "step repeated": step_repeated,
-    "superposed": superposed, "said otherwise": said_otherwise, "cancelled": unchanged.cancelled, "after rest": unchanged.after_rest,
-    "read from files": unchanged.read_from_files}
+    "solved otherwise": solved_otherwise, "solved roughly": solved_roughly, "in two sittings": in_two_sittings,
+    "batched": batched, "step repeated": step_repeated, "superposed": superposed, "said otherwise": said_otherwise,
+    "cancelled": unchanged.cancelled, "after rest": unchanged.after_rest, "read from files": unchanged.read_from_files}
 # Dearer ones, tried on fewer scenes.
 DOORS: dict[str, Relation] = {
     "another code": models.other_code, "part as matrix": models.part_as_matrix, "part as deck": models.part_as_deck,

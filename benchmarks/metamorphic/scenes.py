@@ -12,6 +12,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from benchmarks.metamorphic.layout import FACES, Body, Pair, bodies
+from benchmarks.metamorphic.tools import pressing
 
 YOUNG, STRAIN = 200e3, 1e-3
 HISTORIES = {"one": None, "two steps": [0.5, 1.0], "off": [1.0, 0.0], "reversal": [1.0, -1.0], "on and back": [0.4, 1.0, -0.5],
@@ -41,6 +42,10 @@ def scenes(draw) -> tuple[dict[str, Any], list[str]]:
         data["loads"] = loads
     if laws := _laws(draw, found, pairs, unit, timed, words):
         data["interfaces"] = laws
+    if draw(st.sampled_from([False] * 4 + [True])) and (
+            pressed := pressing(draw, found, data["boundary"], unit, YOUNG, STRAIN, words)):
+        pressed["between"][1] |= timed if draw(st.booleans()) else {}
+        data["interfaces"] = [*laws, pressed]
     if data["subdomains"] == "groups" and draw(st.sampled_from([False] * 7 + [True])):
         if bolt := _bolt(draw, found[0], data["boundary"], unit, timed):
             data["bolts"] = [bolt]
@@ -99,7 +104,7 @@ def _boundary(draw, found: list[Body], unit: float, timed: dict, words: set[str]
     free.pop((id(first), face), None)
     result = [{"on": first.surface(face), "displacement": [0.0, 0.0, 0.0]}]
     kinds = ["traction"] * 3 + ["displacement"] * 3 + ["held", "partly", "pressure", "linear pressure", "resultant", "motion", "symmetry",
-                                                       "foundation", "rigid coupling", "distributed coupling", "frame"]
+                                                       "foundation", "rigid coupling", "distributed coupling", "frame", "hydrostatic"]
     for _ in range(draw(st.integers(1, 3))):
         if not free:
             break
@@ -138,6 +143,10 @@ def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, len
         return {"pressure": stress * draw(st.sampled_from([1.0, 0.2, -0.3]))}
     if kind == "linear pressure":
         return {"pressure": {"value": stress, "at": centre, "gradient": _vector(draw, 0.3 * stress / unit)}}
+    if kind == "hydrostatic":
+        up = draw(st.sampled_from("xyz"))
+        level = centre["xyz".index(up)] + draw(st.sampled_from([extent, 0.0]))
+        return {"hydrostatic": {"level": level, "weight": 0.3 * stress / unit, "up": up}}
     if kind == "resultant":
         return {"resultant": {"force": _vector(draw, stress * unit**2), "moment": _vector(draw, 0.3 * stress * unit**3)}}
     if kind == "motion":

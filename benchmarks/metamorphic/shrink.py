@@ -102,7 +102,7 @@ def _without(data: dict, name: str) -> dict:
     """The scene without a part and all that names it."""
     def about(entry: dict) -> bool:
         names = [entry.get("on", "")] if isinstance(entry.get("on"), str) else []
-        names += entry["between"] if isinstance(entry.get("between"), list) else []
+        names += [x for x in entry.get("between", []) if isinstance(x, str)] if isinstance(entry.get("between"), list) else []
         return any(n == name or n.startswith(name + "/") for n in names)
 
     made = {k: [e for e in v if not about(e)] if k in LISTS else v for k, v in data.items()}

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.metamorphic.tools import tools
 from benchmarks.metamorphic.variant import Variant
 from orchestrator import build_scene, config_from
 from orchestrator.scene.mesh.faces import faces_of
@@ -34,14 +35,14 @@ def after_rest(data: dict, rng: np.random.Generator) -> Variant | None:
     """A load step ahead in which nothing acts: all else comes as it came. What is pressed by its shape alone is not left out."""
     laws = data.get("interfaces", [])
     if any(e["law"] == "contact" and (e.get("gap", "geometry" if e["between"] == "auto" else 0.0) == "geometry" or e.get("gap", 0.0) < 0)
-           for e in laws) or "bolts" in data or any(e.get("pairing") for e in laws):
+           for e in laws) or "bolts" in data or any(e.get("pairing") for e in laws) or any("force" in t for t in tools(data)):
         return None
     made = copy.deepcopy(data)
-    timed = "histories" in data and any("history" in e for k in ("boundary", "loads", "interfaces") for e in data.get(k, []))
+    timed = "histories" in data and any("history" in e for e in [*data["boundary"], *data.get("loads", []), *laws, *tools(data)])
     factors = data["histories"]["h"] if timed else [1.0]
     made["histories"] = {"h": [0.0, *factors], "all": [0.0, *[1.0] * len(factors)]}
     for entry in [e for e in made["boundary"] if not {"symmetry", "foundation"} & set(e)] + made.get("loads", []) + [
-            e for e in made.get("interfaces", []) if "jump" in e]:
+            e for e in made.get("interfaces", []) if "jump" in e] + tools(made):
         entry.setdefault("history", "all")
     return Variant(made, sums=np.eye(len(factors), len(factors) + 1, k=1))
 

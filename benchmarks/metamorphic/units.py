@@ -10,14 +10,15 @@ import numpy as np
 # (length, force) exponents of the numbers under a key, or under a key of that parent; what is not here is a bare number.
 # Time stays as it is, so that a density is force · time² / length⁴.
 DIMENSIONS: dict[str, tuple[int, int]] = {
-    "size": (1, 0), "h": (1, 0), "translate": (1, 0), "about": (1, 0), "at": (1, 0), "box": (1, 0), "displacement": (1, 0),
-    "jump": (1, 0), "gap": (1, 0), "within": (1, 0), "young": (-2, 1), "density": (-4, 1), "gravity": (1, 0), "body_force": (-3, 1),
-    "traction": (-2, 1), "pressure": (-2, 1), "value pressure": (-2, 1), "gradient pressure": (-3, 1), "gradient temperature": (-1, 0),
-    "force": (0, 1), "moment": (1, 1), "normal": (-3, 1), "tangential": (-3, 1), "stiffness": (-3, 1), "stiffness_n": (-3, 1),
+    "size": (1, 0), "h": (1, 0), "radius": (1, 0), "centre": (1, 0), "level": (1, 0), "translate": (1, 0), "about": (1, 0), "at": (1, 0),
+    "box": (1, 0), "displacement": (1, 0), "jump": (1, 0), "gap": (1, 0), "within": (1, 0), "young": (-2, 1), "density": (-4, 1),
+    "gravity": (1, 0), "body_force": (-3, 1), "traction": (-2, 1), "pressure": (-2, 1), "value pressure": (-2, 1),
+    "gradient pressure": (-3, 1), "gradient temperature": (-1, 0), "force": (0, 1), "moment": (1, 1), "normal": (-3, 1),
+    "normal plane": (0, 0), "weight": (-3, 1), "tangential": (-3, 1), "stiffness": (-3, 1), "stiffness_n": (-3, 1),
     "stiffness_t": (-3, 1), "strength": (-2, 1), "toughness": (-1, 1), "moments_about": (1, 0)}
-VECTORS = {"translate", "about", "displacement", "traction", "gradient", "force", "moment", "body_force", "gravity", "jump", "rotation"}
+VECTORS = {"translate", "centre", "about", "displacement", "traction", "gradient", "force", "moment", "body_force", "gravity", "jump", "rotation"}
 LOADS = {"displacement", "jump", "gap", "body_force", "gravity", "traction", "pressure", "value pressure", "gradient pressure",
-         "value temperature", "gradient temperature", "temperature", "force", "moment", "rotation", "degrees motion", "translate motion"}
+         "weight", "value temperature", "gradient temperature", "temperature", "force", "moment", "rotation", "degrees motion", "translate motion"}
 AXIAL = {"moment", "rotation"}  # go the other way round in a mirror
 
 
@@ -88,7 +89,7 @@ def turned(data: dict, turn: np.ndarray, degrees: float, axis: Any) -> dict | No
     def change(key: str, parent: str, value: Any) -> Any:
         if key == "axis" and not (isinstance(value, list) or value in "xyz") or value is None:
             return value
-        if key == "axis" and parent != "slices" or key == "plane":
+        if key in ("axis", "plane", "up") and parent != "slices" or (key, parent) == ("normal", "plane"):
             return [float(x) for x in turn @ (np.eye(3)["xyz".index(value)] if isinstance(value, str) else np.array(value, float))]
         if isinstance(value, list) and len(value) == 3 and (key in VECTORS or key == "at" or key == "stiffness" and parent == "foundation"):
             return vector(value, key)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.metamorphic.answers import Answer
+from benchmarks.metamorphic.tools import tools
 
 
 @dataclass(frozen=True)
@@ -17,11 +18,12 @@ class Variant:
     Parameters
     ----------
     turn, length, force, factor, names : as of ``Answer.seen``
-    order : places of the first scene's entries of boundary among the variant's
+    order : places of the first scene's entries of boundary among the variant's; tools come after them
     sums : (T, own load steps), what of its load steps adds up to the first scene's
     without : parts that are not compared: models of others, of which joints alone are known
     joint : supports that share nodes may have shared their reaction otherwise; their sum counts
     shuffled : its nodes are in another order, and known by their places
+    rough : soon content, so that what it guarantees counts
     cuts : cut otherwise, so that some cuts may be refused, and operators between meshes that do not match are others
     """
 
@@ -35,13 +37,14 @@ class Variant:
     sums: np.ndarray | None = None
     without: set[str] = field(default_factory=set)
     joint: bool = False
+    rough: bool = False
     cuts: bool = False
     shuffled: bool = False
 
     def seen(self, answer: Answer) -> Answer:
         """Of the variant's, in the axes, units and names of the first scene."""
         seen = answer.seen(self.turn.T, 1 / self.length, 1 / self.force, 1 / self.factor, self.names)
-        order = slice(None) if self.order is None else self.order
+        order = slice(None) if self.order is None else [*self.order, *range(len(seen.reactions) - len(tools(self.data)), len(seen.reactions))]
         sums = np.eye(len(answer.energy)) if self.sums is None else self.sums
         one = (sums.sum(axis=1) == 1).all() and (np.count_nonzero(sums, axis=1) == 1).all()
         return replace(
