@@ -16,6 +16,11 @@ CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 
 KeyPath = tuple[str | int, ...]
 
 
+def dotted(path: KeyPath) -> str:
+    """Keys as they are written: boundary[1].on."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing wrong with the input.
@@ -36,8 +41,7 @@ class Problem:
 
     def __str__(self) -> str:
         where = self.file + (f":{self.line}" if self.line is not None else "")
-        key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in self.path).lstrip(".")
-        head = ": ".join(part for part in (where, key) if part)
+        head = ": ".join(filter(None, (where, dotted(self.path))))
         lines = [head] if head else []
         lines += [f"  found:    {self.found}", f"  expected: {self.expected}"]
         if self.cure:

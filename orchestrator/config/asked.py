@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from orchestrator.config.mesh import KINDS
-from orchestrator.config.paths import (accuracies, all_perfect, called_twice, codes, dotted, entries, follows, get, is_number, is_vectors,
-                                       shown)
-from orchestrator.errors import Problem
+from orchestrator.config.paths import accuracies, all_perfect, called_twice, codes, entries, follows, get, is_number, is_vectors, shown
+from orchestrator.errors import Problem, dotted
 
 
 def accuracy_possible(data: Any) -> Iterator[Problem]:

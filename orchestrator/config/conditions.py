@@ -8,9 +8,9 @@ from typing import Any
 from orchestrator.config.base import no_direction
 from orchestrator.config.boundary import Entry
 from orchestrator.config.mesh import KINDS
-from orchestrator.config.paths import dotted, entries, find, get, is_number, is_per_step, is_vectors, law_of, shown
+from orchestrator.config.paths import entries, find, get, is_number, is_per_step, is_vectors, law_of, shown
 from orchestrator.config.tools import LISTED, PLACE
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.errors import KeyPath, Problem, dotted
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
 ACTING = {"boundary": ON_FACES, "loads": IN_VOLUMES}

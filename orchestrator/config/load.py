@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from orchestrator.config.blackbox import CodeSettings, settings_class
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.model import Config
-from orchestrator.config.paths import BadOverride, apply, parse, places, with_files
+from orchestrator.config.paths import apply, parse, places, with_files
 from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
@@ -116,10 +116,8 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
             for place in places(data, keys):
                 data = apply(data, place, value)
                 source.overrides[place] = override
-        except BadOverride as error:
-            problems.append(replace(error.problem, file=f"--set {override}"))
         except InputError as error:
-            problems += error.problems
+            problems += [replace(problem, file=f"--set {override}") for problem in error.problems]
     data, missing = with_files(data, Path(path).parent)
     try:
         config = config_from(data)

@@ -11,7 +11,7 @@ from typing import Any
 
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.mesh import KINDS
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.errors import KeyPath, Problem, dotted, wrong
 from orchestrator.registry import DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
 
@@ -116,10 +116,6 @@ def accuracies(data: Any) -> list[tuple[KeyPath, Any]]:
     return [(("method", "accuracy"), energy)] * (energy is not None) + list(find(data, ("output", "probes", "*", "accuracy")))
 
 
-def dotted(path: KeyPath) -> str:
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
-
-
 def shown(value: Any) -> str:
     """Text of a value that does not depend on the order of keys nor on 1 against 1.0."""
     if isinstance(value, dict):
@@ -142,25 +138,17 @@ ALTERNATIVES: list[tuple[KeyPath, list[set[str]]]] = [
 SHIPPED = "gmsh:"  # models that come with gmsh; the scene knows where they are
 
 
-class BadOverride(Exception):
-    """An override that cannot be applied; ``problem`` says why."""
-
-    def __init__(self, path: KeyPath, found: str, expected: str, cure: str):
-        self.problem = Problem(path, found, expected, cure)
-        super().__init__(found)
-
-
 def parse(text: str, parse_value: Callable[[str], Any]) -> tuple[KeyPath, Any]:
-    """``"materials.0.young=1"`` → ``(("materials", 0, "young"), 1)``; raises BadOverride without a ``=``, or with an empty key."""
+    """``"materials.0.young=1"`` → ``(("materials", 0, "young"), 1)``; raises InputError without a ``=``, or with an empty key."""
     keys, equals, value = text.partition("=")
     parts = [key.strip() for key in keys.split(".")]
     if not equals or not all(parts):
-        raise BadOverride((), text, "key=value, such as method.max_iterations=100", "write the key, =, and the value")
+        raise wrong((), text, "key=value, such as method.max_iterations=100", "write the key, =, and the value")
     return tuple(int(key) if key.isdigit() else key for key in parts), parse_value(value)
 
 
 def places(data: Any, path: KeyPath, at: KeyPath = ()) -> list[KeyPath]:
-    """The paths that a path means: a ``*`` in it stands for every entry of the list there. Raises BadOverride where there is no list.
+    """The paths that a path means: a ``*`` in it stands for every entry of the list there. Raises InputError where there is no list.
 
     >>> places({"bolts": [{}, {}]}, ("bolts", "*", "force"))
     [('bolts', 0, 'force'), ('bolts', 1, 'force')]
@@ -170,21 +158,21 @@ def places(data: Any, path: KeyPath, at: KeyPath = ()) -> list[KeyPath]:
     here = path.index("*")
     there = get(data, *path[:here])
     if not isinstance(there, list) or not there:
-        raise BadOverride((*at, *path[:here + 1]), f"'*' for {dotted((*at, *path[:here]))}, which has no entries", "a list with entries",
-                          "name the key itself; new entries belong in the file")
+        raise wrong((*at, *path[:here + 1]), f"'*' for {dotted((*at, *path[:here]))}, which has no entries", "a list with entries",
+                    "name the key itself; new entries belong in the file")
     return [place for index, entry in enumerate(there) for place in places(entry, path[here + 1:], (*at, *path[:here], index))]
 
 
 def apply(data: Any, path: KeyPath, value: Any, at: KeyPath = ()) -> Any:
-    """The data with the value at a path replaced or added; mappings on the way are created. Raises BadOverride for an index outside a
+    """The data with the value at a path replaced or added; mappings on the way are created. Raises InputError for an index outside a
     list, or a name where a list is."""
     if not path:
         return value
     key, here = path[0], (*at, path[0])
     if isinstance(data, list):
         if not isinstance(key, int) or key >= len(data):
-            raise BadOverride(here, f"'{key}' in a list of {len(data)} entries", f"an index from 0 to {len(data) - 1}",
-                              "take an existing entry; new ones belong in the file")
+            raise wrong(here, f"'{key}' in a list of {len(data)} entries", f"an index from 0 to {len(data) - 1}",
+                        "take an existing entry; new ones belong in the file")
         return [apply(entry, path[1:], value, here) if index == key else entry for index, entry in enumerate(data)]
     key = str(key)
     kept = data if isinstance(data, dict) else {}

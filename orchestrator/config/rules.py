@@ -16,9 +16,9 @@ from orchestrator.config.blackbox import settings_class
 from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
-from orchestrator.config.paths import all_perfect, called_twice, codes, dotted, entries, find, follows, get, is_number, law_of, shown
+from orchestrator.config.paths import all_perfect, called_twice, codes, entries, find, follows, get, is_number, law_of, shown
 from orchestrator.config.tools import PLACE, SHAPES, tools_fit
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.errors import KeyPath, Problem, dotted
 from orchestrator.registry import IN_VOLUMES, ON_FACES
 
 SMALLEST, HUGEST = 1e-30, 1e30

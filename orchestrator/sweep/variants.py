@@ -10,9 +10,9 @@ from itertools import product
 from math import prod
 from typing import Any
 
-from orchestrator.config.paths import BadOverride, parse, shown
+from orchestrator.config.paths import parse, shown
 from orchestrator.config.text import parse_yaml
-from orchestrator.errors import InputError, wrong
+from orchestrator.errors import wrong
 
 LONGEST = 60  # signs in the name of a variant
 MOST = 10_000  # variants; a product of a few lists is soon more than anybody waits for
@@ -75,10 +75,7 @@ def variants_of(asked: Sequence[str], zipped: bool = False) -> list[Variant]:
 
 def _read(text: str) -> tuple[str, list[Any]]:
     """Key and values of one ``--vary``."""
-    try:
-        _, values = parse(text, lambda value: parse_yaml(f"[{value}]", f"--vary {text}")[0])
-    except BadOverride as error:
-        raise InputError([error.problem]) from error
+    _, values = parse(text, lambda value: parse_yaml(f"[{value}]", f"--vary {text}")[0])
     if not values:
         raise wrong((), f"--vary {text}", "at least one value", "write KEY=VALUE,VALUE")
     return text.partition("=")[0].strip(), values

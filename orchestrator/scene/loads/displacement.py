@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.base import PartlyFree, one_or_per_step
-from orchestrator.config.paths import dotted, free_at_times, rows_of, shown
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.config.paths import free_at_times, rows_of, shown
+from orchestrator.errors import KeyPath, Problem, dotted
 from orchestrator.scene.loads.base import Field, Ground, Kind, OnFaces, Prescribed, ROUNDING, Uniform
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.loads.foundation import Springs
