@@ -156,7 +156,7 @@ NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffer
 
 
 def check_addresses() -> None:
-    """Before numpy is imported: OpenBLAS waits for ever, without a word, for a buffer that a limit does not allow.
+    """Before OpenBLAS is at work: it waits for ever, without a word, for a buffer that a limit does not allow.
 
     Raises InputError: the limit of this process's addresses is below what any run takes
     """

@@ -11,7 +11,6 @@ from orchestrator.scene.cautions import Acting, beside_others, locking, noted, r
 from orchestrator.scene.conditions.loose import with_grounds
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
-from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.interface import Interface, ends_of
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.overview import Beside, Difficulty, Overview
@@ -210,7 +209,7 @@ def hollow(scene: Scene) -> Scene:
     """A part of a scene without any of its arrays: what is known of all of the scene."""
     none = {name: getattr(scene, name)[:0] for name in ("cell_subdomain", "cell_material", "fixed", "number", "cell_number")}
     none |= {name: x[:, :0] for name in ("thermal", "body_force") if (x := getattr(scene, name)) is not None}
-    mesh = Mesh(scene.mesh.nodes[:0], scene.mesh.cells[:0], scene.mesh.volume[:0], scene.mesh.volumes, within=scene.overview.box)
+    mesh = replace(scene.mesh.hollow, within=scene.overview.box)
     return replace(scene, mesh=mesh, subdomains=[replace(s, cells=_NONE, nodes=_NONE, connectivity=s.connectivity[:0], material=_NONE,
                                                          fixed=s.fixed[:0], prescribed=s.prescribed[:, :0], loads=s.loads[:, :0],
                                                          held_by=s.held_by[:0], contact_area=s.contact_area[:0]) for s in scene.subdomains],
