@@ -59,39 +59,19 @@ class BesideAffine:
 
         start : (B,) displacement to start from
         """
-        of, space = self.of, self.space
-        start = self.on * space.trace(start[None])
-        v = self._rest(start)
-        kv, norm = self._size(v)
-        exists = alive = norm > np.sqrt(DEPENDENT) * self._size(start)[1]
-        theta, before = np.zeros((steps, steps, len(norm))), []
-        for j in range(steps):
-            inverse = of.spread(np.divide(1, norm, out=np.zeros_like(norm), where=alive))
-            v, kv = v * inverse, kv * inverse
-            before.append((v, kv))
-            image = self._rest(self.on * self.blackbox.answered(space.loads(kv))[1])
-            # a space that is exhausted has no other ends
-            theta[j, j] = np.where(alive, of.sums(image[0] * kv[0]), theta[j - 1, j - 1])
-            for _ in range(2):
-                for w, kw in before:
-                    image = image - of.spread(of.sums(image * kw)) * w
-            v = image
-            kv, norm = self._size(v)
-            alive = alive & (norm > np.sqrt(DEPENDENT) * theta[0, 0])
-            if j + 1 < steps:
-                theta[j, j + 1] = theta[j + 1, j] = np.where(alive, norm, 0.0)
+        of, space, product = self.of, self.space, lambda v: self.blackbox.direction.times(v[None])[0]
+        start = self.on * space.trace(start[None])[0]
+        beside = self._rest(start)
+        before, left = (of.sums(v * product(v)) for v in (start, beside))
+        exists = left > DEPENDENT * before
+        theta = of.lanczos(np.where(of.spread(exists), beside, 0.0), product,
+                           lambda kv: self._rest(self.on * self.blackbox.answered(space.loads(kv[None]))[1][0]), steps)
         tiny = np.finfo(float).eps
-        found = np.linalg.eigvalsh(theta.transpose(2, 0, 1)[exists])[:, [-1, 0]] if len(norm) else np.zeros((0, 2))
-        return exists, np.maximum(1 / np.maximum(found, tiny) - 1, tiny)
+        return exists, np.maximum(1 / np.maximum(np.linalg.eigvalsh(theta[exists])[:, [-1, 0]], tiny) - 1, tiny)
 
     def _rest(self, v: np.ndarray) -> np.ndarray:
-        """(1, D) v without affine fields."""
+        """(D,) v without affine fields."""
         return v - np.sum(self.U * self.of.spread(self.of.sums(self.V * v)), axis=0)
-
-    def _size(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """k v, and the norm of each body's part (S,)."""
-        kv = self.blackbox.direction.times(v)
-        return kv, np.sqrt(np.maximum(self.of.sums(v[0] * kv[0]), 0.0))
 
 
 def _within(scene: Scene, space: TraceSpace) -> np.ndarray:

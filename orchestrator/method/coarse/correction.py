@@ -100,11 +100,11 @@ class CoarseCorrection:
         """How many trace dofs of each body may be fields of their own."""
         return max(0, int(min(MOST, max(UNKNOWNS / self.bodies, TIMES * len(self.usual.U)))) - len(self.usual.U))
 
-    def with_own(self, dofs: np.ndarray) -> CoarseCorrection:
+    def with_own(self, dofs: np.ndarray, most: int) -> CoarseCorrection:
         """The same with these trace dofs (q,) of this rank, ascending, as fields of their own, each for its body, and no others;
-        ``most`` back-substitutions."""
+        ``most`` back-substitutions, as many as the body has that has most."""
         result, space = copy(self), self.stage.space
-        owner, own = space.owner[dofs], np.zeros((self.most(dofs), space.size))
+        owner, own = space.owner[dofs], np.zeros((most, space.size))
         own[np.arange(len(dofs)) - np.searchsorted(owner, owner), dofs] = 1.0
         result._respond(self.usual.beside(Responses.answered(self.stage, own)))
         result.problem.restore(self.problem.state())

@@ -26,6 +26,7 @@ from orchestrator.laws.points import dot, norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import scattered
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bodies import RIGID, Bodies
 from orchestrator.scene.interface import ends_of
@@ -177,7 +178,7 @@ def softest_modes(matrix: sp.csr_array, count: int) -> tuple[np.ndarray, np.ndar
     """
     n = matrix.shape[0]
     inverse = Factor(sp.tril(matrix + FREE * sp.eye_array(n)))
-    X = np.modf(np.sin(np.arange(n * count).reshape(n, count) * 12.9898 + 1.0) * 43758.5453)[0]
+    X = scattered(np.arange(n * count)).reshape(n, count)
     for _ in range(SWEEPS):
         X = np.linalg.qr(inverse(X.T).T)[0]
     values, turned = np.linalg.eigh(X.T @ (matrix @ X))

@@ -6,7 +6,7 @@ multiply columns, several of them in one go, so that ``times`` turns its argumen
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from hashlib import blake2b
 
 import numpy as np
@@ -32,6 +32,11 @@ def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
     """rows (T, n) += factors (T,) times others (T, n), rounded once."""
     for row, factor, other in zip(rows, factors, others):
         row[:] = daxpy(other, row, a=factor) if row.size else row
+
+
+def scattered(number: np.ndarray) -> np.ndarray:
+    """Numbers between −1 and 1 of no symmetry, one for each whole number: the same whatever the ranks."""
+    return np.modf(np.sin(number * 12.9898 + 1.0) * 43758.5453)[0]
 
 
 def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
@@ -200,3 +205,24 @@ class Segments:
     def rows(self, x: np.ndarray, which: np.ndarray) -> np.ndarray:
         """(columns,) of values (rows, columns) another row for each subdomain, which (S,)."""
         return x[self.spread(which), np.arange(x.shape[1])]
+
+    def lanczos(self, x: np.ndarray, product: Callable, image: Callable, steps: int) -> np.ndarray:
+        """(S, steps, steps) Lanczos' matrices of C k, of each subdomain by itself, from x (columns,) on: their ends are near its own.
+
+        product : x → k x, of the inner product; image : k x → C k x
+
+        What is exhausted tells no other ends. What rounding leaves of orthogonality tells eigenvalues twice, but no other ones.
+        """
+        last, result = np.zeros_like(x), np.zeros((steps, steps, len(self.slices)))
+        for j in range(steps):
+            kx = product(x)
+            size = np.sqrt(np.maximum(self.sums(x * kx), 0.0))
+            there = size > (np.sqrt(DEPENDENT) * result[0, 0] if j else 0.0)
+            if j:
+                result[j - 1, j] = result[j, j - 1] = np.where(there, size, 0.0)
+            scale = self.spread(np.divide(1.0, size, out=np.zeros_like(size), where=there))
+            x, kx = x * scale, kx * scale
+            new = image(kx)
+            result[j, j] = np.where(there, self.sums(new * kx), result[j - 1, j - 1])
+            x, last = new - self.spread(result[j, j]) * x - self.spread(result[j, j - 1]) * last, x
+        return result.transpose(2, 0, 1)

@@ -30,7 +30,7 @@ class LaggingPoints(Monitor):
 
     mark : iteration and residual that a later one is compared with
     resting : whether the law residual has been small
-    own, chosen : (D,) bool, which trace dofs of this rank are fields of their own, and which are to be
+    own, chosen : (D,) bool, which trace dofs of this rank are fields of their own, and which are to be; most : of these, of any body
     """
 
     name = "lagging"
@@ -38,6 +38,7 @@ class LaggingPoints(Monitor):
     def __init__(self, space: TraceSpace):
         self.mark, self.resting = (0, 1.0), False
         self.own = self.chosen = np.zeros(space.size, bool)
+        self.most = 0
 
     @classmethod
     def of(cls, case: Case) -> LaggingPoints | None:
@@ -58,7 +59,8 @@ class LaggingPoints(Monitor):
         self.chosen, coarse = self.fitting(now), now.problem.coarse
         if not now.problem.space.team.max(float((self.chosen != self.own).any()))[0]:
             return Verdict()
-        return Verdict(changes=(self.name,), sweeps=coarse.most(np.flatnonzero(self.chosen)) / now.problem.steps)
+        self.most = coarse.most(np.flatnonzero(self.chosen))
+        return Verdict(changes=(self.name,), sweeps=self.most / now.problem.steps)
 
     def fitting(self, now: Evaluation) -> np.ndarray:
         """(D,) bool, trace dofs of this rank that are to be fields of their own: of each body those that are and, of the farthest behind,
@@ -80,17 +82,18 @@ class LaggingPoints(Monitor):
 
     def change(self, now: Evaluation) -> Decomposition:
         self.own = self.chosen
-        return self._with_own(now.problem)
+        return self._with_own(now.problem, self.most)
 
-    def _with_own(self, problem: Decomposition) -> Decomposition:
-        return replace(problem, coarse=problem.coarse.with_own(np.flatnonzero(self.own)))
+    def _with_own(self, problem: Decomposition, most: int) -> Decomposition:
+        return replace(problem, coarse=problem.coarse.with_own(np.flatnonzero(self.own), most))
 
     def state(self) -> dict[str, Any]:
         return {"trace/own": self.own[None].astype(float), "mark": list(self.mark), "resting": self.resting}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.own, self.mark, self.resting = state["trace/own"][0] > 0, tuple(state["mark"]), state["resting"]
-        return self._with_own(problem) if problem.space.team.max(float(self.own.any()))[0] else problem
+        most = problem.coarse.most(np.flatnonzero(self.own))
+        return self._with_own(problem, most) if most else problem
 
 
 def lags(now: Evaluation) -> np.ndarray:

@@ -30,7 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.rows import Blocks, Segments, times
+from orchestrator.method.interface.rows import Blocks, Segments, scattered, times
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 300  # of either eigenvalue's method at most
@@ -119,7 +119,7 @@ class Friction:
         def dot(rows: np.ndarray, b: np.ndarray) -> np.ndarray:
             return space.team.sum(rows[:, mine] @ b[mine])[0]
 
-        return _largest(read(self._any()), product, lambda r: (r, r, dot(r[None], r)[0]), dot, OPEN["pressures"])
+        return _largest(read(scattered(space.link.boundary_number)), product, lambda r: (r, r, dot(r[None], r)[0]), dot, OPEN["pressures"])
 
     def _of_slips(self, softness: np.ndarray, most: float = np.inf) -> float:
         """λ_T, or any number above ``most`` where it is. K⁻¹ of what is left is known from above, as in ``dual_energy``."""
@@ -136,12 +136,7 @@ class Friction:
             left, = space.team.sum(float(np.sum((1 + 1 / softness) * of.sums(r * x[0]))))
             return x[0], r - self.stage.direction.robin(x)[0], left
 
-        return _largest(self._any(), product, answered, lambda rows, b: space.team.sum(rows @ b)[0], OPEN["slips"], most)
-
-    def _any(self) -> np.ndarray:
-        """(B,) of no symmetry, and of the scene's dofs alone, whatever the ranks."""
-        return np.modf(np.sin(self.space.link.boundary_number * 12.9898 + 1.0) * 43758.5453)[0]
-
+        return _largest(scattered(space.link.boundary_number), product, answered, lambda rows, b: space.team.sum(rows @ b)[0], OPEN["slips"], most)
 
 def _largest(r: np.ndarray, product: Callable, answered: Callable, dot: Callable, may_be_open: float, most: float = np.inf) -> float:
     """The largest λ of C x = λ S x, from above, infinite where it is not found: Davidson's method, Lanczos' where S is solved exactly.

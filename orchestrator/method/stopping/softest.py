@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.interface.rows import DEPENDENT, Segments
+from orchestrator.method.interface.rows import DEPENDENT, Segments, scattered
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 12  # by then the largest eigenvalue of ten grains' and of blocks' is known to a hundredth
@@ -51,21 +51,9 @@ class BesideRigid:
 
 def softest(stage: LinearStage, beside: BesideRigid) -> np.ndarray:
     """(S,) a lower bound of σ, to be believed if not to be proved, of each own subdomain that has boundary dofs."""
-    space, robin, of, deformed = stage.space, stage.direction.robin, beside.of, beside.deformed
-    x = np.modf(np.sin(space.link.boundary_number * 12.9898 + 1.0) * 43758.5453)[0]  # of the dof alone, whatever the ranks
-    x, last, alpha, beta = deformed(x), np.zeros_like(x), *np.zeros((2, STEPS, len(of.starts)))
-    for j in range(STEPS):  # what rounding leaves of orthogonality tells eigenvalues twice, but no other ones
-        kx = robin(x[None])[0]
-        size = np.sqrt(np.maximum(of.sums(x * kx), 0.0))
-        beta[j] = np.where(size > (DEPENDENT if j else 0.0), size, 0.0)
-        scale = of.spread(np.divide(1.0, beta[j], out=np.zeros_like(size), where=beta[j] > 0))
-        x, kx = x * scale, kx * scale
-        image = deformed(stage.solve(kx[None])[0])
-        alpha[j] = of.sums(image * kx)
-        x, last = image - of.spread(alpha[j]) * x - (of.spread(beta[j]) * last if j else 0.0), x
-    matrices = np.zeros((len(of.starts), STEPS, STEPS))
-    at = np.arange(STEPS)
-    matrices[:, at, at], matrices[:, at[1:], at[:-1]] = alpha.T, beta[1:].T
+    robin, of, deformed = stage.direction.robin, beside.of, beside.deformed
+    start = deformed(scattered(stage.space.link.boundary_number))
+    matrices = of.lanczos(start, lambda x: robin(x[None])[0], lambda kx: deformed(stage.solve(kx[None])[0]), STEPS)
     # of eigenvalues 1/(1 + σ)
     before, now = (1 / np.clip(np.linalg.eigvalsh(matrices[:, :n, :n])[:, -1], LEAST, 1 - LEAST) - 1 for n in (STEPS - BACK, STEPS))
     return SAFE * np.maximum(now * np.minimum(now / before, 1.0) ** 2, LEAST)
