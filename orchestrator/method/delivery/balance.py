@@ -25,8 +25,7 @@ import numpy as np
 
 from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.flux import Rim
-from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.flux import Measured, Rim
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench

@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.delivery.lawful import Lawful
-from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.flux import Measured
 from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.interface.rows import dots

@@ -1,4 +1,4 @@
-"""Forces and moments that matter carries, across a plane or through faces, as what they are of displacements.
+"""Probes as linear maps of nodes' displacements; forces and moments that matter carries, across a plane or through faces, as such maps.
 
 With χ a rigid motion of some nodes, K those tets' stiffness that are asked, f₀ their thermal forces and p loads,
 
@@ -17,13 +17,13 @@ node, for the last, as among the reactions. Where a node has both, what the othe
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.method.delivery.measured import Measured
 from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
@@ -32,6 +32,36 @@ from orchestrator.scene.model import Scene
 
 FORCES = ("section", "resultant")  # quantities of probes
 ON = 1e-6  # of an element's height: a node is on the plane
+Weights = Mapping[int, tuple[np.ndarray, np.ndarray]]  # subdomain → local nodes (n,), and components of what is asked of each (c, n, 3)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A probe as a linear map of displacements: c components.
+
+    weights : of the displacements of nodes; a node may be there several times
+    given : (T, c) what it tells where nothing moves, of matter that is heated or loaded
+    matter : whether it hangs on the moduli of the matter there
+    energy : (c,) of forces, ‖χ‖² of the motions that tell them, see ``flux``; None of others
+    """
+
+    weights: Weights
+    given: np.ndarray
+    matter: bool = False
+    energy: np.ndarray | None = None
+
+    @staticmethod
+    def at(copies: Copies, chosen: np.ndarray, weight: np.ndarray) -> Weights:
+        """Weights (c, n, 3) of copies of nodes (n,) int, by the subdomains that these are of."""
+        whose = np.searchsorted(copies.ends, chosen, side="right") - 1
+        return {int(e): (chosen[whose == e] - copies.ends[e], weight[:, whose == e]) for e in np.unique(whose)}
+
+    def __len__(self) -> int:
+        return self.given.shape[1]
+
+    def of(self, parts: Sequence[np.ndarray]) -> np.ndarray:
+        """(T, c) of displacements, per subdomain (T, n_E, 3)."""
+        return self.given + sum(np.einsum("cni,tni->tc", weight, parts[e][:, nodes]) for e, (nodes, weight) in self.weights.items())
 
 
 @dataclass(frozen=True)

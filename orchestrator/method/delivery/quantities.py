@@ -10,8 +10,7 @@ from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.dual import solve_duals
-from orchestrator.method.delivery.flux import Carrier
-from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.flux import Carrier, Measured
 from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import RESULTANT, Wanted
 from orchestrator.method.stopping.estimators import estimator_of

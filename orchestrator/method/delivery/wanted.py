@@ -9,8 +9,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
-from orchestrator.method.delivery.flux import FORCES, Carrier, Rim
-from orchestrator.method.delivery.measured import Measured
+from orchestrator.method.delivery.flux import FORCES, Carrier, Measured, Rim
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.copies import Copies
