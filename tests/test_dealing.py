@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 from threads import among
 
-from orchestrator.method.coarse.dealing import dealt
+from orchestrator.method.coarse.load_step import dealt
 
 
 def test_ranks_add_up_as_many_pairs_and_each_interface_once():

@@ -11,16 +11,16 @@ import pytest
 from ranks_case import SIZE, lattice
 
 import orchestrator
-from orchestrator.method.coarse import elimination, layout, ordering, rigid_first, subtrees
+from orchestrator.method.coarse import elimination, layout, rigid_first, subtrees
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.compiled import LOOPS, compiled, made_of
 
-@pytest.mark.parametrize("calls", [0.0, ordering.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
+@pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     """Whatever fronts are made of."""
-    monkeypatch.setattr(ordering, "OWN_CALLS", calls)
-    monkeypatch.setattr(ordering, "PASSED", min(calls, ordering.PASSED))
+    monkeypatch.setattr(elimination, "OWN_CALLS", calls)
+    monkeypatch.setattr(elimination, "PASSED", min(calls, elimination.PASSED))
     ends, bodies = lattice(4)
     rng = np.random.default_rng(2)
     pattern = BlockPattern(ends, bodies, SIZE)
@@ -103,7 +103,7 @@ def test_what_is_not_worth_messages_rank_0s_cores_take(monkeypatch):
     """Where it is worth them, all ranks have some."""
     pattern = BlockPattern(*lattice(6), SIZE)
     made = Elimination(pattern.indptr, pattern.indices, SIZE)
-    tree = made.layout.parent, np.array([ordering.operations(*front, SIZE) for front in made.fronts]), 2
+    tree = made.layout.parent, np.array([elimination.operations(*front, SIZE) for front in made.fronts]), 2
     monkeypatch.setattr(subtrees, "WORTH", 0.0)
     alone, few = subtrees.side_by_side(*tree), subtrees.side_by_side(*tree, ranks=3)
     assert len(alone.bounds) > 3 and all(np.array_equal(a, b) for a, b in zip(few[:2], alone[:2]))
@@ -141,7 +141,7 @@ def test_rigid_motions_are_eliminated_and_stretches_follow(monkeypatch):
 def test_few_operations_beside_a_dense_matrix():
     ends, bodies = lattice(8)
     pattern = BlockPattern(ends, bodies, SIZE)
-    done = sum(ordering.operations(*front, SIZE) for front in Elimination(pattern.indptr, pattern.indices, SIZE).fronts)
+    done = sum(elimination.operations(*front, SIZE) for front in Elimination(pattern.indptr, pattern.indices, SIZE).fronts)
     assert done < 0.05 * 2 / 3 * (SIZE * bodies) ** 3
 
 

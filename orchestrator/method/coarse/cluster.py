@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from orchestrator.method.coarse.elimination import operations
 from orchestrator.method.coarse.load_step import LoadStep
-from orchestrator.method.coarse.ordering import operations
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.scene.mesh.faces import components
 

@@ -13,6 +13,7 @@ dense products. SuperLU takes four to six times as long, in this order as well: 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +21,12 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout
-from orchestrator.method.coarse.ordering import grouped, operations
 from orchestrator.method.coarse.subtrees import side_by_side, SideBySide
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.superlu import dissection
 
+OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
+PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
 WORTH = 3e8  # operations of an elimination, from which GMRES beside a smaller one is quicker: of some 200 bodies
 
 
@@ -185,3 +187,41 @@ class Factors:
         backward(mine, given, x)
         x[others] = 0.0
         return of.ordered(team.sum(x)[0])
+
+
+def grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:
+    """Fronts, children before parents: the bodies eliminated, in order, those that they see, and the children.
+
+    A child is joined with its parent where that costs fewer operations more than a front of its own costs calls.
+    """
+    count = len(order)
+    place = np.empty(count, dtype=int)
+    place[order] = np.arange(count)
+    children: list[list] = [[] for _ in range(count)]
+    roots = []
+    for k, body in enumerate(order):
+        columns, kept = [int(body)], []
+        rest = {int(j) for j in sees[body] if place[j] > k}.union(*(group[1] for group in children[k])) - {int(body)}
+        for group in sorted(children[k], key=lambda g: len(g[0])):
+            apart = operations(len(group[0]), len(group[1]), size) + operations(len(columns), len(rest), size)
+            if operations(len(group[0]) + len(columns), len(rest), size) <= apart + OWN_CALLS + PASSED * (size * len(group[1])) ** 2:
+                columns, kept = group[0] + columns, kept + group[2]
+            else:
+                kept.append(group)
+        group = (columns, rest, kept)
+        if rest:
+            children[min(place[j] for j in rest)].append(group)
+        else:
+            roots.append(group)
+    found, left = [], list(roots)  # parents before children, then turned round
+    while left:
+        group = left.pop()
+        found.append(group)
+        left.extend(group[2])
+    return found[::-1]
+
+
+def operations(own: int, rest: int, size: int) -> float:
+    """Of a front that eliminates ``own`` bodies and leaves ``rest``."""
+    a, m = own * size, rest * size
+    return 2 * a**3 / 3 + 2 * a * a * m + 2 * a * m * m

@@ -5,7 +5,7 @@
 Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part is affine, and summed
 once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
 
-Among ranks, what belongs to an interface is formed by one that touches it, see ``dealing``. ρ is summed.
+Among ranks, what belongs to an interface is formed by one that touches it, see ``dealt``. ρ is summed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.assembly import Assembly
-from orchestrator.method.coarse.dealing import dealt
 from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.pattern import BlockPattern
@@ -194,3 +193,28 @@ class Line:
         at.stiff = at.stiff + theta * self.stiff
         at.sprung = at.sprung + theta * self.sprung
         return at.imbalance(force) if carried is None else at.left_by(carried)
+
+
+def dealt(team: Team, own: np.ndarray, fields: PairFields) -> np.ndarray:
+    """(I,) bool, which of the interfaces that this rank touches it adds up; of all ranks each interface is one's, and every rank has as many
+    node pairs to work on as can be.
+
+    Those that it alone touches are its own. Of those between two ranks the largest go first, each to the one that has less.
+
+    own : (b,) int, the bodies of this rank
+    """
+    inside, index = np.isin(fields.ends, own).all(axis=1), np.array([i.index for i in fields.pairs.interfaces], dtype=int)
+    pairs = np.diff(fields.pairs.bounds)
+    everyones = team.all_gather((pairs[inside].sum(), index[~inside], pairs[~inside]))
+    load = np.array([alone for alone, _, _ in everyones], float)
+    between = np.concatenate([shared for _, shared, _ in everyones])
+    size = np.concatenate([sizes for _, _, sizes in everyones])
+    rank = np.repeat(np.arange(team.size), [len(shared) for _, shared, _ in everyones])
+    order = np.lexsort((rank, between, -size))  # its two ranks one after the other
+    mine = []
+    for one, two in order.reshape(-1, 2):
+        taker = min(rank[one], rank[two], key=load.__getitem__)
+        load[taker] += size[one]
+        if taker == team.rank:
+            mine.append(between[one])
+    return inside | np.isin(index, mine)
