@@ -49,8 +49,7 @@ class Coupling(Law):
 
     @property
     def imposed(self) -> float:
-        moved = np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
-        return float(np.abs(moved).max(initial=0.0))
+        return float(np.abs(self.held_at).max(initial=0.0))
 
     @property
     def acts(self) -> bool:

@@ -130,12 +130,8 @@ class Ranks(Team):
         packed = np.frombuffer(pickle.dumps(thing) if self.rank == 0 else b"", np.uint8).copy()
         length = np.array([len(packed)])
         self._wait(self._world.Ibcast(length, root=0), length)
-        if self.rank == 0:
-            self._count(packed)
-        else:
-            packed = np.empty(length[0], np.uint8)
-        self._wait(self._world.Ibcast(packed, root=0), packed)
-        return thing if self.rank == 0 else pickle.loads(packed)
+        packed = self.spread(np.empty(length[0], np.uint8) if self.rank else packed)
+        return pickle.loads(packed) if self.rank else thing
 
     def spread(self, array: np.ndarray) -> np.ndarray:
         if self.rank == 0:

@@ -13,7 +13,7 @@ import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.optional import Late
-from orchestrator.scene.mesh.faces import Faces, pieces
+from orchestrator.scene.mesh.faces import Faces, links, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.names import unique_names
@@ -160,7 +160,7 @@ def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """
     starts = np.r_[0, np.cumsum(shares)]
     part = np.empty(len(body), dtype=np.int64)
-    a, b = _links(faces, body)
+    a, b = links(faces, body)
     by_body = np.argsort(body, kind="stable")
     cell_range = np.searchsorted(body[by_body], np.arange(len(shares) + 1))
     link_order = np.argsort(body[a], kind="stable")
@@ -168,19 +168,11 @@ def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
     local = np.empty(len(body), dtype=np.int64)
     for i, share in enumerate(shares):
         cells = by_body[cell_range[i]:cell_range[i + 1]]
-        links = link_order[link_range[i]:link_range[i + 1]]
+        own = link_order[link_range[i]:link_range[i + 1]]
         local[cells] = np.arange(len(cells))
-        part[cells] = starts[i] + _cut(local[a[links]], local[b[links]], len(cells), int(share))
+        part[cells] = starts[i] + _cut(local[a[own]], local[b[own]], len(cells), int(share))
     _gather_strays(faces, part, body)
     return part
-
-
-def _links(faces: Faces, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of tets of the same body that share a face, each pair once."""
-    inner = faces.inner
-    a, b = faces.owner[inner], faces.neighbour[inner]
-    same = body[a] == body[b]
-    return a[same], b[same]
 
 
 def _shares(sizes: np.ndarray, count: int) -> np.ndarray:
@@ -212,7 +204,7 @@ def _cut(a: np.ndarray, b: np.ndarray, size: int, count: int) -> np.ndarray:
 
 def _gather_strays(faces: Faces, part: np.ndarray, body: np.ndarray) -> None:
     """Gives fragments that METIS left behind to the neighbour they share most faces with, in place."""
-    a, b = _links(faces, body)
+    a, b = links(faces, body)
     while True:
         number, piece = pieces(faces, part)
         sizes = np.bincount(piece)

@@ -18,6 +18,7 @@ from orchestrator.scene.interfaces.opposite import Body
 from orchestrator.scene.mesh.faces import Faces, components, pack
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.revolved import recognised
 
 # Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
@@ -136,11 +137,10 @@ def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) 
 
     triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``surface_of``
     """
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    facet = np.tile(np.arange(len(triangles)), 3)
-    order = np.lexsort(edges.T)
-    same = np.flatnonzero((np.diff(edges[order], axis=0) == 0).all(axis=1))
-    a, b = facet[order[same]], facet[order[same + 1]]
+    edge = edges_of(triangles, TRIANGLE_EDGES)[1].ravel()
+    order = np.argsort(edge, kind="stable")
+    same = np.flatnonzero(np.diff(edge[order]) == 0)
+    a, b = order[same] // 3, order[same + 1] // 3
     joined = np.einsum("mi,mi->m", normal[a], normal[b]) > _least(face[a], face[b])
     return components(a[joined], b[joined], len(triangles))[1]
 

@@ -80,12 +80,17 @@ def _even(triangles: np.ndarray) -> np.ndarray:
     return (a < b) ^ (b < c) ^ (a < c)
 
 
-def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of parts of the mesh that faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
+def links(faces: Faces, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of tets of equal labels (m,) that share a face, each pair once."""
     inner = faces.inner
     a, b = faces.owner[inner], faces.neighbour[inner]
-    keep = labels[a] == labels[b]
-    return components(a[keep], b[keep], len(labels))
+    same = labels[a] == labels[b]
+    return a[same], b[same]
+
+
+def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number of parts of the mesh that faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
+    return components(*links(faces, labels), len(labels))
 
 
 def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray]:

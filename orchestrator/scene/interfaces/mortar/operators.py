@@ -36,6 +36,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import local_size, rounding, skew
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
+
 @dataclass(frozen=True)
 class Mortar:
     """Points and transfer operators of an interface whose nodes do not match; p points, n₁ slave and n₂ master nodes.
@@ -212,7 +213,7 @@ def merged(candidates: np.ndarray, wanted: np.ndarray, triangles: np.ndarray) ->
     left = candidates & ~wanted
     if not left.any() or not len(points):
         return points, sums
-    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends = triangles[:, TRIANGLE_EDGES].reshape(-1, 2)
     ends = np.concatenate([ends, ends[:, ::-1]])
     beside = sp.csr_array((np.ones(len(ends)), ends.T), shape=(count, count))
     beside.data[:] = 1.0  # however many facets have the edge
