@@ -254,7 +254,6 @@ def _answered(d: Decomposition, lawful: Lawful, strained: Mapping[int, np.ndarra
         answered[:, space.boundary[e]] = answer[:, d.made.traces[e]]
         if s.index in strained:
             energy = energy + dots(strained[s.index], answer[:, : 3 * len(s.nodes)])
-    pushed = space.trace(answered) if known is None else space.trace(answered) + known
-    energy = energy - dots(answered, space.loads(d.stage.direction.times(pushed)))
+    energy = energy - dots(answered, d.stage.direction.robin(answered, known))
     begun, energy, carried = space.team.sum(begun, energy, carried)
     return answered, np.maximum(energy, 0.0) + CANCELLED * begun, carried

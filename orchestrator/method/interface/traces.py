@@ -163,14 +163,12 @@ class TraceSpace:
         sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), self.size))
         return narrow(sums)
 
-    def trace(self, boundary: np.ndarray) -> np.ndarray:
-        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest."""
-        if not boundary.shape[1]:
-            return np.zeros((len(boundary), self.size))
-        traces = boundary.take(self.gather, axis=1)
+    def trace(self, boundary: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest, or what is ``known`` (T, D) added."""
+        traces = boundary.take(self.gather, axis=1) if boundary.shape[1] else np.zeros((len(boundary), self.size))
         if len(self.held):
             traces[:, self.held] = 0.0
-        return traces
+        return traces if known is None else traces + known
 
     def side_by_side(self, fields: Mapping[int, np.ndarray], count: int) -> np.ndarray:
         """(count, B) fields of boundary dofs, from (boundary dofs, at most ``count``) of subdomains by their place; else zero."""

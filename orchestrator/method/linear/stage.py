@@ -145,8 +145,7 @@ class LinearStage:
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
-        w = self.space.trace(u)
-        return w if self.loading.known is None else w + self.loading.known
+        return self.space.trace(u, self.loading.known)
 
     def robin_of(self, fields: Admissible) -> np.ndarray:
         """(T, D) s − G α of fields, formed once."""

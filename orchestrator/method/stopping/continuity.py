@@ -64,8 +64,7 @@ class Continuity:
 
     def traces(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(T, D + G) of means (T, classes) and prescribed traces (T, D)."""
-        w = self.space.trace(self.of_means(mean))
-        return self.space.extended(w if known is None else w + known)[0]
+        return self.space.extended(self.space.trace(self.of_means(mean), known))[0]
 
     def jump(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(T, Q) of means (T, classes) and prescribed traces (T, D)."""

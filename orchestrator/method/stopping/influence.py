@@ -125,8 +125,7 @@ class InfluenceFields:
     def _least_energy(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(n, B) boundary values and forces, and (n,) energy."""
         asked, robin = self.asked, self.stage.direction.robin
-        held = -robin(asked.answered) if asked.known is None else -self.space.loads(
-            self.stage.direction.times(self.space.trace(asked.answered) + asked.known))
+        held = -robin(asked.answered, asked.known)
         first, others = self._with_rest(asked.answered, held, asked), []
         begun, = self.space.team.sum(2 * dots(first.forces, first.e) + dots(first.e, first.stiff))
         start = energy = asked.energy + begun
@@ -147,8 +146,7 @@ class InfluenceFields:
 
     def _moved(self, x: np.ndarray) -> np.ndarray:
         """(n, B) the bodies' rigid motions that bring the jumps of boundary values (n, B) nearest to what is asked for."""
-        traces = self.space.trace(x - self.asked.start)
-        w, = self.space.extended(traces if self.asked.known is None else traces + self.asked.known)
+        w, = self.space.extended(self.space.trace(x - self.asked.start, self.asked.known))
         return self.modes.moved(self.reposition(w))
 
     def _with_rest(self, x: np.ndarray, forces: np.ndarray, asked: Asked | None) -> _Fields:
@@ -175,8 +173,7 @@ class InfluenceFields:
 
     def _off(self, boundary: np.ndarray) -> np.ndarray:
         """(n,) how far jumps are from what is asked for, where forces may be."""
-        traces = self.space.trace(boundary)
-        w, = self.space.extended(traces if self.asked.known is None else traces + self.asked.known)
+        w, = self.space.extended(self.space.trace(boundary, self.asked.known))
         off = np.einsum("kip,nip->nkp", self.carries, self.pairs.transfer.jump(w) - self.asked.jump)
         each = np.abs(off).max(axis=(1, 2), initial=0.0)
         return np.array(self.space.team.max(*each)) if len(each) else each
