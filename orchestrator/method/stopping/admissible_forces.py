@@ -101,7 +101,7 @@ class AdmissibleForces:
         loads = np.linalg.norm(resultant, axis=1)
         least = CARRIED * loads[loads > TOLERATED * rounding].min(initial=np.inf)
         self.problem.goal = goal = rounding if self.exact else max(rounding, min(NEARLY * everything, least))
-        y, there = self.problem.solve(0, number, F, resultant, before, FAR * radius)
+        y, there = self.problem.solve(0, number, F, resultant, before, np.full(self.bodies, FAR * radius))
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
         left, added = np.linalg.norm(resultant - carried, axis=1), np.linalg.norm(further, axis=1).max() if further.any() else np.inf
