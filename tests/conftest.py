@@ -71,6 +71,12 @@ def pytest_collection_finish(session):
         assert kept, "tests are not run in their groups: pytest and pytest-xdist do not go together; make setup-tests installs versions that do"
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Ranks first: what one process does one after the other is done while others do the rest."""
+    """What is made once for a module is made by one process. Ranks first: what one process does one after the other is done while others
+    do the rest."""
+    for item in items:
+        shared = any(known[-1].scope == "module" for known in item._fixtureinfo.name2fixturedefs.values())
+        if shared and not item.get_closest_marker("xdist_group"):
+            item.add_marker(pytest.mark.xdist_group(item.module.__name__))
     items.sort(key=lambda item: not any(mark.kwargs.get("name", *mark.args) == "ranks" for mark in item.iter_markers("xdist_group")))
