@@ -19,7 +19,7 @@ def test_at_most_twice_the_cheaper_way(start, each, factor):
     request, unit_loads = Request(start, each), Request(start, factor * each)
     for trace in (9, 150, 1500):
         for cases in (1, 7):
-            for requests in (1, 2, 5, 17, 60, 400, 5000):
+            for requests in (1, 2, 5, 17, 60, 1500):
                 tally, seconds = Tally("one", trace, request, unit_loads), 0.0
                 for _ in range(requests):
                     if tally.due(cases):

@@ -35,7 +35,7 @@ def verdicts(**changes) -> dict[str, str]:
 
 @pytest.mark.parametrize("changes", [
     {"code": "freefem"}, late({"code": "freefem", "transport": "file"}), {"code": "calculix", "transport": "file"},
-    late({"code": "scikit-fem"}), {"code": str(TEMPLATE)}], ids=lambda c: "-".join(map(str, c.values())).rpartition("/")[2])
+    late({"code": "scikit-fem"}), late({"code": str(TEMPLATE)}), IN_PROCESS], ids=lambda c: "-".join(map(str, c.values())).rpartition("/")[2])
 def test_every_adapter_keeps_the_protocol(changes):
     found = verdicts(**changes)
     assert [name for name, wrong in found.items() if wrong] == []

@@ -5,7 +5,7 @@ import pytest
 from boxes import boxed
 from in_process import IN_PROCESS
 from mortar_case import POISSON, YOUNG
-from quick import late
+from quick import late, quick
 
 from orchestrator.config.load import config_from, Loaded
 from orchestrator.config.model import Config
@@ -68,7 +68,7 @@ def in_constant_stress(scene):
     return exact
 
 
-@pytest.mark.parametrize("slave", ["block", "slab"])
+@pytest.mark.parametrize("slave", quick(["block", "slab"], "slab"))
 def test_constant_pressure_slides_over_five_elements(slave):
     """Pressure and friction stay what they are, on whatever elements the block is, and friction turns with the slip."""
     made = sliding([[0, 0, 0]] * len(WHERE), slave=slave)
@@ -127,7 +127,7 @@ def test_a_block_that_slides_off_is_carried_no_more():
 ON, OVER, ASIDE, ABOVE = [0, 0, -0.002], [-3, 0, -0.002], [0, 1.5, -0.002], [0, 0, 2.0]
 
 
-@pytest.mark.parametrize("away, law", [(OVER, {}), late(ASIDE, {}), late(ABOVE, {}), (OVER, {"slave": "slab"}), (OVER, {"friction": 0.3})],
+@pytest.mark.parametrize("away, law", [late(OVER, {}), late(ASIDE, {}), late(ABOVE, {}), (OVER, {"slave": "slab"}), (OVER, {"friction": 0.3})],
                          ids=["over the end", "aside", "above", "slab as slave", "friction"])
 def test_a_block_that_leaves_the_slab_altogether_comes_back(away, law):
     """Nothing meets any more: no force; back where it was without friction, it is pressed as before."""
@@ -199,22 +199,22 @@ def test_distances_are_those_of_the_jump_where_points_stand_for_their_neighbours
 
 def dragged(*path, **more):
     """The block's top moved on a slab, nothing said of pairs."""
-    data = sliding([*path], error=1e-7).model_dump(exclude_unset=True)
+    data = sliding([*path], error=ROUGH).model_dump(exclude_unset=True)
     data["interfaces"][0].pop("pairing")
     return {**data, **more}
 
 
-DRAGGED = [0, 0, -0.002], [1.7, 0, -0.002], [0.6, 0, -0.002]
+DRAGGED, ROUGH = ([0, 0, -0.002], [1.7, 0, -0.002], [0.6, 0, -0.002]), 1e-4
 
 
 def test_sides_that_have_slid_are_paired_anew():
     """As if they had been asked to follow; below a fifth of an element, and where it is asked for, pairs stay."""
-    solved, follow = solve(config_from(dragged(*DRAGGED))), solve(sliding([*DRAGGED], error=1e-7))
+    solved, follow = solve(config_from(dragged(*DRAGGED))), solve(sliding([*DRAGGED], error=ROUGH))
     assert solved.converged and all((u == v).all() for u, v in zip(solved.parts, follow.parts))
     told, *_ = solved.summary["warnings"]
     fixed = solved.iterations - follow.iterations
     assert told.endswith(f"paired anew where they are, in {follow.iterations} more iterations; of sides that follow no energy error is known")
-    near, stays = solve(config_from(dragged(DRAGGED[0], [0.1, 0, -0.002]))), solve(sliding([*DRAGGED], error=1e-7, pairing="fixed"))
+    near, stays = solve(config_from(dragged(DRAGGED[0], [0.1, 0, -0.002]))), solve(sliding([*DRAGGED], error=ROUGH, pairing="fixed"))
     assert stays.iterations == fixed and not any("anew" in w for each in (near, stays) for w in each.summary["warnings"])
 
 
@@ -234,8 +234,8 @@ def test_sides_that_cannot_follow_stay_and_it_is_said_why(more, why):
 
 def test_sides_that_find_no_place_stay(monkeypatch):
     """Where the second run does not converge the first one's result is delivered, which says so."""
-    first = solve(sliding([*DRAGGED], error=1e-7, pairing="fixed"))
-    solved = solve(config_from(dragged(*DRAGGED, method={"tolerance": {"law": 1e-7}, "max_iterations": first.iterations})))
+    first = solve(sliding([*DRAGGED], error=ROUGH, pairing="fixed"))
+    solved = solve(config_from(dragged(*DRAGGED, method={"tolerance": {"law": ROUGH}, "max_iterations": first.iterations})))
     assert solved.converged and all((u == v).all() for u, v in zip(solved.parts, first.parts))
     assert "with sides paired anew where they are the run has not converged (max_iterations" in solved.summary["warnings"][0]
 

@@ -60,7 +60,7 @@ def made_to(solved):
     return solved.summary["tolerance"]
 
 
-@pytest.mark.parametrize("name", quick(BONDED, "cubes, every load", "irregular"))
+@pytest.mark.parametrize("name", quick(BONDED, "cubes, every load"))
 def test_bonded_scenes(tmp_path, name):
     """The same iterations, one by one, and the same field and reactions; rounding may cost or save the last one."""
     data, changes = BONDED[name]

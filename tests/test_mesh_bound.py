@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from quick import quick
+from quick import late, quick
 
 from benchmarks.kit.apart import apart
 from orchestrator.config.load import config_from
@@ -76,7 +76,7 @@ def test_in_balance_everywhere(largest, monkeypatch):
 
 
 @pytest.mark.parametrize("element", quick(["P1", "P2"], "P1"))
-@pytest.mark.parametrize("more", [{}, {"loads": [{"body_force": [0, -300, 0]}]},
+@pytest.mark.parametrize("more", [late({}), {"loads": [{"body_force": [0, -300, 0]}]},
                                   {"boundary": [HELD, {"on": "zmax", "displacement": [0.01, None, None]}]},
                                   {"boundary": [{"on": "zmin", "displacement": [0, 0, None]},
                                                 {"on": "zmax", "displacement": [None, None, 0]}],
@@ -84,7 +84,7 @@ def test_in_balance_everywhere(largest, monkeypatch):
                                    "loads": [{"temperature": {"value": 10, "at": [0, 0, 0], "gradient": [60, 0, 100]}}]}])
 def test_no_true_error_is_larger(more, element):
     """Errors of coarse meshes against ten-node tets on a finer one: ‖v − u‖ and the bound, at most 3 times as large."""
-    coarse, fine = solve(block([2, 2, 4], element, **more)), solve(block([4, 4, 8], "P2", **more))
+    coarse, fine = solve(block([2, 2, 4], element, **more)), solve(block([4, 4, 8], "P2", 1e-4, **more))
     bound = MeshBounds(coarse.scene)(coarse.sides)
     true = apart(coarse, fine)
     assert true <= bound.relative <= 3 * true

@@ -177,7 +177,7 @@ class Solver(Adapter):
 
 
 @pytest.mark.parametrize("body, words", [
-    ("def commit(self, prepared): pass", "has no method advance"),
+    late("def commit(self, prepared): pass", "has no method advance"),
     late("commit = None\n    def advance(self, p, f): pass", "has no method commit"),
     ("def commit(self, p): pass\n    def advance(self, p, f): return 1.1 * self.solve(p, f[None])[0], f", None),
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], 0.999 * f",

@@ -110,7 +110,7 @@ def test_a_registry_knows_names_of_the_users_own_by_their_form():
 
 
 @pytest.mark.parametrize("text, transport, words", [
-    ("class Mine:\n    pass", "pipe", "lonely.py has no class Solver, but Mine"), late("x = 3", "file", "lonely.py has no class Solver"),
+    late("class Mine:\n    pass", "pipe", "lonely.py has no class Solver, but Mine"), late("x = 3", "file", "lonely.py has no class Solver"),
     ("class Solver:\n    def solve(self): ...", "pipe", "class Solver of lonely.py has no method stiffness, prepare")])
 def test_a_file_without_a_solver(tmp_path, transport, text, words):
     (tmp_path / "lonely.py").write_text(text)
