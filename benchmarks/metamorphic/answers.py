@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from benchmarks.metamorphic.probes import vectors
 from orchestrator import BlackBoxError, InputError, Problem, Solution, build_scene, load_config, solve
 from orchestrator.run import run
 
@@ -36,6 +37,7 @@ class Answer:
     reactions, moments : (entries of boundary, T, 3); moments about the origin
     energy : (T,)
     places : per name of a part (n, 3), where its nodes are
+    probes : per name of a probe and kind of vector (T, 3)
     solution : what was solved; None unless it converged
     seconds : wall time
     """
@@ -48,6 +50,7 @@ class Answer:
     moments: np.ndarray | None = None
     energy: np.ndarray | None = None
     places: dict[str, np.ndarray] = field(default_factory=dict)
+    probes: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     solution: Solution | None = None
     seconds: float = 0.0
 
@@ -61,9 +64,11 @@ class Answer:
         names : of parts, old → new
         """
         about = turn * np.linalg.det(turn)
+        sizes = {"u": length * turn, "f": force * turn, "m": force * length * about}
         return replace(
             self, parts={names.get(k, k): length * factor * u @ turn.T for k, u in self.parts.items()},
             places={names.get(k, k): length * x @ turn.T for k, x in self.places.items()},
+            probes={(k, kind): factor * x @ sizes[kind].T for (k, kind), x in self.probes.items()},
             reactions=force * factor * self.reactions @ turn.T, moments=force * length * factor * self.moments @ about.T,
             energy=force * length * factor**2 * self.energy)
 
@@ -107,10 +112,12 @@ def _solved(path: Path, data: Mapping[str, Any]) -> Solution:
 
 
 def _stopped_once(path: Path, iterations: int) -> Solution:
-    """The solution of a run that was stopped after some iterations and resumed, read from its folder, on the scene built here."""
+    """The solution of a run that was stopped after some iterations, if it takes as many, and resumed, read from its folder, on the scene
+    built here."""
     folder, quiet = path.parent / "results", ["output.figures=false"]
-    run(load_config(path, [*quiet, f"method.max_iterations={iterations}"]), output=folder, quiet=True)
-    run(loaded := load_config(path, quiet), output=folder, resume=True, quiet=True)
+    loaded = load_config(path, quiet)
+    if run(load_config(path, [*quiet, f"method.max_iterations={iterations}"]), output=folder, quiet=True):
+        run(loaded, output=folder, resume=True, quiet=True)
     return replace(Solution.read(folder), scene=build_scene(loaded.config))
 
 
@@ -141,4 +148,4 @@ def _answered(solution: Solution) -> Answer:
         CONVERGED, "; ".join(solution.summary["warnings"]), solution.error_bound,
         {name: u[:, n] for name, n in nodes.items()}, solution.reactions,
         np.array(solution.summary["reaction_moments"]["moments"], float).reshape(solution.reactions.shape), solution.energy,
-        {name: mesh.nodes[n] for name, n in nodes.items()}, solution)
+        {name: mesh.nodes[n] for name, n in nodes.items()}, vectors(solution.summary["probes"]), solution)

@@ -27,12 +27,21 @@ def claims_hold(fine: Answer, rough: Answer) -> tuple[str, str]:
 
 
 def _outside(fine: Answer, told: dict[str, Any]) -> Iterator[float]:
-    """How far components of forces are out of their intervals, over the largest force of their kind."""
+    """How far components of forces and displacements are out of their intervals, over the largest of their kind."""
     resultants, names = fine.solution.answers.interfaces.resultants.force, fine.solution.answers.interfaces.names
     forces = {name: resultants[:, k] for k, name in enumerate(names)}
     largest = max(np.abs(fine.reactions).max(initial=0.0), np.abs(resultants).max(initial=0.0)) or 1.0
     supports = [not entry.forces for entry in fine.solution.scene.boundary]
     between = [(one, forces[one["name"]]) for one in told["sections"] + told["resultants"]]
     for one, true in [*compress(zip(told["reactions"], fine.reactions), supports), *between]:
-        low, high = (np.array(one[end], float) for end in ("low", "high"))
-        yield float(np.nanmax(np.maximum(low - true, true - high), initial=0.0) / largest)
+        yield _beyond(*(np.array(one[end], float) for end in ("low", "high")), true) / largest
+    moved = max(np.abs(u).max() for u in fine.parts.values()) or 1.0
+    for probe in told["probes"]:
+        for kind, size in (("u", moved), ("f", largest)):
+            if (probe["name"], kind) in fine.probes and kind + "x" in probe["values"]:
+                low, high = (np.array([probe["values"][kind + axis][end] for axis in "xyz"], float).T for end in ("low", "high"))
+                yield _beyond(low, high, fine.probes[probe["name"], kind]) / size
+
+
+def _beyond(low: np.ndarray, high: np.ndarray, true: np.ndarray) -> float:
+    return float(np.nanmax(np.maximum(low - true, true - high), initial=0.0))

@@ -20,22 +20,24 @@ from orchestrator import Scene
 ROUNDING = 1e-7  # beside what the runs claim: the moves of a scene round its places, and its matrices
 FLOOR = 1e-3     # where nothing is deformed but by what iterations leave: of what the prescribed displacements could do
 TINY = 1e-100    # of what is nothing at all
+POINT = 100.0    # by how much a point may be off more than the whole
 LAWFUL = 2e-5    # where laws open or slide there is no guarantee; runs end at residuals of 1e-8, and agree to about 1e-8
 
 
 @dataclass(frozen=True)
 class Distance:
-    """Relative distances of two answers: displacements in the energy norm, energies, reactions; and what is allowed."""
+    """Relative distances of two answers: displacements in the energy norm, energies, reactions, probes; and what is allowed."""
 
     displacement: float
     energy: float
     reaction: float
     moment: float
+    probe: float
     allowed: float
 
     @property
     def largest(self) -> float:
-        return max(self.displacement, self.energy, self.reaction, self.moment)
+        return max(self.displacement, self.energy, self.reaction, self.moment, self.probe)
 
     @property
     def within(self) -> bool:
@@ -43,7 +45,7 @@ class Distance:
 
     def __str__(self) -> str:
         return (f"displacements {self.displacement:.1e}, energies {self.energy:.1e}, reactions {self.reaction:.1e}, "
-                f"moments {self.moment:.1e}, allowed {self.allowed:.1e}")
+                f"moments {self.moment:.1e}, probes {self.probe:.1e}, allowed {self.allowed:.1e}")
 
 
 def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
@@ -65,6 +67,8 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
     arm = max(extent, np.abs(mesh.nodes).max())
     force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0), np.abs(a.moments).max(initial=0.0) / arm,
                 0.01 * np.sqrt(stiff) * size) + TINY
+    moved = max(np.abs(u).max() for u in a.parts.values()) + size / np.sqrt(stiff + TINY)
+    sizes = {"u": POINT * moved, "f": POINT * force, "m": POINT * force * arm}
     claims = [x.bound for x in (a, b)]
     bonded = bool(np.isfinite(claims).all())
     total = (lambda x: x.sum(axis=0)) if joint else (lambda x: x)
@@ -73,6 +77,7 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
         0.0 if np.isnan(b.energy).any() else float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
         float(np.abs(total(a.reactions - b.reactions)).max(initial=0.0) / force),
         float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * arm)),
+        max((float(np.abs(x - a.probes[k]).max()) / sizes[k[1]] for k, x in b.probes.items()), default=0.0),
         20 * sum(claims) + ROUNDING if bonded else LAWFUL)
 
 

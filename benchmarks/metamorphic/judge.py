@@ -14,6 +14,7 @@ from benchmarks.metamorphic.claims import claims_hold
 from benchmarks.metamorphic.compare import distance, in_order_of
 from benchmarks.metamorphic.oracle import in_one_piece
 from benchmarks.metamorphic.relations import RELATIONS
+from benchmarks.metamorphic.tools import tools
 from benchmarks.metamorphic.variant import Variant
 
 FINDINGS = ("disagree", "refused otherwise", "traceback", "code failed", "hang")
@@ -92,9 +93,10 @@ def _verdict(first: Answer, second: Answer, variant: Variant) -> tuple[str, str]
         seen = variant.seen(second)
         if (ANEW in first.said) != (ANEW in second.said):  # one has slid so far that it is another discrete problem
             return "warned", ""
-        apart = distance(first, in_order_of(first, seen) if variant.shuffled else seen, variant.joint)
+        pushed = any("force" in tool for tool in tools(variant.data))  # what it rests on may be held: rigid on rigid
+        apart = distance(first, in_order_of(first, seen) if variant.shuffled else seen, variant.joint or pushed)
         if any(loose(x) for x in (first, second)):  # pieces of a body too, which would strain it where they stand elsewhere
-            apart = replace(apart, displacement=0.0, allowed=max(apart.allowed, LOOSE))
+            apart = replace(apart, displacement=0.0, probe=0.0, allowed=max(apart.allowed, LOOSE))
         if variant.cuts and slaves(first, {}):  # operators on other pieces are other ones
             if LOSSY in first.said + second.said:
                 return "warned", str(apart)

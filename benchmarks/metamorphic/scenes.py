@@ -12,6 +12,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from benchmarks.metamorphic.layout import FACES, Body, Pair, bodies
+from benchmarks.metamorphic.probes import probes
 from benchmarks.metamorphic.tools import pressing
 
 YOUNG, STRAIN = 200e3, 1e-3
@@ -50,6 +51,8 @@ def scenes(draw) -> tuple[dict[str, Any], list[str]]:
         if bolt := _bolt(draw, found[0], data["boundary"], unit, timed):
             data["bolts"] = [bolt]
             words |= {"bolt", f"bolt {bolt['then']}"}
+    if draw(st.sampled_from([False, False, True])):
+        data["output"] = {"probes": probes(draw, found, unit, words)}
     data["method"] = {"tolerance": {"error": 1e-8}, "max_iterations": 200}
     if draw(st.sampled_from([False] * 5 + [True])):
         data["blackbox"] = {"code": "freefem", "element": "P2"}

@@ -56,7 +56,7 @@ def read_from_files(data: dict, rng: np.random.Generator) -> Variant | None:
     for number, part in enumerate(data["parts"]):
         made = {**data, "parts": [{k: v for k, v in part.items() if k in ("name", "mesh")}], "interfaces": [], "loads": [], "histories": {},
                 "boundary": [{"on": f"{part['name']}/zmin", "displacement": [0, 0, 0]}], "bolts": [], "blackbox": {"code": "in-process"},
-                "materials": [{"young": 1.0, "poisson": 0.3}]}
+                "materials": [{"young": 1.0, "poisson": 0.3}], "output": {}}
         files[f"{number}.msh"] = _msh(build_scene(config_from(made)).mesh, part["mesh"]["box"]["size"], rng)
         parts.append({**part, "mesh": {"file": f"{number}.msh"}})
     return Variant({**data, "parts": parts, "files": files}, shuffled=True)

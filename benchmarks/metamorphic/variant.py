@@ -51,4 +51,5 @@ class Variant:
             seen, reactions=np.einsum("st,etc->esc", sums, seen.reactions[order]),
             moments=np.einsum("st,etc->esc", sums, seen.moments[order]),
             energy=np.full(len(sums), np.nan) if self.without or not one else sums @ seen.energy,
+            probes={} if self.without else {k: np.einsum("st,tc->sc", sums, u) for k, u in seen.probes.items()},
             parts={k: np.einsum("st,tnc->snc", sums, u) for k, u in seen.parts.items() if k not in self.without})
