@@ -355,6 +355,9 @@ def test_parts_whose_faces_do_not_match_are_said_to_touch(tmp_path):
     wrong = problem(mesh=saved(mesh, tmp_path / "a.mesh"), subdomains="groups")
     assert wrong.path == ("boundary",) and "volume_2 (one of 2 separate bodies" in wrong.found
     assert "4 of its nodes coincide" in wrong.cure and "merge" in wrong.cure
+    assert "{between: auto, law: perfect}" in wrong.cure
+    joined = scene(mesh=saved(mesh, tmp_path / "a.mesh"), subdomains="groups", interfaces=[{"between": "auto", "law": "perfect"}])
+    assert len(joined.interfaces) == 1
 
 
 # --- what must be refused -------------------------------------------------------------------------------------

@@ -111,7 +111,8 @@ class Config(Part):
         "bolts cut across their shanks, tightened by a force, then locked: [{on: bolt_1, force: 8000}]; none by default"))
     loads: Loads = Field([], description="body forces; none by default")
     interfaces: Interfaces = Field(default_factory=lambda: [Entry()], description=(
-        "laws between parts, the last match wins; perfect by default: the body as one piece"))
+        "laws between parts, the last match wins; perfect by default where nodes are shared or coincide; faces that do not match "
+        "are joined by an entry alone"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
     blackbox: BlackBoxes = Field(default_factory=lambda: settings_class({})(), description=(
         "the finite element code, or a list of several with on:, the last match wins"))

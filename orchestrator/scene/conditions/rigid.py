@@ -20,6 +20,8 @@ HELD = 1e-8
 ROTATION = DISPLACEMENT = 0.1
 # Nodes closer than this share of the mesh's size are said to coincide.
 TOUCHING = 1e-6
+# How bodies that are meshed apart are made one.
+JOINED = "join it to them by an entry of interfaces, {between: auto, law: perfect}, which bonds faces that do not match as well"
 # So many of the hinges that do not hold a body are described.
 SAID = 3
 
@@ -126,10 +128,10 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
             cure = "; ".join([cure, *said[:SAID]])
         elif hint is not None and hint[i]:
             cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
-                    "faces do not match: if the parts are meant to touch, mesh both sides alike or merge them (gmsh: "
-                    "Coherence; Mesh.removeDuplicateNodes); otherwise " + cure)
+                    "faces do not match: if the parts are meant to touch, " + JOINED + ", or merge them (gmsh: Coherence; "
+                    "Mesh.removeDuplicateNodes); otherwise " + cure)
         elif hint is not None:
-            cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
+            cure += f"; if it is meant to touch others, {JOINED}; or let contact with gap: geometry hold it, which reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
 
