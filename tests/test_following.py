@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from boxes import boxed
 from in_process import IN_PROCESS
+from method_case import decomposed
 from mortar_case import POISSON, YOUNG
 from quick import late, quick
 
@@ -253,3 +254,18 @@ def test_a_run_killed_while_sides_are_paired_anew_goes_on(tmp_path, monkeypatch)
     assert run(loaded, output=tmp_path / "killed", quiet=True, resume=True) == 0
     whole, resumed = (Solution.read(tmp_path / name) for name in ("whole", "killed"))
     assert resumed.iterations == whole.iterations == len(resumed.history["iteration"]) and (resumed.displacement == whole.displacement).all()
+
+
+def test_springs_that_stay_in_one_load_step_begin_anew_in_the_next():
+    """Else nothing would weaken them there; the block is held by a tool and friction alone."""
+    d = decomposed(config_from({
+        "name": "pushed", "parts": [boxed("slab", [3, 1, 1], (3, 1, 1)), boxed("block", [1, 1, 1], (1, 1, 1), [1, 0, 1])],
+        "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "slab/zmin", "displacement": [0, 0, 0]}, {"on": "block/zmax", "pressure": 1.0}],
+        "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow"},
+                       {"between": ["block", {"plane": {"at": [1, 0.5, 1.5], "normal": "x"}, "displacement": [[0.1, 0, 0], [0.2, 0, 0]]}],
+                        "law": "contact"}]}))
+    assert d.following is not None and d.coarse.anew
+    stay = d.weakened(0.1).anchored()
+    after = d.paired_as(stay)
+    assert not stay.coarse.anew and after.coarse.anew and after.springs == 1

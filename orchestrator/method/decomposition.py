@@ -197,13 +197,13 @@ class Decomposition:
         return replace(self, coarse=coarse)
 
     def paired_as(self, other: Decomposition) -> Decomposition:
-        """Take, for all load steps, the pairs that another decomposition has for some."""
+        """Take, for all load steps, the pairs that another decomposition has for some; its springs of stabilisation stay its own."""
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
         local, coarse = copy(self.local), copy(other.coarse)
         local.pairs = other.local.pairs.at_steps_of(self.local.pairs)
         if coarse is not None:
-            coarse.radius = None
+            coarse.radius, coarse.anew = None, self.coarse.anew
         return replace(self, local=local, coarse=coarse)
 
     def __repr__(self) -> str:
