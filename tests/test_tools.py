@@ -198,3 +198,9 @@ def test_a_file_that_is_no_body_is_one_message(tmp_path, change, words):
     with pytest.raises(InputError, match=words) as caught:
         build_scene(config_from(block({"stl": str(file)})))
     assert len(caught.value.problems) == 1 and caught.value.problems[0].path == ("interfaces", 0, "between", 1, "stl")
+
+
+def test_what_holds_a_tool_does_not_feel_how_far_it_goes():
+    """A layer is stiff: of a way along with the part nothing must be left, not even its rounding."""
+    data = {**block({**PLANE, "displacement": [1e4, 0, -0.01]}), "boundary": [{"on": "zmin", "displacement": [1e4, 0, 0]}]}
+    assert np.abs(solved(data).reactions[1, 0, :2]).max() < 1e-9

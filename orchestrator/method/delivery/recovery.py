@@ -109,7 +109,8 @@ def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np
         if not s.fixed.any():
             result.append(None)
             continue
-        u = parts[s.index][:, rim.nodes].reshape(steps, -1)
+        u = parts[s.index][:, rim.nodes]
+        u = (u if s.foreign else u - u[:, :1]).reshape(steps, -1)  # a shift as a whole costs no force, but would round the rest
         forces = np.zeros((steps, len(s.nodes), 3))
         internal = (rim.stiffness @ u.T).T.reshape(steps, -1, 3)
         forces[:, rim.nodes] = np.where(s.fixed[rim.nodes], internal - s.loads[:, rim.nodes], 0.0)
