@@ -14,7 +14,7 @@ from orchestrator import InputError, build_scene, config_from, solve
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
-from orchestrator.method.delivery.faces import Face, carry
+from orchestrator.method.delivery.faces import Face, carry, shape
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.report.sections import interface_section
 from orchestrator.results.summary.verdict import verdict
@@ -240,3 +240,20 @@ def test_a_point_that_bears_all_resists_no_turn():
     face = Face(("a", "b"), "plane", np.array([0.0, 0, 1]), np.zeros(3), 0.2, [0])
     carry([face], fields, [2], ALONE)
     assert face.carries["used"] == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize("other, kind", [(10.5, "bore"), (-20.0, "face"), (np.inf, "face")], ids=["hole", "cylinder", "plane"])
+def test_a_shank_is_what_has_a_hole_around(other, kind):
+    """A cylinder of radius 10 in one of radius ``other``, beside one (negative) or beside a plane, all touching in a line."""
+    angle, along = (x.ravel() for x in np.meshgrid(np.linspace(-0.1, 0.1, 9), [0.0, 1.0, 2.0]))
+    normal = np.column_stack([np.sin(angle), 0 * along, -np.cos(angle)])
+    points = 10 * normal + np.outer(along, [0, 1, 0])
+    assert shape(points, normal, 10 * (1 - 10 / other) * (1 - np.cos(angle)), [])[0] == kind
+
+
+def test_a_face_that_slips_and_could_hold_more_is_told_with_how_much():
+    """On a slope just below the angle of friction a block slips a little everywhere, aslant, and goes nowhere."""
+    plane = {"name": "a | b", "kind": "plane", "normal": [1.0], "capacity": [0.3], "used": [0.983],
+             "slips": {"step": 1, "on": None, "before": None, "load": None, "at": None}}
+    for used, rest in ((0.983, ", with 98% of what friction can hold"), (0.9999, "")):
+        assert verdict({"converged": True, "contact_faces": [{**plane, "used": [used]}]}) == [f"a | b slips from load step 1{rest}"]

@@ -24,6 +24,8 @@ from orchestrator.scene.model import Scene
 # Normals whose cosine with their mean is below 1 by more than that are of no plane, and those that look along an axis by more than
 # that of no cylinder about it; planes this far apart, of the scene's size, are two; axes, found from facets, so many times that.
 PLANE, ROUND, APART, TURNED = 1e-6, 0.05, 1e-4, 50
+# What varies of the room about a shank, over what would on a plane beside it: in a hole less, on another cylinder from outside more.
+HOLLOW = 0.5
 # A face slips where less than the first share of what friction can carry still sticks, and more than the second is used.
 STICKS, USED = 0.01, 0.9
 # Arms of friction, over the extent of a face and over where it is, that are what iterations and rounding leave.
@@ -89,8 +91,8 @@ def _faces(scene: Scene, fields: InterfaceFields, team: Team) -> list[Face]:
         if not interface.law.slips or at.start == at.stop:
             continue
         bodies = tuple(sorted(scene.subdomains[e].body for e in interface.subdomains))
-        room = bool((fields.initial_gap[at] > 0).any())
-        kind, axis, through = shape(fields.points[0, at], fields.normal[at], room, [bolts[body] for body in bodies if body in bolts])
+        kind, axis, through = shape(fields.points[0, at], fields.normal[at], fields.initial_gap[at],
+                                    [bolts[body] for body in bodies if body in bolts])
         own.append(Face(bodies, kind, axis, through, float(interface.law.friction), [index]))
     found: list[Face] = []
     apart = APART * 2 * scene.length
@@ -103,10 +105,10 @@ def _faces(scene: Scene, fields: InterfaceFields, team: Team) -> list[Face]:
     return found
 
 
-def shape(points: np.ndarray, normal: np.ndarray, room: bool, bolts: Sequence[np.ndarray]) -> tuple[str, np.ndarray, np.ndarray]:
+def shape(points: np.ndarray, normal: np.ndarray, gap: np.ndarray, bolts: Sequence[np.ndarray]) -> tuple[str, np.ndarray, np.ndarray]:
     """Kind, axis and a point of it.
 
-    points, normal : (n, 3); room : whether sides are apart before anything is loaded; bolts : axes (3,) of bodies that are bolts
+    points, normal : (n, 3); gap : (n,) how far sides are apart before anything is loaded; bolts : axes (3,) of bodies that are bolts
     """
     mean = normal.sum(axis=0)
     mean = mean / max(float(np.linalg.norm(mean)), 1e-300)
@@ -119,7 +121,10 @@ def shape(points: np.ndarray, normal: np.ndarray, room: bool, bolts: Sequence[np
     across = np.eye(3) - np.outer(axis, axis)  # the axis is nearest to all lines along the normals
     away = np.eye(3) - normal[:, :, None] * normal[:, None, :]
     through = np.linalg.lstsq(across @ away.sum(axis=0) @ across, across @ np.einsum("nij,nj->i", away, points), rcond=None)[0]
-    return ("bore" if room else "round"), axis, through
+    radius, nearest = np.linalg.norm((points - through) @ across, axis=1).mean(), normal[gap.argmin()]
+    if np.ptp(gap) > HOLLOW * radius * (1 - normal @ nearest).max():
+        return "face", axis, points.mean(axis=0)
+    return ("bore" if (gap > 0).any() else "round"), axis, through
 
 
 class _Points:

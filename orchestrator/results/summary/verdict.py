@@ -23,7 +23,10 @@ def _slipping(summary: Mapping[str, object]) -> Iterator[str]:
              if max(face["capacity"], default=0.0) > 0 and face["kind"] not in ("bore", "face")]
     slips = sorted((face for face in faces if face["slips"]), key=lambda face: face["slips"]["step"])
     for face in slips[:MOST]:
-        yield f"{face['name']} slips from load step {face['slips']['step']}{_load(face['slips'], units_of(summary)['force'])}"
+        step = face["slips"]["step"]
+        used = round(100 * face["used"][step - 1])  # below 100 all of it has slipped, and yet it could hold more
+        rest = f", with {used}% of what friction can hold" if used < 100 else ""
+        yield f"{face['name']} slips from load step {step}{_load(face['slips'], units_of(summary)['force'])}{rest}"
     if len(slips) > MOST:
         yield f"… and {len(slips) - MOST} more faces slip"
     if faces and not slips:
