@@ -256,5 +256,16 @@ def test_quiet_when_asked_or_not_on_a_terminal(capsys, monkeypatch):
     assert stream.getvalue() == "" and capsys.readouterr() == ("", "")
 
 
+def test_no_control_characters_under_mpiexec(monkeypatch):
+    """Open MPI gives ranks a terminal, even where it writes to a file itself."""
+    for name, value in {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0", "TERM": "xterm", "COLORTERM": "truecolor"}.items():
+        monkeypatch.setenv(name, value)
+    stream = Terminal()
+    monkeypatch.setattr("sys.stdout", stream)
+    run(Progress(stream=stream))
+    print_summary(case.summary(workers=2))
+    assert "converged" in stream.getvalue() and "\x1b" not in stream.getvalue()
+
+
 def test_progress_is_counted_in_orders_of_magnitude():
     assert fraction_done([1.0, 1e-1, 1e-2, 1e-3], 1e-6) == pytest.approx(0.5) and fraction_done([math.nan], 1e-6) == 0
