@@ -153,6 +153,17 @@ def test_a_slave_that_is_prescribed_altogether():
     assert "no node of a" in wrong.found and "slave: b" in wrong.cure and wrong.path == ("interfaces", 0)
 
 
+def test_a_slice_of_one_element_is_not_told_to_take_the_other_side():
+    """In plane strain every node of either side is held across: the other one as the slave would carry no more."""
+    meshes = {n: {"box": {"size": [1, 1, 0.5], "cells": [c, 1, 1]}} for n, c in (("a", 2), ("b", 3))}
+    held = [{"on": "a/zmin", "displacement": [0, 0, 0]},
+            *({"on": {"plane": "y", "at": y}, "displacement": [None, 0, None]} for y in (0.0, 1.0))]
+    with pytest.raises(InputError) as caught:
+        build_scene(blocks(TWO, meshes, turn=None, held=held))
+    (wrong,) = [problem for problem in caught.value.problems if problem.path == ("interfaces", 0)]
+    assert wrong.cure == "more than one element across, or meshes that match"
+
+
 def test_sagitta_of_a_sphere():
     """Facets of h on a sphere of radius R are off it by h²/8R at the middle of their edges."""
     p, t = square(12, 0)
