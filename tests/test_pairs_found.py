@@ -158,6 +158,23 @@ def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearanc
     assert patch.segments.distance.min() < -0.2 * chords or clearance  # the facets are in each other
 
 
+def test_a_shank_with_room_does_not_touch_its_hole(tmp_path):
+    """A bolt bonded under its head alone: chords come nearer to the hole than a tenth of an element, the surfaces do not."""
+    path = str(tmp_path / "bolt.brep")
+    with session():
+        occ = gmsh.model.occ
+        occ.cut([(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 2.5))], [(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 1.07))])
+        occ.fuse([(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 1))], [(3, occ.addCylinder(0, 0, 1, 0, 0, 0.5, 1.8))])
+        occ.synchronize()
+        gmsh.write(path)
+    scene = build_scene(config_from({
+        "name": "bolt", "mesh": {"step": path, "h": {"solid_1": 0.7, "solid_2": 0.4}, "conforming": False}, "subdomains": "groups",
+        "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": [{"between": ["solid_1", "solid_2"], "law": "perfect"}],
+        "boundary": [{"on": {"plane": "z", "at": 0.0}, "part": "solid_1", "displacement": [0, 0, 0]}]}))
+    (head,) = scene.interfaces
+    assert np.ptp(scene.mesh.nodes[head.global_nodes][:, 2]) < 1e-9
+
+
 def test_plane_faces_and_creases_do_not_bulge():
     box = bricks(np.array([1.0, 1.0, 1.0]), np.array([3, 2, 4]), "box")
     triangles = np.concatenate(list(box.surfaces.values()))

@@ -24,6 +24,7 @@ from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import OPPOSITE, REACH, TOUCHING, Body, close_bodies, nearest, outer_bodies
 from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.search import Search, paired_faces
+from orchestrator.scene.interfaces.skins import over
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.interface import Interface
@@ -101,26 +102,30 @@ def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int
         governing[pair] = max(index, governing.get(pair, -1))
         if laws.excluded(*known):
             continue  # it is not meant
-        seen = _near(one, two, loose[id(one)], loose[id(two)])
+        seen = _near(search, one, two, loose[id(one)], loose[id(two)])
         if seen is None or (laws[index].apart and not laws[index].found and not seen.touching):
             continue  # what is apart the search for gaps has looked at
         beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
     return beside, governing
 
 
-def _near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
+def _near(search: Search, one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
     """Faces opposite each other among those (k,) int of either body; None: there are none.
 
-    They are no farther apart than reach, or a little inside each other: rounding, coarse curves.
+    They are no farther apart than reach, or a little inside each other: rounding, coarse curves. What is told is the distance of the
+    surfaces, as where pairs are sought: facets in a hole are nearer to the shank's. Those touch that are no farther apart than a share of
+    the finer side's element size.
     """
     a, b = one.some(mine), two.some(theirs)
     found = find_segments(a, b, REACH * a.size, OPPOSITE)
-    i, j, distance = found.slave, found.master, found.distance
-    seen = (distance >= -TOUCHING * a.size[i]) & (found.area >= COMMON * np.minimum(a.area[i], b.area[j]))
-    if not seen.any():
+    found = found.some((found.distance >= -TOUCHING * a.size[found.slave])
+                       & (found.area >= COMMON * np.minimum(a.area[found.slave], b.area[found.master])))
+    i, j = found.slave, found.master
+    if not len(i):
         return None
-    i, j, distance = i[seen], j[seen], distance[seen]
-    touches, at, worst = distance <= TOUCHING * a.size[i], int(np.abs(distance).argmin()), 0.0
+    bulges = search.skins(one).surface.bulge[mine[i]], search.skins(two).surface.bulge[theirs[j]]
+    distance = found.distance - sum(over(bulge, at) for bulge, at in zip(bulges, found.middles))
+    touches, at, worst = distance <= TOUCHING * np.minimum(a.size[i], b.size[j]), int(np.abs(distance).argmin()), 0.0
     if touches.any():
         apart = np.linalg.norm(a.corners[i[touches]][:, :, None] - b.corners[j[touches]][:, None], axis=3).min(axis=2)
         best = np.full(len(a.area), np.inf)  # of the faces opposite one, that which fits best
