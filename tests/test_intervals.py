@@ -8,6 +8,7 @@ from boxes import boxed
 from benchmarks.studies.intervals import LIKE, Exact, asked, compared, inside
 from in_process import IN_PROCESS
 from method_case import config as bar
+from quick import late
 from test_bolts import bar as bolted
 from test_certificate import FRICTIONLESS, case
 
@@ -55,7 +56,7 @@ def judged(solved, scene):
     return np.array(widths), unknown
 
 
-@pytest.mark.parametrize("top", [{"displacement": [0.01, 0, -0.01]}, {"pressure": 100.0}])
+@pytest.mark.parametrize("top", [late({"displacement": [0.01, 0, -0.01]}), {"pressure": 100.0}])
 def test_where_a_body_is_that_slides_freely_is_not_known(top):
     """However little asks for it: across, and not where it is pressed."""
     parts = [boxed("low", [1, 1, 0.3], [2, 2, 1]), boxed("amid", [1, 1, 0.3], [3, 3, 1], [0, 0, 0.3]),

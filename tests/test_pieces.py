@@ -59,9 +59,13 @@ def met_of(scene, rng):
         {"damage": scalars[3]}, *scalars[4:6], points=scene.mesh.nodes[np.stack([nodes, others])], index=np.arange(len(opening)))
 
 
-@pytest.mark.parametrize("ranks, block", [(3, BLOCK), late(2, 700), (4, 1)])
-@pytest.mark.parametrize("case, more", [("perfect", {}), ("contact on ten nodes", {}),
-                                        ("perfect", {"blackbox": {"element": "P2"}, "loads": [{"body_force": [1e3, 0, 2e3]}]})])
+MANY = {"blackbox": {"element": "P2"}, "loads": [{"body_force": [1e3, 0, 2e3]}]}
+
+
+@pytest.mark.parametrize("case, more, ranks, block", [
+    ("perfect", {}, 3, BLOCK), late("perfect", {}, 2, 700), late("perfect", {}, 4, 1), ("contact on ten nodes", {}, 3, BLOCK),
+    late("contact on ten nodes", {}, 2, 700), ("contact on ten nodes", {}, 4, 1), ("perfect", MANY, 3, BLOCK), late("perfect", MANY, 2, 700),
+    late("perfect", MANY, 4, 1)])
 def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatch):
     monkeypatch.setattr(rows, "BLOCK", block)
     scene = build_scene(config_from({"name": "pieces", **CASES[case], **more}))

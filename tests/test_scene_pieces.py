@@ -1,5 +1,6 @@
 """Scenes that ranks make together: the parts that are cut of the whole, which nobody has; or none, where one has to judge."""
 
+import itertools
 import threading
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
@@ -9,7 +10,7 @@ import meshio
 import numpy as np
 import pytest
 from meshes.bar import bar
-from quick import late
+from quick import late, quick, quick_sets
 from boxes import boxed
 from in_process import IN_PROCESS
 from ranks_case import CASES
@@ -113,10 +114,13 @@ def write_ell(file):
         gmsh.write(str(file))
 
 
-@pytest.mark.parametrize("element", ["P1", "P2"])
-@pytest.mark.parametrize("case", ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded",
-                                  "parts apart", "parts in contact", "slides far", "contact on ten nodes", "loose grains", "grounds",
-                                  "contact", "tools"])
+PIECES = ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded", "parts apart", "parts in contact",
+          "slides far", "contact on ten nodes", "loose grains", "grounds", "contact", "tools"]
+
+
+# Corners are among the nodes of ten-node tets; four-node ones are tried of a box, a file and parts.
+@pytest.mark.parametrize("case, element", quick_sets(itertools.product(PIECES, ["P1", "P2"]), *((case, "P2") for case in PIECES), (
+    "blocks", "P1"), ("partitions", "P1"), ("parts in contact", "P1")))
 def test_a_rank_makes_what_it_would_be_handed(case, element, saved):
     names = {"one file": "bar.msh", "whole file": "whole.msh"}
     file = {"mesh": {"file": str(saved / names[case]), "scale": 2.0}} if case in names else {}
@@ -129,10 +133,10 @@ BETWEEN = [{"law": "contact", "between": ["*", "bar_1"]}, {"law": "pretension", 
 
 @pytest.mark.parametrize("element", ["P1", late("P2")])
 @pytest.mark.parametrize("file, subdomains, interfaces", [
-    (None, {"metis": 9}, []), (None, {"metis": 17}, [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["part 1?", "*"]}]),
+    late(None, {"metis": 9}, []), (None, {"metis": 17}, [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["part 1?", "*"]}]),
     ("ell.msh", {"metis": 12}, [{"law": "contact"}]), ("ell.msh", {"grid": [3, 1, 2]}, []),
-    ("ell.msh", {"slices": {"axis": "y", "count": 5}}, []), ("ell.msh", {"groups": True, "split_above": 300}, []),
-    ("whole.msh", {"metis": 14}, BETWEEN), ("bar.msh", {"grid": [4, 2, 1]}, [{"law": "contact"}]),
+    late("ell.msh", {"slices": {"axis": "y", "count": 5}}, []), ("ell.msh", {"groups": True, "split_above": 300}, []),
+    ("whole.msh", {"metis": 14}, BETWEEN), late("bar.msh", {"grid": [4, 2, 1]}, [{"law": "contact"}]),
     ("five/bar_*.msh", {"groups": True, "split_above": 90}, BETWEEN)])
 def test_a_mesh_that_one_rank_cuts_for_all(file, subdomains, interfaces, element, saved):
     """A box by METIS, a file of one volume in any way, and files of several: which have laws between them, not within."""
@@ -157,7 +161,7 @@ def grains(**entry):
                                                                                       {"on": "zmax", "displacement": [0, 0, -0.01]}]})
 
 
-@pytest.mark.parametrize("seed, again", [(1, False), (12, True)])
+@pytest.mark.parametrize("seed, again", [late(1, False), (12, True)])
 def test_ranks_make_grains_of_their_own(seed, again, monkeypatch):
     """Each of them is meshed once, but for those around bad tets, which whoever has one of them mends."""
     meshed, of = [], GrainMesher._grain
@@ -302,7 +306,7 @@ def test_rigid_tools(tool, subdomains, ranks):
     same_as_one(config, ranks)
 
 
-@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("element", quick(["P1", "P2"], "P2"))
 def test_a_ball_that_is_pushed_into_parts(element):
     """Of which it touches three, in contact; one more behind them it does not."""
     config = config_from({"name": "ball", "parts": FIVE[:4], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
@@ -523,7 +527,7 @@ def one_gmsh(monkeypatch):
         monkeypatch.setattr(module, "session", alone)
 
 
-@pytest.mark.parametrize("part", [False, True])
+@pytest.mark.parametrize("part", quick([False, True], True))
 @pytest.mark.parametrize("element", ["P1", late("P2")])
 def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, element, part):
     """Each its own, with the shapes of faces; as a CAD model, or as one of several parts."""
@@ -537,7 +541,7 @@ def test_solids_that_are_meshed_apart_are_made_by_ranks(solids, element, part):
 
 
 @pytest.mark.parametrize("mesh, subdomains", [("solids", "groups"), ("solids", {"groups": True, "split_above": 200}), ("solids", {"metis": 14}),
-                                              ("grains", {"groups": True, "split_above": 150}), ("grains", {"metis": 20})])
+                                              late("grains", {"groups": True, "split_above": 150}), ("grains", {"metis": 20})])
 @pytest.mark.parametrize("element", ["P1", late("P2")])
 def test_solids_that_share_faces_and_grains_that_are_cut(mesh, subdomains, element, solids):
     """One rank meshes them for all, in contact, shapes of faces and all."""
@@ -564,7 +568,7 @@ def test_a_mesh_that_one_has_to_judge_is_made_once(count, tmp_path, monkeypatch)
     assert len(made) == 1
 
 
-@pytest.mark.parametrize("auto", [False, True])
+@pytest.mark.parametrize("auto", quick([False, True], True))
 def test_bolts_of_solids(solids, auto):
     """Cut where one process cuts them, whoever has the plates beside; two of them, one with other matter in contact across its cut."""
     bolts = [{"on": "solid_4", "cut": "auto" if auto else {"plane": [0.1, 0, 1], "at": [1, 0.5, 1.5]}, "force": 10.0},

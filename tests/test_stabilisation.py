@@ -280,7 +280,8 @@ PILE = {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 8]}}, "subdomains": 
 
 def test_springs_between_tenths_lead_where_a_tenth_is_too_far(monkeypatch):
     """As a thousand grains need them, which no test has: here solves are refused whose springs are less than half those before."""
-    made = contact(0.3, method={"tolerance": {"law": 1e-4}, "max_iterations": 100}, **CASES["ten grains"])
+    made = contact(0.3, method={"tolerance": {"law": 1e-4}, "max_iterations": 100}, **{
+        **CASES["ten grains"], "mesh": {"polycrystal": {"grains": 10, "size": 1.0, "h": 0.27}}})
     one, newton, before, refused = converged(made), CoarseProblem._newton, [], []
 
     def unless_too_far(self, at, y, *others):

@@ -558,6 +558,7 @@ def test_certified_scenes_are_drawn_again_alike():
     assert {random_contact.held(number)[1]["kind"] for number in range(20)} == {"held", "held apart"}
 
 
+@pytest.mark.long
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
     asked = ["scenes=1", "first=2", "held=1", "code=in-process", "follow=false"]
     run_study("certified", tmp_path, asked)
@@ -569,6 +570,7 @@ def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
     assert rows_of(tmp_path / "table.csv") == rows
 
 
+@pytest.mark.long
 def test_intervals_are_kept_and_judged(tmp_path, capsys, saved_figures):
     wanted = ["scenes=1", "first=3", "code=in-process"]
     run_study("intervals", tmp_path, wanted)
