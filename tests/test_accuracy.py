@@ -323,7 +323,7 @@ def test_sections_that_end_where_something_acts_are_refused(where):
 
 def test_a_quantity_that_is_zero_has_no_accuracy(tmp_path):
     cut = {"name": "cut", "on": "ymin", "quantity": "resultant", "accuracy": 0.1}
-    problem = bent({"elements": 600}, output={"figures": False, "probes": [cut]})
+    problem = bent({"elements": 2000}, output={"figures": False, "probes": [cut]})
     code, summary = refined(problem, tmp_path)
     assert code == 1 and "cut is zero but for rounding" in summary["stop_reason"]
 

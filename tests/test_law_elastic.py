@@ -10,6 +10,7 @@ import scipy.sparse.linalg as sla
 from contact_case import BOTTOM, TOP, contact
 from in_process import FREEFEM, IN_PROCESS
 from matplotlib import image
+from quick import quick
 from benchmarks.monolithic import Monolithic
 from test_laws import assert_consistent
 
@@ -164,7 +165,7 @@ def undecomposed(made, scene, normal, tangential, tension_only):
     return found, loose
 
 
-@pytest.mark.parametrize("tension_only", [False, True], ids=["always", "tension only"])
+@pytest.mark.parametrize("tension_only", quick([False, True], True), ids=["always", "tension only"])
 @pytest.mark.parametrize("normal, tangential", [(2e5, 5e4), (2e7, 1e3)])
 def test_monolithic_solution_agrees(normal, tangential, tension_only):
     """A block on another one: with springs of tension only, some are slack and some are not."""
