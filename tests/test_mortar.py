@@ -295,6 +295,22 @@ def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
     assert counts[1] <= 1.2 * counts[0], counts
 
 
+@pytest.mark.parametrize("element, most", [("P1", 2.0), ("P2", 1.3)])
+def test_nodes_of_a_soft_slave_that_carry_no_point_cost_few_iterations(element, most):
+    """A plane of symmetry takes the points of an edge; with six-node faces, nodes amid edges have none."""
+    counts = []
+    for young in (YOUNG, YOUNG / 30):
+        made = blocks({"a": ([4, 4, 2], [0, 0, 0]), "b": ([4, 4, 1], [0, 0, 2])}, {
+            "a": {"box": {"size": [4, 4, 2], "cells": [4, 4, 2]}}, "b": {"box": {"size": [4, 4, 1], "cells": [3, 3, 2]}}}, turn=None,
+            held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [1, 0, -3]}, {"on": "*/xmin", "symmetry": True}],
+            materials=[{"young": YOUNG, "poisson": POISSON}, {"young": young, "poisson": POISSON, "on": "b"}], element=element,
+            method={"tolerance": {"error": 1e-6}})
+        solved = solve(made)
+        assert solved.converged
+        counts.append(solved.iterations)
+    assert counts[1] <= most * counts[0], counts
+
+
 @pytest.mark.long
 def test_cuts_through_bodies_change_next_to_nothing():
     """The same sides are slaves, and every slave's node carries one point at most: forces as without the cuts."""
