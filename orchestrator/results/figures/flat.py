@@ -68,7 +68,7 @@ def laid_flat(nodes: np.ndarray, i: InterfaceFields, length: str = "") -> Flat:
 
 def _flat(corners: np.ndarray, points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, str]:
     """(k, 3, 2) triangles' corners in the plane, and what was done to them; corners : (k, 3, 3); points, normal : (n, 3)."""
-    kind, axis, through = shape(points, normal, False, ())
+    kind, axis, through = shape(points, normal, np.zeros(len(points)), ())
     mean = normal.sum(axis=0)
     if (normal @ mean >= _FLAT * np.linalg.norm(mean)).all():
         kind, axis = "plane", mean / np.linalg.norm(mean)
