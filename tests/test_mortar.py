@@ -295,6 +295,19 @@ def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
     assert counts[1] <= 1.2 * counts[0], counts
 
 
+def test_nodes_that_are_paired_stay_together_where_a_face_beside_is_fitted():
+    """Blocks side by side, node for node, and a third bonded to one of them across a slit: its edge is the other's, too."""
+    box = {name: {"box": {"size": [1, 1, 1], "cells": cells}} for name, cells in (("a", [1, 1, 1]), ("b", [1, 1, 1]), ("c", [2, 2, 1]))}
+    made = blocks({"b": ([1, 1, 1], [-1, 0, 0]), "a": ([1, 1, 1], [0, 0, 0]), "c": ([1, 1, 1], [0, 0, 1.3])}, box, turn=None,
+                  held=[{"on": "b/zmin", "displacement": [0, 0, 0]}, {"on": "c/zmax", "traction": [1, 0, -3]}],
+                  interfaces=[{"between": "auto", "law": "perfect", "tolerance": 1.5}], method={"tolerance": {"error": 1e-6}})
+    scene = build_scene(made)
+    pairs = [i for i in scene.interfaces if i.matching]
+    assert len(pairs) == 1 and len(scene.interfaces) == 2
+    assert (scene.side_points(pairs[0], 0) == scene.side_points(pairs[0], 1)).all()
+    assert solve(made, scene).converged
+
+
 @pytest.mark.parametrize("element, most", [("P1", 2.0), ("P2", 1.3)])
 def test_nodes_of_a_soft_slave_that_carry_no_point_cost_few_iterations(element, most):
     """A plane of symmetry takes the points of an edge; with six-node faces, nodes amid edges have none."""

@@ -77,7 +77,7 @@ def joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], 
         stays = matter.held.copy()
         for stand in mesh.foreign:
             stays[stand.nodes] = True
-        body.mesh = fitted(mesh, interfaces, stays)
+        body.mesh = fitted(mesh, cut.numbering, interfaces, stays)
         if mesh.within is not None and not np.array_equal(body.mesh.nodes, mesh.nodes):
             problems.add(("interfaces",), "curved faces that do not match", "all of the mesh, to fit one to the other")
         for entry, given, times in zip(boundary, config.boundary, config.factors(config.boundary)):

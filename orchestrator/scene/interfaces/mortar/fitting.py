@@ -19,7 +19,7 @@ from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import local_size, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 
 # Each pass leaves a small share of what was off, as P changes with the nodes.
@@ -32,7 +32,7 @@ THERE = 1e-9
 SLANTED = 0.1
 
 
-def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mesh:
+def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface], held: np.ndarray) -> Mesh:
     """The mesh with nodes of bonded curved faces moved; ``surfaces`` of these interfaces follow.
 
     interfaces : all there are; nothing happens without perfect ones whose nodes do not match
@@ -44,7 +44,8 @@ def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mes
     stays = held.copy()
     met = np.zeros(len(mesh.nodes), dtype=int)
     for i in interfaces:
-        for nodes in i.surfaces.nodes if i.surfaces is not None else (i.global_nodes,):
+        pairs = () if i.surfaces is not None else (np.unique(np.concatenate([numbering.nodes[side] for side in numbering.sides(i)])),)
+        for nodes in pairs or i.surfaces.nodes:  # those of both sides of a pair stay where the other is
             met[nodes] += 1
     stays |= met > 1
     nodes, corners = mesh.nodes.copy(), mesh.cells[:, :4]
