@@ -12,6 +12,7 @@ from orchestrator.config.model import Config
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.cluster import Cluster
 from orchestrator.method.coarse.load_step import Line, LoadStep
+from orchestrator.method.coarse.newton import search
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.events import Subscriber
 from orchestrator.method.interface.pairs import History
@@ -152,6 +153,13 @@ class Cycles(Subscriber):
             gc.collect()
             gc.set_debug(gc.DEBUG_SAVEALL)
             self.left = [type(x).__qualname__ for x in gc.garbage if type(x).__module__.startswith("orchestrator")]
+
+
+@pytest.mark.parametrize("known", [0, 1, 3])
+def test_a_line_whose_work_is_no_number_ends(known):
+    """As where bodies grow without limit, which the iterations then tell."""
+    works = iter([8.0, -6.0, 5.0][:known])
+    assert 0 < search(lambda theta: next(works, np.nan), -1.0) <= 1
 
 
 def test_an_iteration_leaves_no_cycles_behind():

@@ -109,7 +109,7 @@ def search(work: Callable[[float], float], first: float) -> float:
     before = 0
     for _ in range(POINTS):
         here = work(theta)
-        if abs(here) <= LEFT * abs(first) or (here < 0 and high is None):
+        if not abs(here) > LEFT * abs(first) or (here < 0 and high is None):  # what is no number has no root
             break
         side = 1 if here > 0 else -1
         if side > 0:
