@@ -40,10 +40,11 @@ MORE = [name for name in RELATIONS if name not in DOORS and name not in FEW]
 
 
 @pytest.mark.parametrize("scene, relations, silent", [
-    (TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
+    (TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "solved roughly", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
     ids=["contact", "contact, more", "bonded"])
 def test_relations_hold(scene, relations, silent):
-    """Blocks pressed and sheared: all relations but those of other doors have something to say of them, and hold."""
+    """Blocks pressed and sheared: all relations but those of other doors have something to say of them, and hold; with friction nothing is
+    guaranteed of what is solved roughly."""
     verdict = judge(scene, relations, 1)
     assert not verdict.findings, verdict.details
     assert {k for k, v in verdict.tried.items() if v != "agree"} <= silent, verdict.tried
