@@ -53,7 +53,8 @@ def _pairs(study: Study, case: str, problem: Any, size: float, sizes: dict[str, 
     """Pairs found between solids meshed one by one, against those that share faces in the conforming mesh."""
     def found(**keys: Any) -> tuple[set[frozenset[str]], float]:
         begin = time.perf_counter()
-        pulled = [entry["on"] for entry in (made := problem(keys))["boundary"] if "traction" in entry]  # which meet no other solid
+        made = problem(keys)
+        pulled = [entry["on"] for entry in made["boundary"] if "traction" in entry]  # faces that meet no other solid
         scene = build_scene(config_from({**made, "boundary": [{"on": face, "displacement": [0, 0, 0]} for face in pulled]}))
         return ({frozenset(scene.subdomains[e].name for e in i.subdomains) for i in scene.interfaces}, time.perf_counter() - begin)
 
