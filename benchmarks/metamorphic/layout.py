@@ -48,14 +48,19 @@ class Body:
         """Its entry under ``parts``, with cells of length ``unit``."""
         back = self.turn.T
         size, cells = np.abs(back @ self.size) * unit, np.abs(back @ np.array(self.cells))
-        mesh = {"box": {"size": [float(f"{x:.12g}") for x in size], "cells": [int(round(c)) for c in cells]}}
+        mesh = {"box": {"size": rounded(size), "cells": [int(round(c)) for c in cells]}}
         shift = self.low * unit - np.minimum(self.turn @ size, 0.0)
         move: dict = {}
         if self.quarter:
             move["rotate"] = {"axis": AXES[self.axis], "degrees": 90 * self.quarter}
         if shift.any():
-            move["translate"] = [float(f"{x:.12g}") + 0.0 for x in shift]
+            move["translate"] = rounded(shift)
         return {"name": self.name, "mesh": mesh, **({"move": move} if move else {})}
+
+
+def rounded(x: np.ndarray) -> list[float]:
+    """Numbers as a file has them: twelve digits, and no zero with a sign."""
+    return [float(f"{value:.12g}") + 0.0 for value in x]
 
 
 @dataclass(frozen=True)

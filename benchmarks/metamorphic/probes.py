@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from benchmarks.metamorphic.layout import FACES, Body
+from benchmarks.metamorphic.layout import FACES, Body, rounded
 
 VECTORS = ("u", "f", "m")  # displacement, force and moment
 
@@ -16,7 +16,7 @@ VECTORS = ("u", "f", "m")  # displacement, force and moment
 def probes(draw, found: list[Body], unit: float, words: set[str]) -> list[dict[str, Any]]:
     """A point of a body, the mean over a face of it and the force that it carries across a plane, some of these."""
     body = draw(st.sampled_from(found))
-    at = [float(f"{x:.12g}") for x in (body.low + np.array([draw(st.sampled_from([0.5, 0.3, 0.71])) for _ in "xyz"]) * body.size) * unit]
+    at = rounded((body.low + np.array([draw(st.sampled_from([0.5, 0.3, 0.71])) for _ in "xyz"]) * body.size) * unit)
     normal = draw(st.sampled_from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]))
     drawn = draw(st.lists(st.sampled_from([
         {"at": at}, {"section": {"plane": normal, "at": at}}, {"on": body.surface(draw(st.sampled_from(FACES))), "quantity": "mean"}]),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from benchmarks.metamorphic.layout import FACES, Body, Pair, bodies
+from benchmarks.metamorphic.layout import FACES, Body, Pair, bodies, rounded
 from benchmarks.metamorphic.probes import probes
 from benchmarks.metamorphic.tools import pressing
 
@@ -130,7 +130,7 @@ def _prescribes(entry: dict) -> bool:
 
 def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, length: float, stress: float) -> dict:
     """What an entry of ``boundary`` says beside where."""
-    centre = [float(f"{x:.12g}") for x in (body.low + body.size / 2) * unit]
+    centre = rounded((body.low + body.size / 2) * unit)
     extent = float(max(body.size)) * unit
     if kind == "held":
         return {"displacement": [0.0, 0.0, 0.0]}
@@ -164,7 +164,7 @@ def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, len
                                                     {"stiffness": [stiff, 0.0, 2 * stiff]}]))}
     if kind == "frame":
         axis = draw(st.sampled_from("xyz"))
-        at = [float(f"{x:.12g}") for x in (body.low - 2 - body.size) * unit]
+        at = rounded((body.low - 2 - body.size) * unit)
         said = draw(st.sampled_from([{"traction": _vector(draw, stress)}, {"displacement": [length, 0.0, 0.0]},
                                      {"displacement": [None, 0.0, None]}]))
         return {**said, "frame": {"axis": axis, "at": at}}

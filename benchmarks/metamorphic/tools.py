@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from benchmarks.metamorphic.layout import FACES, Body
+from benchmarks.metamorphic.layout import FACES, Body, rounded
 
 ROUND = 20.0  # radius in cells, so that a face of three of them is .06 off its chord
 
@@ -48,18 +48,14 @@ def _tool(body: Body, face: tuple[int, int], kind: str, moved: str, gap: float, 
     at = body.low + body.size / 2
     at[axis] = body.low[axis] + end * body.size[axis] + out[axis] * gap
     across = (axis + 1) % 3
-    shape = {"plane": {"at": _rounded(at * unit), "normal": _rounded(-out)},
-             "sphere": {"centre": _rounded((at + ROUND * out) * unit), "radius": ROUND * unit},
-             "cylinder": {"axis": "xyz"[across], "at": _rounded((at + ROUND * out) * unit), "radius": ROUND * unit}}[kind]
+    shape = {"plane": {"at": rounded(at * unit), "normal": rounded(-out)},
+             "sphere": {"centre": rounded((at + ROUND * out) * unit), "radius": ROUND * unit},
+             "cylinder": {"axis": "xyz"[across], "at": rounded((at + ROUND * out) * unit), "radius": ROUND * unit}}[kind]
     if moved == "pushed":
         way: list[float | None] = [0.0, 0.0, 0.0]
         way[axis] = None
-        return {kind: shape, "displacement": way, "force": _rounded(-force * out)}
+        return {kind: shape, "displacement": way, "force": rounded(-force * out)}
     way = -(gap + (1 if kind == "plane" else 10) * strain) * unit * out
     if moved == "dragged":
         way[across] = strain * unit
-    return {kind: shape, "displacement": _rounded(way)}
-
-
-def _rounded(x: np.ndarray) -> list[float]:
-    return [float(f"{value:.12g}") + 0.0 for value in x]
+    return {kind: shape, "displacement": rounded(way)}

@@ -135,6 +135,11 @@ def launched(environment: Mapping[str, str] = os.environ) -> tuple[int, int]:
     return 0, 1
 
 
+def watched() -> bool:
+    """Whether a terminal is one that somebody looks at: Open MPI gives each rank one, wherever it writes to itself."""
+    return launched()[1] == 1
+
+
 def join() -> Team:
     """The team this process belongs to.
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from orchestrator.method.events import Finished, Iteration, Subscriber
-from orchestrator.parallel.team import launched
+from orchestrator.parallel.team import watched
 
 EVERY = 10.0  # seconds between two lines where the stream is no terminal
 
@@ -26,9 +26,8 @@ class Progress(Subscriber):
         self._live, self._quiet, self._stream = None, quiet, stream
         self._values: list[float] = []
         self._begun = self._told = time.monotonic()
-        # isatty, not rich's own guess: FORCE_COLOR in a CI log must not bring control characters; nor must Open MPI, which gives each
-        # rank a terminal, wherever it writes to itself
-        if quiet or not stream.isatty() or launched()[1] > 1:
+        # isatty, not rich's own guess: FORCE_COLOR in a CI log must not bring control characters
+        if quiet or not stream.isatty() or not watched():
             return
         from rich.console import Console
         from rich.progress import BarColumn, TextColumn, TimeRemainingColumn

@@ -138,6 +138,7 @@ class Friction:
 
         return _largest(scattered(space.link.boundary_number), product, answered, lambda rows, b: space.team.sum(rows @ b)[0], OPEN["slips"], most)
 
+
 def _largest(r: np.ndarray, product: Callable, answered: Callable, dot: Callable, may_be_open: float, most: float = np.inf) -> float:
     """The largest λ of C x = λ S x, from above, infinite where it is not found: Davidson's method, Lanczos' where S is solved exactly.
 

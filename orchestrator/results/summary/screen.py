@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from orchestrator.parallel.team import launched
+from orchestrator.parallel.team import watched
 from orchestrator.results.summary.words import summary_rows
 
 LINES = 23  # at most, so that with what stands before them they are no more than 25
@@ -34,8 +34,7 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
     from rich.table import Table
     from rich.text import Text
 
-    # Open MPI gives each rank a terminal, wherever it writes to itself
-    console = console or Console(highlight=False, emoji=False, force_terminal=False if launched()[1] > 1 else None)
+    console = console or Console(highlight=False, emoji=False, force_terminal=None if watched() else False)
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")

@@ -45,12 +45,12 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             interface.index = len(kept)
             kept.append(interface)
             if not len(interface.mortar):
-                other = fixed[numbering.sides(interface)[1]].any(axis=1).all()
+                others = numbering.sides(interface)[1]
+                other = "" if fixed[others].any(axis=1).all() else f"slave: {partition.names[interface.subdomains[1]]}, "
                 problems.add(("interfaces", interface.entry), f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
                              f"{interface.name}, is free in all components: nothing would carry the interface",
                              "on one side, nodes on which boundary conditions prescribe nothing",
-                             "more than one element across, or meshes that match" if other
-                             else f"slave: {partition.names[interface.subdomains[1]]}, more than one element across, or meshes that match")
+                             f"{other}more than one element across, or meshes that match")
             continue
         one, two = (fixed[own] for own in numbering.sides(interface))
         interface.free = ~(one & two)

@@ -44,8 +44,10 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
     stays = held.copy()
     met = np.zeros(len(mesh.nodes), dtype=int)
     for i in interfaces:
-        pairs = () if i.surfaces is not None else (np.unique(np.concatenate([numbering.nodes[side] for side in numbering.sides(i)])),)
-        for nodes in pairs or i.surfaces.nodes:  # those of both sides of a pair stay where the other is
+        if i.surfaces is None:  # nodes of either side stay where those of the other are
+            met[np.unique(numbering.nodes[np.concatenate(numbering.sides(i))])] += 1
+            continue
+        for nodes in i.surfaces.nodes:
             met[nodes] += 1
     stays |= met > 1
     nodes, corners = mesh.nodes.copy(), mesh.cells[:, :4]
