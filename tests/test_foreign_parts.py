@@ -15,6 +15,7 @@ from quick import late
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
+from orchestrator.inspect import checked
 from orchestrator.registry import FOREIGN
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
@@ -85,6 +86,17 @@ def test_a_matrix_is_a_part(tmp_path):
     assert 1e-9 <= np.sqrt(energy[0] / energy[1]) <= rough.error_bound <= 1e-6
     near = solve(config_from(data(matrix(tmp_path), 1e-7)))  # what the digits cost, 7.5e-8, is most of it
     assert near.converged and near.iterations <= rough.iterations + 5 and 7e-8 <= near.error_bound <= 1e-7
+
+
+def test_loads_of_a_part_load_the_scene(tmp_path):
+    """A matrix alone bears the loads: nobody says that nothing does; without them everybody does."""
+    for forces in ((1.0, 2.0, -3.0), (0.0, 0.0, 0.0)):
+        write_matrix(tmp_path, loads=forces)
+        made = config_from(data(matrix(tmp_path, loads=str(tmp_path / "f.mtx")), 1e-9, boundary=[]))
+        told = [*checked(made), *solve(made).summary["warnings"]]
+        assert any("nothing loads the scene" in text for text in told) == (not any(forces))
+    made = config_from(data(matrix(tmp_path, loads=None), 1e-9, boundary=[]))
+    assert any("nothing loads the scene" in text for text in checked(made))
 
 
 def test_a_held_part_bonded_to_one_that_is_moved(tmp_path):

@@ -17,6 +17,7 @@ from orchestrator.config.mesh import Move
 from orchestrator.method.delivery.faces import Face, carry, shape
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.report.sections import interface_section
+from orchestrator.results.summary.contact_faces import slip_load
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.words import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
@@ -206,6 +207,24 @@ def test_the_load_at_which_a_face_slips():
     assert "slips from load step 4, at about" in said and dict(summary_rows(summary))["verdict"] == said
     assert "slips" in "".join(interface_section(summary))
     assert verdict({**summary, "converged": False}) == []
+
+
+def test_a_twist_is_told_as_a_moment():
+    """A block pressed on another and twisted about the normal: what grows is a couple, whose force is rounding alone."""
+    top = {"on": {"plane": "z", "at": 1.0}}
+    made = contact(0.2, error=1e-6, histories={"turn": [0, 0.25, 0.5, 0.75], "on": [1, 1, 1, 1]}, boundary=[
+        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {**top, "pressure": 10.0, "history": "on"},
+        {**top, "resultant": {"moment": [0, 0, 1.0]}, "history": "turn"}],
+        output={"units": {"length": "mm", "force": "N"}})
+    solution = solve(made, build_scene(made))
+    (face,) = solution.summary["contact_faces"]
+    wrench = np.concatenate([solution.summary["reactions"], solution.summary["reaction_moments"]["moments"]], axis=2)
+    slips = slip_load(solution.scene, np.arange(4) == 3, np.array(face["used"]), np.array([0, 0, 1.0]),
+                      solution.summary["reaction_names"], wrench)
+    assert slips["of"] == "moment" and [slips["before"], slips["load"]] == pytest.approx([0.5, 0.75])
+    assert slips["at"] == pytest.approx(0.75)  # the straight line leads to 0.785, beyond what was applied
+    (said,) = verdict({**solution.summary, "contact_faces": [{**face, "slips": slips}]})
+    assert "between 0.5 and 0.75 N·mm" in said
 
 
 @pytest.mark.long

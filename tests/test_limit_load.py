@@ -49,6 +49,19 @@ def test_a_box_on_an_incline_slides_where_it_is_steeper_than_friction(share):
     assert not motion(reach, 1e6 * weight) is None and motion(reach, 1e6 * weight).lacking == pytest.approx(found.lacking, rel=1e-6)
 
 
+@pytest.mark.parametrize("before, after", [(-2.0, -1.5), (0.9, 0.5), (0.5, -0.6)])
+def test_no_share_is_told_of_loads_that_are_too_large_all_the_while(before, after):
+    """A box pulled beyond its friction is pulled less, or the other way: no part of the load step is what is carried."""
+    reach = standing(Carries.pressed(UP, 0.3))
+    assert motion(reach, load(before, 0, -1)) is not None
+    found = motion(reach, load(after, 0, -1), load(before, 0, -1))
+    assert found.y[1, 0] * after > 0
+    if before * after > 0:
+        assert np.isnan(found.factor)
+    else:  # on the way the load is small enough, up to the friction of the other direction
+        assert before + found.factor * (after - before) == pytest.approx(-0.3, rel=1e-6)
+
+
 def test_what_tips_over_tips_over():
     """A cube pulled at height h above its middle tips at W/2 / (1/2 + h) if friction holds."""
     reach, height = standing(Carries.pressed(UP, 5.0)), 0.25

@@ -77,6 +77,7 @@ def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:
     if not asked:
         return scene
     scene = copy(scene)
+    scene.brought = any(s.remembers for s in scene.subdomains)  # those are not asked
     scene.loads, scene.subdomains = scene.loads.copy(), [copy(s) for s in scene.subdomains]
     own = [s for s in scene.subdomains if s.code in asked]
     with Pool(find_codes(settings, asked)) as pool:

@@ -74,7 +74,8 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
                  fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, sagitta, joints.bolts, thermal,
-                 probes=probes, element=body.choice, body_force=body_force, covered=joints.covered)
+                 probes=probes, element=body.choice, body_force=body_force, covered=joints.covered,
+                 brought=any(config.codes[s.code].brings_loads or s.remembers for s in subdomains))
 
 
 def _divided(config: Config, body: Body, problems: Problems) -> Cut:

@@ -44,7 +44,8 @@ def noted(scene: Scene) -> Iterator[str]:
 class Acting:
     """Displacements, forces and supports that act on a scene, or on some of its subdomains.
 
-    moved : whether displacements are prescribed, or laws act by themselves; loaded : whether there are forces
+    moved : whether displacements are prescribed, or laws act by themselves; loaded : whether there are forces, or models
+        that may bear some
     largest : (entries, 3) of each entry of ``boundary`` the largest of its forces, or of the springs that it is
     held : (entries, 3) bool, whether all its nodes have these components prescribed
     """
@@ -60,7 +61,8 @@ class Acting:
         moved = any(s.prescribed.any() for s in own) or any(law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
         largest = [_largest(scene.mesh, entry) for entry in scene.boundary]
         held = [scene.fixed[entry.nodes].all(axis=0) for entry in scene.boundary]
-        return cls(moved, any(s.loads.any() for s in own), np.array(largest).reshape(-1, 3), np.array(held, dtype=bool).reshape(-1, 3))
+        loaded = scene.brought or any(s.loads.any() for s in own)
+        return cls(moved, loaded, np.array(largest).reshape(-1, 3), np.array(held, dtype=bool).reshape(-1, 3))
 
     @classmethod
     def joined(cls, several: Sequence[Acting]) -> Acting:

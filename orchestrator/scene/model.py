@@ -167,6 +167,7 @@ class Scene:
     body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies; None where there is none
     overview : of the whole scene, where this is a part of it
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
+    brought : whether models of its codes have, or may have, loads of their own that are not in ``loads``
     left : why ranks that solve it together have not made it together
     """
 
@@ -193,6 +194,7 @@ class Scene:
     probes: list = field(default_factory=list)
     element: object = None
     body_force: np.ndarray | None = None
+    brought: bool = False
     left: str = ""
     covered: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
 

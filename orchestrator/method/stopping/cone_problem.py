@@ -18,7 +18,8 @@ more than the laws allow: where there are none the scene has no solution, in sma
 not bring them about. ``Reach.at_pressures`` asks for less: friction is what pressures that are known allow, and open gaps are closed
 only by bodies that go as far, −s n·d ≥ −g/r where |y_b| = 1 stands for the way r.
 
-How far the loads may go from L₀, which is balanced, to L is the least Σ c |d_x| − L₀·y of all such motions with (L − L₀)·y = 1.
+How far the loads may go from L₀ to L is the least Σ c |d_x| − L₀·y of all such motions with (L − L₀)·y = 1, if the loads are
+balanced there: they are not where L₀ is not, and L takes back what L₀ was too large by.
 
 What supports prescribe is no load, and always goes on. It moves bodies *freely* where a motion of theirs goes with it, d = a d₀ + B R y,
 a > 0, that no pressure resists: then no forces that the laws allow do work in it, and what follows it carries nothing. A pile that
@@ -51,7 +52,8 @@ class Motion:
 
     y : (bodies, 6) of bodies, the largest of length 1
     lacking : force that balance lacks, over the largest load on a body, or on a point that a surface follows
-    factor : how far the loads may go from what was balanced before; nan where that is not known
+    factor : share, 0 to 1, of what the loads have grown by that is balanced; nan where what was there before is not balanced
+        either, and where that is not known
     """
 
     y: np.ndarray
@@ -112,7 +114,7 @@ def _of_part(reach: Reach, own: np.ndarray, loads: np.ndarray, before: np.ndarra
     value, y = cones.least(L)
     if y is None or value <= max(LEAST, noise[own].sum() / scale):
         return None
-    factor, at_limit = cones.farthest(L0, L - L0)
+    factor, at_limit = cones.carried(L0, L - L0)
     result = np.zeros_like(loads)
     result[own] = (y if at_limit is None else at_limit).reshape(-1, RIGID)
     return Motion(result / np.linalg.norm(result, axis=1).max(), value, factor)
@@ -207,6 +209,16 @@ class _Cones:
         x = self._solved(self.cost - np.pad(L, (0, len(self.cost) - len(L))), sp.vstack([-share, rows, ball]),
                          np.r_[np.ones(self.shared), apart, radius], one_sided + [clarabel.SecondOrderConeT(RIGID + 1)] * count)
         return (0.0, None) if x is None else (float(L @ x[: len(L)] - self.cost @ x), x[: self.bodies])
+
+    def carried(self, L0: np.ndarray, more: np.ndarray) -> tuple[float, np.ndarray | None]:
+        """Return the largest α in [0, 1] for which L₀ + α ``more`` is balanced, and the motion there; nan and None where no α is,
+        as where L₀ is not balanced either: of loads that are too large all the while no share is carried."""
+        factor, motion = self.farthest(L0, more)
+        if not factor <= 1:
+            return np.nan, None
+        share = max(factor, 0.0)
+        lacking, y = self.least(L0 + share * more)
+        return (np.nan, None) if y is None or lacking > LEAST else (share, motion)
 
     def farthest(self, L0: np.ndarray, more: np.ndarray) -> tuple[float, np.ndarray | None]:
         """The largest α for which L₀ + α ``more`` is balanced, and the motion there; nan where there is none. Open gaps stay open."""

@@ -26,7 +26,7 @@ def _slipping(summary: Mapping[str, object]) -> Iterator[str]:
         step = face["slips"]["step"]
         used = round(100 * face["used"][step - 1])  # below 100 all of it has slipped, and yet it could hold more
         rest = f", with {used}% of what friction can hold" if used < 100 else ""
-        yield f"{face['name']} slips from load step {step}{_load(face['slips'], units_of(summary)['force'])}{rest}"
+        yield f"{face['name']} slips from load step {step}{_load(face['slips'], units_of(summary)[face['slips'].get('of') or 'force'])}{rest}"
     if len(slips) > MOST:
         yield f"… and {len(slips) - MOST} more faces slip"
     if faces and not slips:
