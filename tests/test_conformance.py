@@ -113,6 +113,31 @@ def test_wrong_adapters_are_caught(name, tmp_path):
     assert any(words in wrong for wrong in found), found
 
 
+@pytest.mark.parametrize("changed, words", [
+    ("k = -k", "against them"), ("k = k + 1e-3 * k.max() * sp.eye_array(k.shape[0])", "rigid motions of the body"), ("pass", "")],
+    ids=["negated", "held", "sound"])
+def test_matter_of_ones_own_is_asked_for(tmp_path, changed, words):
+    """Of models without a place in a mesh all is soles, which are plain."""
+    path = tmp_path / "own.py"
+    path.write_text(f"""
+import scipy.sparse as sp
+from orchestrator.blackbox.codes.adapter import Adapter
+from orchestrator.blackbox.codes.template import Solver as Plain
+
+class Solver(Adapter):
+    own_matter = True
+
+    def stiffness(self, model):
+        k = Plain().stiffness(model)
+        if not model.sole.all():
+            {changed}
+        return k
+""")
+    found = verdicts(code=str(path))
+    assert [name for name, wrong in found.items() if wrong] == (["matter of a volume"] if words else [])
+    assert words in found["matter of a volume"]
+
+
 def test_models_that_are_mixed_up_are_told_as_such():
     """By a code whose server tests nothing: the bodies are equal but for where they are held."""
     class Mixed(InProcessWorker):

@@ -15,7 +15,8 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
-from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.guarded import OWN
+from orchestrator.blackbox.protocol import BlackBox, Model, Origin
 from orchestrator.blackbox.trial.models import Trial, trial_models
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
@@ -183,6 +184,31 @@ def _reloaded(trial: Trial) -> float:
     answers = trial.blackbox.traces({last - i: f for i, f in enumerate(trial.forces)})
     trial.blackbox.load(trial.models)
     return max(difference(answers[last - i], trial.traces[i]) for i in range(last + 1))
+
+
+@check("matter of a volume")
+def _matter(trial: Trial) -> tuple[str, str]:
+    """A body that has a place in a mesh, in one volume called ``body``; the trial's other models have none, so that a code whose matter is
+    its own takes them for soles. What the code's own matter is nobody knows: it stores energy, and answers forces by its own stiffness."""
+    body, forces = trial.models[0], trial.everywhere(0)
+    cells = np.arange(len(body.cells))
+    body = replace(body, name="body in a mesh", origin=Origin(np.arange(len(body.nodes)), cells, 0 * cells, ["body"]))
+    stiffness, = trial.blackbox.stiffness([body])
+    trial.blackbox.load([body])
+    u, free = trial.blackbox.fields({0: forces})[0], ~body.fixed.ravel()
+    trial.blackbox.load(trial.models)
+    own, energy = trial.blackbox.traits().own_matter, np.einsum("ij,ij->i", forces, u)
+    modes = motions(body.nodes - body.nodes.mean(axis=0)).reshape(-1, 6)
+    rigid = float(np.abs(stiffness @ modes).max() / (abs(stiffness).max() * np.abs(modes).max()))
+    values = np.linalg.eigvalsh(stiffness.toarray())
+    left = difference((u @ stiffness)[:, free], forces[:, free])
+    apart = difference(u, trial.expected(0))
+    wrong = f"forces move the body against them: of {energy.min():.2g} a load case gives energy away" if energy.min() <= 0 else \
+        f"its stiffness gives energy away: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}" if values[0] < -RIGID * values[-1] else \
+        f"rigid motions of the body cost energy: |K R| is {rigid:.1e} |K| |R|" if rigid > RIGID else \
+        f"displacements that do not fit its stiffness: {left:.1e} of the forces is left over" if left > AGREE else \
+        f"displacements otherwise than of a body without a place: {apart:.1e} ({OWN})" if not own and apart > AGREE else ""
+    return f"smallest energy {energy.min():.2g}, {left:.0e} of the forces left over", wrong
 
 
 @check("clean death")
