@@ -80,8 +80,6 @@ _LISTED = {
                          "what four-node tets in some parts beside ten-node ones would save: a lap joint, an assembly"),
     "quantities": ("studies.quantities:run",
                    "accuracies of displacements and forces at probes, beside true errors and the whole field's seconds"),
-    "mesh_bound": ("studies.mesh_bound:run",
-                   "the guaranteed bound of the mesh's error beside true errors: L, hole, slit, punch"),
     "gallery": ("studies.gallery:run", "every configuration and tutorial, with a picture: writes docs/gallery.md"),
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),

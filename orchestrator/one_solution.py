@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,9 +25,7 @@ from orchestrator.method.delivery.reference import DiscretisationEstimate, Refer
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, load_cases
-from orchestrator.method.monitors.placing import Placing
 from orchestrator.method.setup import Part, prepare
-from orchestrator.method.stopping.mesh_bound import MeshBounds
 from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
@@ -43,22 +40,18 @@ from orchestrator.scene.aside import set_aside
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.outline import hollow
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.timing import Savings, Stopwatch, predicted_cost
+from orchestrator.timing import Savings, Stopwatch
 
 
 @dataclass(frozen=True)
 class Ranks:
     """Ranks that solve a problem together.
 
-    speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
-    may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
     codes : what makes a black box for each of them
     whole : whether rank 0 gets the fields of scenes that ranks have made; False: they stay in their pieces
     """
 
     team: Team = ALONE
-    speeds: np.ndarray | None = None
-    may_stop: Callable[[], bool] | None = None
     codes: Callable[[Sequence[CodeSettings], Sequence[int]], BlackBox] = make_blackbox
     whole: bool = True
 
@@ -66,44 +59,41 @@ class Ranks:
 class Solving:
     """One solution; every rank has its own.
 
+    scene : as it is given: the whole on rank 0, or each rank's part
     whole : the whole scene, on rank 0; where ranks have made their parts themselves, its outline
     rank_of : (subdomains,) int
     exact : the undecomposed solution, on rank 0 where it is asked for
     """
 
-    def __init__(self, config: Config, given: list[Scene | None], told: Subscribers, start: Start | None, watch: Stopwatch, ranks: Ranks,
-                 reference: bool):
-        self.begun = time.perf_counter()
+    def __init__(self, config: Config, scene: Scene | None, told: Subscribers, start: Start | None,
+                 watch: Stopwatch, ranks: Ranks, reference: bool):
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
-        team, self.codes, scene = ranks.team, with_workers(config.codes, ranks.team), given.pop()
+        team, self.codes, self.scene = ranks.team, with_workers(config.codes, ranks.team), scene
         self.apart = scene is not None and scene.overview is not None
-        self._made = [scene] * self.apart  # taken from here
         whole = hollow(scene) if self.apart and not team.rank else None if self.apart else scene
         self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
-        self.bounds = MeshBounds(self.whole) if config.output.mesh_bound else None
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         if config.accuracies and not team.rank:
             check_sections(self.whole, config.accuracies)
         self.asked: Wanted = team.share(Wanted() if team.rank or not config.accuracies else Wanted.of(
             self.whole, list(config.accuracies), (), np.zeros(3)))
         self.rank_of: np.ndarray = scene.overview.rank_of if self.apart else team.share(
-            None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
+            None if team.rank else ranks_of(self.whole, team.size))
 
     def solution(self) -> Solution | Piece:
         """The solution on rank 0, elsewhere this rank's piece of its fields."""
         team, watch = self.ranks.team, self.watch
         with watch("parts"):
-            made = Part.of(self._made.pop(), self.rank_of, team) if self.apart else Part.handed_out(self.whole, self.rank_of, team)
-            self.wanted = self._wanted(made.scene)
-            own = [made.scene.subdomains[e] for e in made.space.subdomains]
-            self.cases: LoadCases = load_cases(made.scene, self.config.method.skip, own, team)
-            estimate = DiscretisationEstimate(self.whole, self.cases, partial(_estimated, made.meeting))
-            parts = [made]
-            del made, own
+            part = Part.of(self.scene, self.rank_of, team) if self.apart else \
+                Part.handed_out(self.whole, self.rank_of, team)
+            self.wanted = self._wanted(part.scene)
+            own = [part.scene.subdomains[e] for e in part.space.subdomains]
+            self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
+            estimate = DiscretisationEstimate(self.whole, self.cases, partial(_estimated, part.meeting))
         with set_aside(self.whole, team.size > 1 and not self.reference and not self.apart):
-            delivered, piece, answers, setup_sweeps, spent = self._part_solved(
-                parts, estimate, team.size > 1 and self.ranks.speeds is None and not self.reference)
-            trim()  # of this rank's part nothing is left
+            delivered, piece, answers, setup_sweeps, spent = self._part_solved(part, estimate)
+            del part, own
+            trim()
         fields, lost = None, [] if team.rank else unsound(self.whole, spent)
         delivered = delivered.without(self.wanted, lost)
         if not (self.apart or team.rank):
@@ -112,8 +102,6 @@ class Solving:
                 fields = fields_of(self.whole, delivered if piece is None else replace(delivered, interfaces=None), lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
-            if self.bounds is not None:
-                delivered = replace(delivered, mesh_bound=self.bounds(delivered.continuous))
             if answers is not None:
                 delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if piece is not None:
@@ -143,15 +131,12 @@ class Solving:
         with self.watch("reference"), make_blackbox(self.codes[0]) as whole:
             return solve_reference(self.whole, whole)
 
-    def _part_solved(self, parts: list[Part], estimate: DiscretisationEstimate,
-                     placed: bool) -> tuple[Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
+    def _part_solved(self, part: Part, estimate: DiscretisationEstimate,
+                     ) -> tuple[Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
         """This rank's part: what is delivered, its piece of the fields where there are several, on rank 0 answers to unit loads where an
         accuracy is asked of quantities, back-substitutions in set-up, and on rank 0 what all have spent.
-
-        parts : this rank's, taken out of the list so that nobody else holds it
-        placed : whether the balance of the ranks is watched
         """
-        part, team, method, watch, savings = parts.pop(), self.ranks.team, self.config.method, self.watch, Savings()
+        team, method, watch, savings = self.ranks.team, self.config.method, self.watch, Savings()
         meeting = part.meeting
         placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)
         if team.rank == 0:
@@ -164,19 +149,18 @@ class Solving:
         with watch("start"):
             blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
         with blackbox:
-            check_codes(self.codes, placement.codes, blackbox, method, self.reference, team, self.config.output.mesh_bound)
+            check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
             self.wanted.check(d.own, blackbox)
             if self.asked:
                 check_duals(d)
-            del soles, part  # with the models made of them, what set-up has held and nothing else needs
+            del soles  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")
             chosen = self.cases.part_of(d)
             true_error = TrueError(chosen, self.whole, self.cases, self.exact, watch) if self.reference else None
-            iterated = self._iterated(chosen, {"true_error": true_error, "estimate": estimate,
-                                               "placing": self._placing(chosen) if placed else None})
+            iterated = self._iterated(chosen, {"true_error": true_error, "estimate": estimate})
             if d.all_perfect and team.rank == 0:
                 savings.add("bound", "evaluations of the bound's second part",
                             sum(math.isnan(event.error_bound) for event in iterated.history))
@@ -200,15 +184,6 @@ class Solving:
         with reusing():
             return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
                            [int(step) + 1 for step in self.cases.chosen], monitors)
-
-    def _placing(self, d: Decomposition) -> Placing:
-        """The monitor of the ranks' balance."""
-        usage, load = d.blackbox.usage, predicted_cost([(~s.fixed).sum() for s in d.own]).sum()
-
-        def busy() -> float:
-            return max((worker["solve"] + worker["messages"] for worker in usage.activity()), default=0.0)
-
-        return Placing(self.ranks.team, busy, float(load), time.perf_counter() - self.begun, self.ranks.may_stop)
 
     def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
         """Add the mesh's estimated error; a rank's piece of the fields learns it."""

@@ -77,12 +77,11 @@ def by_keys() -> Iterator[None]:
         raise wrong(path, *(text.format(**refusal.facts) for text in words)) from refusal
 
 
-def check_codes(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method: Method, reference: bool, team: Team,
-                mesh_bound: bool = False) -> None:
+def check_codes(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method: Method, reference: bool, team: Team) -> None:
     """Compare the entries of ``blackbox`` with what their solvers say of themselves, and with what is asked for.
 
     codes : entries of ``blackbox``; used : numbers of those that this rank uses
-    reference, mesh_bound : whether the undecomposed solution, and a bound of the mesh's error, are asked for
+    reference : whether the undecomposed solution is asked for
     Raises InputError: they disagree
     """
     own = any(blackbox.traits(number).own_matter for number in used)
@@ -92,9 +91,6 @@ def check_codes(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method
     if method.tolerance.error == "auto" and own:
         raise wrong(("method", "tolerance", "error"), "auto beside a code whose matter is its own",
                     "a number: the mesh's error is estimated from the YAML's moduli", "write error: 1e-6")
-    if mesh_bound and own:
-        raise wrong(("output", "mesh_bound"), "a bound of the mesh's error beside a code whose matter is its own",
-                    "matter of the YAML's young and poisson: of other matter stresses are not known", "remove mesh_bound")
     for number in used:
         truly, path = blackbox.traits(number).nonlinear, entry_path(number, codes)
         if truly and not codes[number].remembers:

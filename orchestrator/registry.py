@@ -98,7 +98,6 @@ MONITORS = Registry({
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
     "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
     "lagging": "orchestrator.method.monitors.lagging:LaggingPoints",
-    "placing": "orchestrator.method.monitors.placing:Placing",
 })
 
 # Kinds of entries of boundary and of loads, by their key there.

@@ -15,7 +15,6 @@ from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber
-from orchestrator.method.monitors.placing import Unbalanced
 from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
@@ -75,13 +74,15 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             _make_ready(folder, config, resume)
             team.share((config, reference))
             with watch("mesh"):
-                made = [scene_of(config, means.ranks, reference, means.meshed)]
-            known = hollow(made[0]) if made[0].overview else made[0]
+                scene = scene_of(config, means.ranks, reference, means.meshed)
+            known = hollow(scene) if scene.overview else scene
             with closing(Record(folder, config, known, watch, artist, resume=resume)) as record:
                 team.share("solve and estimate" if means.judge else "solve")
-                solution = _balanced(config, [*record.subscribers, progress], record, made, reference, means.ranks)
+                told = [*record.subscribers, progress]
+                solution = solve(config, scene, told, reference=reference, start=record.start,
+                                 watch=watch, ranks=replace(means.ranks, whole=False))
                 if means.judge is None:  # who judges a mesh asks for the energy error
-                    first, solution = solution, _paired_anew(config, solution, [*record.subscribers, progress], record, means)
+                    first, solution = solution, _paired_anew(config, solution, told, record, means)
                     team.share(0 if solution is first else -1)
                 progress.close()
                 if config.output.fields:
@@ -105,26 +106,9 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
         begun(folder)
 
 
-def _balanced(config: Config, told: Sequence[Subscriber], record: Record, made: list[Scene], reference: bool, ranks: Ranks) -> Solution:
-    """The solution; where ranks turn out unbalanced, subdomains are placed anew and the run goes on from there.
-
-    made : the scene or a part of it, taken out of the list so that nobody else holds it
-    """
-    start, placed, whole = record.start, [], None if record.scene.overview else record.scene
-    ranks = replace(ranks, may_stop=record.keeps, whole=False)
-    while True:
-        try:
-            solution = solve(config, made.pop() if made else whole, told, reference=reference, start=start, watch=record.watch, ranks=ranks)
-            solution.summary["warnings"] += placed
-            return solution
-        except Unbalanced as found:
-            start, ranks = record.latest(), replace(ranks, speeds=found.speeds)
-            placed = [f"{found}: after iteration {found.iteration} subdomains were placed anew, by the ranks' speeds"]
-
-
 def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
     """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
-    ranks, progress = replace(means.ranks, may_stop=None, whole=False), told[-1]
+    ranks, progress = replace(means.ranks, whole=False), told[-1]
 
     def built(config: Config) -> Scene:
         progress.stage("pairing sides anew")
@@ -149,9 +133,9 @@ def follow(team: Team) -> int:
             pieces = []
         elif isinstance(given, tuple):
             config, reference = given
-            made = [scene_of(config, ranks, reference)]
+            scene = scene_of(config, ranks, reference)
         else:
-            pieces.append(_piece_of(config, made, reference, ranks))
+            pieces.append(solve(config, scene, reference=reference, ranks=ranks))
             if given == "solve and estimate":
                 pieces[0].estimate(False)  # as the judge has it
                 _written(pieces.pop(), config)
@@ -163,12 +147,3 @@ def _written(piece: Piece, config: Config) -> None:
         write_piece(piece)
     elif config.output.figures and piece.team.share(None):  # drawn from a file of rank 0's
         tell(piece)
-
-
-def _piece_of(config: Config, made: list[Scene | None], reference: bool, ranks: Ranks) -> Piece:
-    """``made`` : as for ``_balanced``; None where rank 0 has all of it."""
-    while True:
-        try:
-            return solve(config, made.pop() if made else None, reference=reference, ranks=ranks)
-        except Unbalanced as found:
-            ranks = replace(ranks, speeds=found.speeds)

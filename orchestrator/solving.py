@@ -10,8 +10,6 @@ from orchestrator.config.model import Config
 from orchestrator.errors import wrong
 from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Subscriber, Subscribers
-from orchestrator.method.monitors.placing import Unbalanced
-from orchestrator.method.stopping.mesh_bound import KEY as MESH_BOUND
 from orchestrator.one_solution import Ranks, Solving
 from orchestrator.optional import check_there
 from orchestrator.paired_anew import paired_anew, without_checkpoints
@@ -43,7 +41,6 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     Returns the solution, converged or not
     Raises InputError: the problem cannot be solved, or a code is not there
     Raises BlackBoxError: a code fails, hangs or answers nonsense
-    Raises Unbalanced: where ``ranks.may_stop`` allows it: call it again, on all ranks, with the speeds found and the latest start
 
     Examples
     --------
@@ -63,38 +60,32 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     0.0002000, held by -10.000000
     """
     watch = watch or Stopwatch()
-    given, made = scene is not None, [scene]
-    del scene  # nobody else is to hold a part
-    solution = _solved(config, made, subscribers, reference, start, watch, ranks)
-    if given or ranks.team.size > 1:
+    solution = _solved(config, scene, subscribers, reference, start, watch, ranks)
+    if scene is not None or ranks.team.size > 1:
         return solution
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
-        return _solved(config, [scene], without_checkpoints(subscribers), False, start, watch, ranks)
+        return _solved(config, scene, without_checkpoints(subscribers), False, start, watch, ranks)
 
     return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True), again)
 
 
-def _solved(config: Config, given: list[Scene | None], subscribers: Sequence[Subscriber], reference: bool, start: Start | None, watch: Stopwatch,
-            ranks: Ranks) -> Solution | Piece:
-    """One solution, with pairs as the configuration has them; parameters as for ``solve``, the scene taken out of ``given``."""
+def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool,
+            start: Start | None, watch: Stopwatch, ranks: Ranks) -> Solution | Piece:
+    """Return one solution, with pairs as the configuration has them; parameters as for ``solve``."""
     told, team = Subscribers(subscribers), ranks.team
     try:
         if config.method.accuracy is not None:
             raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
                         "on several", "remove accuracy here")
-        if config.output.mesh_bound and team.size > 1:
-            raise wrong(MESH_BOUND, f"mesh_bound on {team.size} ranks", "one process", "start it without mpiexec, or remove mesh_bound")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
-        if team.share(given[0] is None):
+        if team.share(scene is None):
             told.stage("meshing")
             with watch("mesh"):
-                given = [scene_of(config, ranks, reference)]
+                scene = scene_of(config, ranks, reference)
         with by_keys():
-            return Solving(config, given, told, start, watch, ranks, reference).solution()
-    except Unbalanced:
-        raise
+            return Solving(config, scene, told, start, watch, ranks, reference).solution()
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
@@ -111,7 +102,7 @@ def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Mesh
         find_codes(config.codes, run_programs=False)
     apart = ranks.team.size > 1 and ranks.team.share(meshed is None) and not reference
     kept = Meshed()
-    made = make(config, ranks.team, ranks.speeds, kept) if apart else "all of it is asked for"
+    made = make(config, ranks.team, kept) if apart else "all of it is asked for"
     if isinstance(made, str):
         made = None if ranks.team.rank else replace(build_scene(config, run_programs=True, meshed=meshed or kept.once), left=made)
     trim()

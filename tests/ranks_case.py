@@ -15,7 +15,6 @@ from orchestrator.errors import NOT_CONVERGED
 from orchestrator.method.coarse import elimination, subtrees
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.method.monitors import placing
 from orchestrator.parallel.team import ALONE, Team, join
 from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
@@ -288,21 +287,19 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     return result
 
 
-PLACED = "placed anew"  # after the third iteration, whatever the ranks' codes have taken
-PAIRED = "paired anew"  # too, once it has converged, where sides have slid to
-AGAIN = {PLACED: CASES["contact"], PAIRED: CASES["parts that slide on"] | {"interfaces": [{"law": "contact", "friction": 0.2}]}}
+PAIRED = "paired anew"  # once it has converged, where sides have slid to
+AGAIN = {PAIRED: CASES["parts that slide on"] | {"interfaces": [{"law": "contact", "friction": 0.2}]}}
 
 
 def again(name: str, folder: Path, team: Team) -> None:
     """A run that is set up again, in a results folder."""
     config = {"name": name, **AGAIN[name], "output": {"figures": False}}
-    with patch.multiple(placing, IMBALANCE=0.0, NOTICED=0.0, CERTAIN=0.0):
-        if team.rank:
-            follow(team)
-        else:
-            (folder / f"{name}.yaml").write_text(json.dumps(config))
-            run(load_config(folder / f"{name}.yaml", []), output=folder / name, quiet=True, means=Means(Ranks(team)))
-            team.share(None)
+    if team.rank:
+        follow(team)
+    else:
+        (folder / f"{name}.yaml").write_text(json.dumps(config))
+        run(load_config(folder / f"{name}.yaml", []), output=folder / name, quiet=True, means=Means(Ranks(team)))
+        team.share(None)
 
 
 REFINED = {  # bonds at a cross point, which are guaranteed, and contact beside a bond

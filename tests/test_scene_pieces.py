@@ -36,9 +36,9 @@ from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.pieces.make import make
 from orchestrator.solving import Ranks, scene_of
 
-# nobody asks for numbers of nodes and cells of faces to slide on once operators are made; whether any face is bent is told of own ones; of
+# nobody asks for numbers of nodes and cells of faces to slide on once operators are made; of
 # neighbours' nodes away from the interface nobody asks for forces, and cells that give them may be missing; the rest is told apart
-ELSEWHERE = (".loads", ".bent", ".rank_of", *(f".surfaces.{name}[{side}]" for name in ("nodes", "cells") for side in (0, 1)))
+ELSEWHERE = (".loads", ".rank_of", *(f".surfaces.{name}[{side}]" for name in ("nodes", "cells") for side in (0, 1)))
 
 
 def exactly(ours, other):

@@ -77,9 +77,6 @@ class Output(Part):
     certified: list[Force] = Field([], description=(
         "forces with the intervals that the energy error leaves: reactions, bolts, sections (of bonded interfaces), resultants (of "
         "others); none, as each costs a few answers of the code"))
-    mesh_bound: bool = Field(False, description=(
-        "a guaranteed bound of the error of mesh and iterations together, of bonded parts, or of four-node tets in contact without "
-        "friction on planes; off, as it may cost more than the run"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(
         "reactions' moments are about this point; the origin by default, which no one has to look up"))
     units: Units | None = Field(None, description="names of the units of length and force, shown beside numbers; none: no units")

@@ -111,7 +111,6 @@ class Law:
     statuses : what its pairs can do
     measures : of its residuals
     convex : its force is the slope of a convex energy of the jump, load step by load step: the energy error is guaranteed
-    unilateral : nothing passes but a pressure, and that where sides touch, its gap being ``distance`` and what they move apart
     prices : it has a ``duality_gap``, and directions in which it gives way are free in what the error is measured with
     slips : what it holds across the normal may slip for a price, as Coulomb's law has it, with a parameter ``friction``
     variables : what it remembers of each pair beside its jump, such as a damage
@@ -161,7 +160,6 @@ class Law:
     joins: bool = False
     on_ground: ClassVar[bool] = False
     convex: bool = False
-    unilateral: bool = False
     prices: ClassVar[bool] = False
     slips: ClassVar[bool] = False
     rigidity: float = math.inf

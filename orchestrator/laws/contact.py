@@ -112,10 +112,6 @@ class Contact(Law):
         return self.friction == 0
 
     @property
-    def unilateral(self) -> bool:
-        return self.friction == 0 and not self.follows
-
-    @property
     def has_history(self) -> bool:
         return self.friction > 0 or self.follows
 

@@ -164,7 +164,6 @@ class Start:
     seconds : spent so far
     ended : the last checkpoint of each increment that is done
     latest : the last checkpoints of the increment under way, as many as are needed
-    before : of the iterations, those that ``max_iterations`` does not count; None: all
     """
 
     state: np.ndarray | Sequence[Checkpoint] | None = None
@@ -173,7 +172,6 @@ class Start:
     seconds: float = 0.0
     ended: Sequence[Checkpoint] = ()
     latest: Sequence[Checkpoint] = ()
-    before: int | None = None
 
     @staticmethod
     def handed_out(start: Start | None, d: Decomposition) -> Start:

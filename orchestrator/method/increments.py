@@ -44,7 +44,6 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     start : where to go on from
     numbers : of the load steps, from 1, for people; None: 1, 2, …
     given : for monitors, see ``Case``
-    Raises Unbalanced: see ``monitors.placing``
     """
     run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
     told = Subscribers(subscribers)
@@ -79,7 +78,7 @@ class _Run:
         self.path: list[dict[str, Any]] = list(known[-1].notes["path"]) if known else []
         self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(d, method), proportional(d)
         self.ended: list[Iterated] = []
-        self.begun = start.before  # iterations of earlier runs
+        self.begun: int | None = None  # iterations of earlier runs
         self.lost: list[Any] = []
         self.done = start.iteration, start.sweeps
         self.least = np.inf, 0

@@ -39,8 +39,8 @@ class Placement:
         return cls(rank_of, touched, sorted({scene.subdomains[e].code for e in near}))
 
 
-def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
-    """(subdomains,) int, the rank of each, by predicted cost and neighbourhood; ``speeds`` as of ``owners``.
+def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
+    """(subdomains,) int, the rank of each, by predicted cost and neighbourhood.
 
     Raises InputError: more ranks than subdomains
     """
@@ -49,7 +49,7 @@ def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.n
         raise wrong(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
                     "at least one subdomain for every rank", f"mpiexec -n {count} at most, or cut into more subdomains")
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
-    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks, speeds)
+    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
 
 
 def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
@@ -58,15 +58,14 @@ def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
     return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
 
 
-def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
+def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int) -> np.ndarray:
     """(n,) int, the rank of each subdomain; every rank has some.
 
-    Of equal ranks 0, which also solves the coarse contact problem and writes, has the part with the fewest interface dofs.
+    Rank 0, which also solves the coarse contact problem and writes, has the part with the fewest interface dofs.
 
     costs : (n,) of each subdomain
     pairs, dofs : (m, 2) int, the subdomains of each interface; (m,) what it has to exchange
     ranks : how many parts, at most n
-    speeds : (ranks,) as shares of the cost, over their sum; None: equal ones
     """
     costs = np.asarray(costs, float)
     n = len(costs)
@@ -75,10 +74,8 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     one, two = np.asarray(pairs).reshape(-1, 2).T
     graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])), shape=(n, n)).tocsr()
     weights = np.maximum(1, np.rint(UNITS * costs / costs.sum())).astype(int)
-    # by halves, unless ranks get unequal shares: what each cut misses of these would add up
     found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices), vweights=weights.tolist(),
-                               eweights=graph.data.astype(int).tolist(), recursive=speeds is None,
-                               tpwgts=None if speeds is None else (speeds / speeds.sum()).tolist())
+                               eweights=graph.data.astype(int).tolist(), recursive=True)
     owner = np.asarray(found.vertex_part, dtype=int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains
         if not (owner == rank).any():
@@ -86,7 +83,5 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
             spare = np.bincount(owner, minlength=ranks) > 1
             richest = np.flatnonzero(owner == np.argmax(np.where(spare, load, -1.0)))
             owner[richest[np.argmin(costs[richest])]] = rank
-    if speeds is not None:
-        return owner
     lightest = np.argmin(np.bincount(owner[np.r_[one, two]], weights=np.tile(dofs, 2), minlength=ranks))
     return np.where(owner == lightest, 0, np.where(owner == 0, lightest, owner))

@@ -7,13 +7,11 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.folders import temporary
-from orchestrator.method.checkpoint import Start
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
@@ -126,16 +124,6 @@ class Record(Subscriber):
     def _summarise(self, summary: dict[str, object]) -> None:
         note_time(summary, self.watch)
         write_summary(self._folder, summary)
-
-    def latest(self) -> Start | None:
-        """The state of the run, to go on from: all that it has told is in the checkpoint."""
-        found = load_checkpoint(self._folder, self._key)
-        # this run's clock goes on, and so does its count of iterations
-        return found and replace(found, seconds=0.0, before=0 if self.start is None else self.start.iteration)
-
-    def keeps(self) -> bool:
-        """Whether a checkpoint is written, so that there is something to go on from."""
-        return self._checkpoint.keeps
 
     def close(self) -> None:
         """Closes the history, and removes what pictures alone are drawn from."""

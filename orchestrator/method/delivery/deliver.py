@@ -26,7 +26,6 @@ from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.mesh_bound import MeshBound
 from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.timing import Stopwatch
@@ -60,7 +59,6 @@ class Delivered:
     joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     discretisation: Estimate | None = None  # its estimated error, if asked for
-    mesh_bound: MeshBound | None = None  # if asked for
     quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are

@@ -107,7 +107,7 @@ class Case:
     method : ``method`` of the configuration
     numbers : of these load steps, from 1, for people
     told : the least displacement that means something in any load step of the scene, see ``LengthScale``; 0: nobody knows
-    given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``, ``placing``
+    given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``
     value : below which the measure has to fall; with ``error: auto`` it follows the estimate
     """
 

@@ -23,10 +23,11 @@ import numpy as np
 from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.method.stopping.stress_element import FACES, TENSOR
 from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
 
+FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # corners of the face opposite to each
+TENSOR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # places of a stress's six components
 CHUNK = 300  # tets at once: some 15 kB each, which the processor keeps at hand
 _MIDDLE = np.zeros((4, 4), dtype=int)  # the node between two corners
 _MIDDLE[tuple(TET_EDGES.T)] = _MIDDLE[tuple(TET_EDGES[:, ::-1].T)] = np.arange(4, 10)

@@ -74,7 +74,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "error_shares": _shares(met and met.shares), "backward": _backward(met and met.backward),
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative,
-        "mesh_bound": delivered.mesh_bound and delivered.mesh_bound.relative, "tolerance": last.tolerance,
+        "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
         "places": asdict(met.places) if met and met.places else None,

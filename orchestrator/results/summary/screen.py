@@ -13,7 +13,7 @@ LINES = 23  # at most, so that with what stands before them they are no more tha
 # label → lines at most; what is not here is shown on request and in the report
 BRIEF = {"run": 1, "verdict": 4, "result": 2, "peak stress": 2, "peak displ.": 2, "reactions": 4, "loads": 3, "probes": 5,
          "certified": 4, "what to do": 6, "iterations": 1, "error bound": 1, "own errors": 2, "law residual": 1, "no balance": 2,
-         "mesh's error": 2, "mesh bound": 1, "accuracy": 2, "off by": 3, "interfaces": 2, "bolts": 4, "tools": 3,
+         "mesh's error": 2, "accuracy": 2, "off by": 3, "interfaces": 2, "bolts": 4, "tools": 3,
          "not held": 2, "warning": 6, "size": 1, "time": 1}
 LABEL = 16  # columns, with what is left free beside both
 UNTIL = {"time": ":", "iterations": " (", "mesh's error": ";"}  # where a text ends that is told briefly

@@ -20,7 +20,7 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 NAME = "summary.json"
 KEYS = (
     "name converged stop_reason advice iterations sweeps newton_steps coarse_ends sole_scale indicator error_bound error_kind "
-    "error_factor true_error error_shares backward discretisation_error mesh_bound accuracy tolerance residuals stabilised places element dofs "
+    "error_factor true_error error_shares backward discretisation_error accuracy tolerance residuals stabilised places element dofs "
     "subdomains interfaces "
     "interface_nodes load_steps energy peak_stress peak_displacement reactions reaction_names reaction_kinds reaction_moments probes "
     "paths intervals status_counts interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held unbalanced "

@@ -126,13 +126,6 @@ def _mesh(summary: Mapping[str, object]) -> str:
     return text + (f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it" if text and asked.get("error") == "auto" else "")
 
 
-def _mesh_bound(summary: Mapping[str, object]) -> str:
-    if "mesh_bound" not in summary or not ((summary.get("config") or {}).get("output") or {}).get("mesh_bound"):
-        return ""
-    return _numbers(summary, "mesh_bound", "{:.2e}  (guaranteed, mesh and iterations, energy norm)") or \
-        "none: the mesh is too coarse for one, or sides are inside each other"
-
-
 def _accuracy(summary: Mapping[str, object]) -> str:
     if not (found := summary.get("accuracy")):
         return ""
@@ -204,7 +197,7 @@ _LINES: tuple[tuple[str, object], ...] = (
     ("error bound", _error), ("own errors", own_errors), ("backward", _backward),
     ("true error", ("true_error", "{:.2e}  (against the undecomposed solution)")),
     ("law residual", ("residuals.law_residual", "{:.2e}  (equilibrium and interface laws, the largest relative residual)")),
-    ("no balance", balance_sentences), ("mesh's error", _mesh), ("mesh bound", _mesh_bound), ("accuracy", _accuracy), ("off by", _off),
+    ("no balance", balance_sentences), ("mesh's error", _mesh), ("accuracy", _accuracy), ("off by", _off),
     ("interfaces", _statuses), ("nonlinear", _nonlinear), ("bolts", _bolts), ("stabilised", partial(stabilised_sentences, brief=True)),
     ("places", place_sentences), ("not held", partial(hold_sentences, brief=True)), ("warning", lambda summary: summary.get("warnings")),
     ("size", _size), ("element", ("element", "{}")), ("time", time_sentences), ("codes", code_sentences), ("workers", worker_sentence),

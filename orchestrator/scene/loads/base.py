@@ -29,12 +29,10 @@ class Forces:
 
     amounts : (steps, m, 3 or 1)
     shapes : (m, k, p, 1 or 3), of k elements with p nodes: a share for all components, or a force
-    bent : a traction that is not linear on every face
     """
 
     amounts: np.ndarray
     shapes: np.ndarray
-    bent: bool = False
 
     def of(self, elements: np.ndarray) -> Forces:
         """Forces of some elements alone, indices or bool."""

@@ -6,7 +6,6 @@ corner that lies alone on its side, wet or dry, they are integrals of polynomial
 
 from __future__ import annotations
 
-from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
@@ -37,9 +36,7 @@ class Liquid(Kind):
         if len(every) and not (every > 0).any():
             where.problems.add(where.path, f"faces that are all above the level, by {-every.max():.6g} at least",
                                "a level above some of the faces", "raise level, or turn up to look against gravity")
-        wet = depth > 0
-        return replace(against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where),
-                       bent=bool((wet.any(axis=1) & ~wet.all(axis=1)).any()))
+        return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
 
 
 def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:

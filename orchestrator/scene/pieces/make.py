@@ -49,10 +49,9 @@ def source_of(config: Config, team: Team, meshed: Meshed) -> Dealt | str:
     return dealt(config, team, meshed) or "a mesh that one process makes"
 
 
-def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: Meshed | None = None) -> Scene | str:
+def make(config: Config, team: Team, meshed: Meshed | None = None) -> Scene | str:
     """The part of a scene that is this rank's, which all ranks make together; or why one has to make the whole, the same on all of them.
 
-    speeds : as of ``owners``
     meshed : what makes a mesh on rank 0; where one has to make the scene of it, it may have it already
     """
     meshed = meshed or Meshed()
@@ -64,7 +63,7 @@ def make(config: Config, team: Team, speeds: np.ndarray | None = None, meshed: M
     if config.output.figures and source.extent.nodes > MAX_NODES:
         return "pictures of so large a mesh"
     nodes, pairs, common = source.sizes
-    rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size, speeds))
+    rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return "more nodes of a rank than numbers allow"
     tools = agreed(lambda: pushed_tools(config), team)
