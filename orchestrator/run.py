@@ -27,7 +27,7 @@ from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
 from orchestrator.results.whole import tell
 from orchestrator.results.progress import Progress
-from orchestrator.results.summary.screen import print_summary
+from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.outline import hollow

@@ -28,7 +28,7 @@ from orchestrator.method.delivery import quantities
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.mesh.bisection import bisected
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh, session

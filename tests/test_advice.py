@@ -12,7 +12,7 @@ from method_case import CLAMP, CUBES
 from orchestrator.config.load import config_from
 from orchestrator.method.monitors import ending
 from orchestrator.results.summary.advice import CAUSES
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 
 

@@ -14,7 +14,7 @@ from orchestrator.config.load import config_from
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh import quadratic

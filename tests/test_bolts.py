@@ -12,8 +12,8 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import History
-from orchestrator.results.report.sections import interface_section
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.report.tables import tables
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
@@ -101,7 +101,8 @@ def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pull
     between = [face for face in solution.summary["contact_faces"] if face["kind"] == "plane" and "bolt" not in face["bodies"]]
     assert len(between) == 2 and sum(face["normal"][1] for face in between) == pytest.approx(400, rel=1e-5)
     assert dict(summary_rows(solution.summary))["bolts"].startswith("bolt: 39")
-    assert "| bolt | 3 |" in "\n".join(interface_section(solution.summary))
+    (table,) = (table for table in tables(solution.summary, {}, tmp_path) if table.title == "Bolts")
+    assert [row[:2] for row in table.rows] == [("bolt", 1), ("bolt", 2), ("bolt", 3)] and table.rows[2][2] == told["force"][2]
 
 
 @pytest.mark.parametrize("increment", quick([1, 2], 1))

@@ -149,7 +149,7 @@ def test_report(tmp_path):
     done = call("report", str(folder.path))
     assert done.exit_code == 0 and done.stderr == ""
     text = (folder.path / "report.md").read_text()
-    assert "# made_up" in text and "tolerance was 1e-06 on the error bound" in text
+    assert "# made_up" in text and "| error bound | 2.00e-07" in text
     assert {path.name for path in (folder.path / "figures").iterdir()} == {"convergence.png", "time.png"}
     assert all(f"(figures/{name})" in text for name in ("convergence.png", "time.png"))
     (tmp_path / "empty").mkdir()

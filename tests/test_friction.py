@@ -16,7 +16,7 @@ from orchestrator.laws.base import Law
 from orchestrator.laws.contact import Contact
 from orchestrator.method.stopping.friction import OPEN, Friction
 from orchestrator.registry import LAWS
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 

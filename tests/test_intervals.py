@@ -13,7 +13,7 @@ from test_bolts import bar as bolted
 from test_certificate import FRICTIONLESS, case
 
 from orchestrator import InputError, build_scene, config_from, solve
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 
 pytestmark = pytest.mark.xdist_group("intervals")  # scenes are solved once for several tests
 ALL = ["reactions", "sections", "resultants", "bolts"]

@@ -16,10 +16,10 @@ from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.mesh import Move
 from orchestrator.method.delivery.faces import Face, carry, shape
 from orchestrator.parallel.team import ALONE
-from orchestrator.results.report.sections import interface_section
+from orchestrator.results.report.tables import tables
 from orchestrator.results.summary.contact_faces import slip_load
-from orchestrator.results.summary.verdict import verdict
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.sentences import verdict
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import make_mesh, placed
@@ -189,7 +189,7 @@ def test_a_head_and_its_shank_are_two_faces(tmp_path):
     assert len(np.intersect1d(*crease)) >= 12
 
 
-def test_the_load_at_which_a_face_slips():
+def test_the_load_at_which_a_face_slips(tmp_path):
     """A block pressed onto another and pushed aside, in steps of the path: at the last it slides as a whole."""
     bottom, top = ({"on": {"plane": "z", "at": at}} for at in (0.0, 1.0))
     push = [[0, 0, -0.005], [4e-4, 0, -0.005], [8e-4, 0, -0.005], [0.02, 0, -0.005]]
@@ -205,7 +205,8 @@ def test_the_load_at_which_a_face_slips():
     assert slips["at"] == pytest.approx(face["capacity"][3], rel=0.05)
     (said,) = verdict(summary)
     assert "slips from load step 4, at about" in said and dict(summary_rows(summary))["verdict"] == said
-    assert "slips" in "".join(interface_section(summary))
+    (table,) = (table for table in tables(summary, {}, tmp_path) if table.title == "Faces in contact")
+    assert [row[-1] for row in table.rows] == ["holds", "holds", "holds", "slips"]
     assert verdict({**summary, "converged": False}) == []
 
 

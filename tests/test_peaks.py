@@ -5,7 +5,7 @@ from accuracy_case import bent
 from test_accuracy import refined
 
 from orchestrator.accuracy.peaks import growth
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
 
 SIZES = (0.1, 0.04, 0.01)

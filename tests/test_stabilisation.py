@@ -18,7 +18,7 @@ from orchestrator.method.interface.stabilisation import ANEW, begin_anew, cautio
 from orchestrator.method.monitors import Verdict
 from orchestrator.method.monitors.weakening import PATIENCE, WEAKER, Weakening
 from orchestrator.method.stopping.law_residuals import LawResiduals
-from orchestrator.results.summary.words import summary_rows
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.loose import loose_bodies

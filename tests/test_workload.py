@@ -1,23 +1,16 @@
 """Where the workers' time goes: it adds up, and the summary, console and report tell it."""
 
-import io
 import time
 
 import pytest
-import results_case as case
 from blackbox_case import box, forces, settings
-from rich.console import Console
 
 from orchestrator.blackbox.usage import CLOCKS, since
 from orchestrator.blackbox.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.parallel.team import Team
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import write_history
-from orchestrator.results.report.report import report
-from orchestrator.results.summary.screen import print_summary
-from orchestrator.results.summary.summary import write_summary
+from orchestrator.results.report.tables import tables
 from orchestrator.results.summary.workload import Workload, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -125,17 +118,12 @@ def test_ranks_are_joined_and_shown(solved, tmp_path):
     both = joined([record, other])
     assert both["iterations"]["seconds"] == 2 * record["iterations"]["seconds"]
     assert [row["rank"] for row in both["iterations"]["workers"]] == [0, 0, 1, 1]
-    summary = {**solved.summary, "workload": both}
-    stream = io.StringIO()
-    print_summary(summary, console=Console(file=stream, width=200))
-    assert f"idle for {100 * idle_share(both['iterations']['workers']):.0f} % of the" in stream.getvalue()
-    folder = ResultsFolder(tmp_path)
-    write_summary(folder, summary)
-    write_history(folder, case.history())
-    text = report(tmp_path).read_text()
-    assert "Who did what: iterations" in text and "waiting for other ranks" in text
-    for row in both["iterations"]["workers"]:
-        assert f"| {row['rank']} | {row['worker']} | {row['models']} | {row['dofs']:,} | {row['calls']} |" in text
+    told = {table.title.rpartition(", ")[2]: table.rows for table in tables({**solved.summary, "workload": both}, {}, tmp_path)
+            if table.title.startswith("Who did what: iterations")}
+    assert [row[:5] for row in told["workers"]] == [
+        [str(row["rank"]), str(row["worker"]), str(row["models"]), f"{row['dofs']:,}", str(row["calls"])]
+        for row in both["iterations"]["workers"]]
+    assert len(told["ranks"]) == 2 and {row[1] for row in told["stages"]} == {"0", "1"}
 
 
 def test_period_without_work():

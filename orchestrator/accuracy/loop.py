@@ -30,7 +30,7 @@ from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.meshes import FIRST, keep_first
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.screen import print_summary
+from orchestrator.results.summary.lines import print_summary
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.timing import Stopwatch

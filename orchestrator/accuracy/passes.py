@@ -18,7 +18,7 @@ from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
 from orchestrator.results.summary.summary import NAME as SUMMARY, read_summary
-from orchestrator.results.summary.words import quantity_text
+from orchestrator.results.summary.sentences import quantity_text
 from orchestrator.scene.mesh.size_map import SizeMap
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"

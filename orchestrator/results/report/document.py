@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 _STYLE = """body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem }
@@ -46,11 +46,6 @@ def plain(text: str) -> str:
     return text if isinstance(text, Marked) else _MARKS.sub(r"\\\g<0>", text)
 
 
-def number(value: float | None) -> str:
-    """A number for a table; a dash where there is none."""
-    return "–" if value is None else f"{value:.5g}"
-
-
 def heading(text: str, level: int = 2) -> str:
     return f"{'#' * level} {plain(text)}"
 
@@ -58,10 +53,6 @@ def heading(text: str, level: int = 2) -> str:
 def section(title: str, *parts: str, level: int = 2) -> list[str]:
     """Parts below a heading; nothing where all of them are empty."""
     return [heading(title, level), *filter(None, parts)] if any(parts) else []
-
-
-def sentences(texts: Iterable[str]) -> list[str]:
-    return [plain(f"{text}.") for text in texts]
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = False) -> str:

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 from pydantic import ValidationError
+from ruamel.yaml import YAML
 
 from orchestrator.config.explain import explained
+from orchestrator.config.method import Method
 from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
 from orchestrator.results.figures.animation import NAME as ANIMATION, write_animation
 from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import Marked, heading, page, picture, plain, section, table
-from orchestrator.results.report.question import question, settings
-from orchestrator.results.report.sections import (
-    answer, by_step, carried, extremes, interface_section, last_values, meshes, probes, reactions)
+from orchestrator.results.report.tables import tables
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.cost import told_by_code
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, code_label, stage_seconds, units_of
-from orchestrator.results.summary.words import summary_rows
-from orchestrator.results.summary.verdict import verdict
-from orchestrator.results.summary.workload import PERIODS
+from orchestrator.results.summary.lines import summary_rows
+from orchestrator.results.summary.sentences import verdict
+from orchestrator.results.summary.summary import units_of
 from orchestrator.scene.conditions.selection import check_figures
 
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: sharp edges and borders of the "
@@ -124,90 +122,32 @@ def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
-    """The report's parts, question and answer first; the structure's picture beside the answer."""
-    summary, folder = solution.summary, solution.directory
-    told = {"run", "result", "verdict", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "loads",
-            "probes", "warning"}
-    rest = [row for row in summary_rows(summary) if row[0] not in told]
-    return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, verdict(summary)), *question(summary), *answer(summary),
-        *pictures, *probes(summary), *reactions(summary), *extremes(folder, summary), *interface_section(summary), *carried(folder),
-        *section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True)),
-        heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), *meshes(summary), last_values(summary, solution.history),
-        heading("Time"), _time(summary),
-        *section("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", _codes(summary), level=3),
-        *_workload(summary)]
-
-
-def _in_words(solution: Solution) -> str:
+    """The report's parts: the verdict first, the structure's picture, the lines of the summary, the tables behind them."""
     summary = solution.summary
-    split = " and ".join(f"{summary[key]:,} {key}" for key in ("subdomains", "interfaces") if summary.get(key) is not None)
-    size = f" of {summary['dofs']:,} dofs" if summary.get("dofs") else ""
-    ended = "It converged" if solution.converged else \
-        f"It stopped WITHOUT converging ({summary.get('stop_reason')}); what follows is its last state"
-    target = tolerance(summary)
-    waited = f" The tolerance was {target[1]:g} on the {target[0]}." if target else ""
-    how = f" Acceleration: {summary['acceleration']}." if summary.get("acceleration") else ""
-    return (f"A structure{size} in {split or 'subdomains'} was computed for {summary.get('load_steps') or 1} load "
-            f"step(s). {ended} after {solution.iterations} iterations.{waited}{how}")
-
-
-def _time(summary: Mapping[str, object]) -> str:
-    timing = summary.get("timing") or {}
-    total, own = timing.get("total") or 0.0, timing.get("blackbox") or {}
-    lines = [(label, f"{s:.2f}", f"{100 * s / total:.0f} %" if total else "") for label, s in stage_seconds(timing)]
-    lines.append(("total (wall clock)", f"{total:.2f}", "100 %"))
-    lines += [(f"black box: {stage}", f"{own[stage]:.2f}", "") for stage in BLACKBOX_STAGES if own.get(stage) is not None]
-    if blackbox_seconds(timing):
-        lines.append(("black box: all, on its own clock, summed over its workers", f"{blackbox_seconds(timing):.2f}", ""))
-    return table(("stage", "seconds", "share"), lines, numeric=True)
-
-
-def _codes(summary: Mapping[str, object]) -> str:
-    """CPU seconds of each code by kind of work, and the orchestrator's seconds of wall clock."""
-    kinds = ("start", "assemble", "factorise", "solve", "total")
-    rows = [(code_label(entry), str(len(entry["subdomains"])), *(f"{entry['seconds'][kind]:.2f}" for kind in kinds),
-             f"{sum(note['unit_loads'] for note in entry['compliances']):,}")
-             for entry in summary["codes"]] if told_by_code(summary) else []
-    if rows and (own := summary.get("orchestrator_seconds")) is not None:
-        rows.append(("orchestrator", "", "", "", "", "", f"{own:.2f}", ""))
-    return table(("code", "subdomains", *kinds[:-1], "seconds", "unit loads"), rows, numeric=True)
-
-
-# column → format of a row of the record; times in seconds, shares of the period
-_STAGE = {"stage": "{name}", "rank": "{rank}", "calls": "{calls}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}",
-          "share": "{percent:.1f} %"}
-_WORKER = {"rank": "{rank}", "worker": "{worker}", "subdomains": "{models}", "dofs": "{dofs:,}", "calls": "{calls}",
-           "assemble, factorise": "{ready:.2f}", "solve": "{solve:.2f}", "messages": "{messages:.2f}", "waiting": "{waiting:.2f}",
-           "idle": "{idle:.2f}", "idle share": "{percent:.1f} %"}
-_RANK = {"rank": "{rank}", "seconds": "{seconds:.2f}", "waiting for other ranks": "{waiting:.2f}", "idle share": "{percent:.1f} %",
-         "messages": "{messages:,}", "of them sums": "{reductions:,}", "MB sent": "{MB:.2f}", "peak memory MB": "{memory_peak_mb:,.0f}"}
-_LEAST = 5e-3  # share from which a stage is worth a row
-
-
-def _workload(summary: Mapping[str, object]) -> list[str]:
-    """Chart of who did what in each period: stages, the longest first within a rank, workers and, where there are several, ranks."""
-    parts: list[str] = []
-    for key, period in (summary.get("workload") or {}).items():
-        stages = sorted((row for row in period["stages"] if row["share"] >= _LEAST), key=lambda row: (row["rank"], -row["seconds"]))
-        ranks = period.get("ranks") or ()
-        parts += section(f"Who did what: {PERIODS[key]}, {period['seconds']:.2f} s", *(
-            table(list(columns), [[form.format_map(row | {"percent": 100 * row[share]}) for form in columns.values()] for row in rows],
-                  True)
-            for columns, share, rows in ((_STAGE, "share", [{**row, "name": STAGES.get(row["stage"], row["stage"])} for row in stages]),
-                (_WORKER, "idle_share", [{**row, "ready": row["start"] + row["assemble"] + row["factorise"],
-                                          **{name: max(row[name], 0.0) for name in ("solve", "messages", "waiting", "idle")}}
-                                         for row in period["workers"]]),
-                (_RANK, "idle_share", [{**row, "MB": row["bytes"] / 1e6} for row in ranks] if len(ranks) > 1 else []))), level=3)
-    if parts:
-        parts.append("Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
-            "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")
-    return parts
+    told = verdict(summary) if solution.converged else [
+        f"The run has NOT converged ({summary.get('stop_reason')}): these numbers are of its last state."]
+    return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), *pictures,
+            table(("", ""), [row for row in summary_rows(summary) if row[0] != "verdict"]),
+            *(part for each in tables(summary, solution.history, solution.directory) for part in each.markdown)]
 
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:
-    found = summary.get("versions") or {}
-    parts = [heading("How to do it again"), plain("Versions: " + ", ".join(f"{name} {v}" for name, v in found.items()) + ".")]
-    if rows := settings(summary.get("config") or {}):
-        parts += ["Settings that are not the defaults of `method`, and how the structure was cut and solved; `summary.json` has the "
-                  "whole configuration under `config`.", table(("key", "value"), rows)]
-    return parts
+    """The configuration as YAML, and the versions that have computed it."""
+    config, writer, stream = _without(summary.get("config") or {}), YAML(typ="safe", pure=True), io.StringIO()
+    config["method"] = _without(config.get("method") or {}, Method().model_dump(mode="json", exclude_none=True))
+    writer.default_flow_style, writer.sort_base_mapping_type_on_output, writer.width = None, False, 100
+    writer.dump({key: value for key, value in config.items() if value not in ({}, [])}, stream)
+    versions = ", ".join(f"{name} {version}" for name, version in (summary.get("versions") or {}).items())
+    return [heading("The question"), plain(f"The configuration, less what is the default of method. Versions: {versions or 'unknown'}."),
+            "\n".join("    " + line for line in stream.getvalue().splitlines())]
+
+
+def _without(value: Mapping[str, object], usual: Mapping[str, object] | None = None) -> dict[str, object]:
+    """Entries that say something: no null, and none that is as usual."""
+    usual, result = usual or {}, {}
+    for key, item in value.items():
+        if isinstance(item, Mapping):
+            item = _without(item, known if isinstance(known := usual.get(key), Mapping) else None) or None
+        if item is not None and usual.get(key) != item:
+            result[key] = item
+    return result

@@ -1,0 +1,181 @@
+"""The lines of a summary: one template, read by the terminal and by the report.
+
+A line has a label and a text, in which fields of summary.json stand in braces: numbers of each load step are those of the last one.
+A text is there where all its fields are known; what stands in ‹ › goes where one of its own is not. What takes more than a format is
+in ``sentences``.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from string import Formatter
+
+from orchestrator.parallel.team import watched
+from orchestrator.results.summary import sentences
+from orchestrator.results.summary.sentences import vector
+from orchestrator.results.summary.summary import jsonable, units_of
+
+MOST = 6  # texts of a line that are told briefly
+STYLES = {"warning": "yellow", "what to do": "yellow"}
+MORE = "orchestrator report {} writes a report of all; run --verbose prints it"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the summary.
+
+    label : what stands before it
+    told : the text with its fields, or what makes one or several of a summary
+    each : a key of the summary: a text for each entry of what is there, of which the fields are then
+    brief : whether it is told where not all is asked for
+    """
+
+    label: str
+    told: str | Callable[[Mapping[str, object]], str | list[str]]
+    each: str = ""
+    brief: bool = True
+
+
+LINES = (
+    Line("run", "{name}"), Line("result", "{ended}‹ ({why})›"), Line("verdict", sentences.verdict), Line("what to do", "{}", "advice"),
+    Line("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}‹ of {peak_stress[part]}›"
+         "‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh it grows as h^-{peak_stress[grows]:.2f}, "
+         "h the size of elements there, without limit›"),
+    Line("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}‹ of {peak_displacement[part]}›"
+         "‹, load step {peak_displacement[load_step]} of {many}›)"),
+    Line("reactions", lambda summary: sentences.forces(summary, "support")), Line("loads", lambda summary: sentences.forces(summary, "load")),
+    Line("bolts", "{name}: {force:.5g}{unit[force]}, {state}, shortened by {shortening:.4g}{unit[length]}"
+         "‹; shear {shear:.3g}, bending {bending:.3g}›", "bolts"),
+    Line("interfaces", sentences.statuses),
+    Line("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
+    Line("probes", sentences.probes), Line("certified", sentences.certified),
+    Line("iterations", "{iterations:,}‹, {sweeps[total]:.4g} sweeps›"),
+    Line("error bound", "{error_bound:.2e}  ({kind}‹, {error_factor:.3g} times what it is with limits of friction that are known›, "
+         "relative, energy norm)"),
+    Line("acceleration", "{acceleration}", brief=False),
+    Line("law residual", "{residuals[law_residual]:.2e}  (equilibrium and interface laws, the largest relative residual)"),
+    Line("own errors", sentences.own_errors), Line("no balance", sentences.unbalanced),
+    Line("places", sentences.places, brief=False), Line("not held", sentences.not_held),
+    Line("stabilised", sentences.stabilised, brief=False),
+    Line("backward", "exact for surfaces shifted by at most {backward[normal]:.1e}{unit[length]} along the normal, "
+         "{backward[tangential]:.1e}{unit[length]} across it", brief=False),
+    Line("true error", "{true_error:.2e}  (against the undecomposed solution)"),
+    Line("mesh's error", "{discretisation_error:.2e}  (estimated discretisation error, relative, energy norm)"
+         "‹; tolerance {auto:.2e}, {fraction:g} of it›"),
+    Line("accuracy", "{accuracy[reached]:.2%} reached‹, {accuracy[asked]:.2%} asked›, energy norm, of mesh and iterations together; the "
+         "last mesh of {mesh[elements]:,} elements; the mesh's error is {mesh[checked]}"),
+    Line("off by", sentences.off_by),
+    Line("load path", "{sentence}", "load_path", False),
+    Line("nonlinear", "{subdomains}: load steps one after the other, {answers:,} answers from the last committed one; no error bound is "
+         "claimed, residuals are; off: {off}", "nonlinear", False),
+    Line("warning", "{}", "warnings"),
+    Line("size", sentences.size), Line("element", "{element}", brief=False),
+    Line("time", "{timing[total]:.2f} s"), Line("stages", sentences.stages, brief=False),
+    Line("skipped", "{saved}  ({skip})", "skipped", False),
+    Line("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False))
+
+
+class _Fields(Formatter):
+    """Fields of a template; KeyError where one is not known, null or an empty text."""
+
+    def get_field(self, name, args, kwargs):
+        value, key = super().get_field(name, args, kwargs)
+        if value in (None, []) or (value == "" and not name.startswith("unit")):
+            raise KeyError(name)
+        return value, key
+
+    def format_field(self, value, form):
+        if isinstance(value, list):
+            return vector(value) if value and not isinstance(value[0], str) else ", ".join(value)
+        if isinstance(value, Mapping):
+            return ", ".join(f"{count:,} {what}" for what, count in value.items())
+        return super().format_field(value, form)
+
+
+def filled(template: str, fields: Mapping[str, object], *told: object) -> str:
+    """Return a template with its fields filled in, see above; empty where one outside of ‹ › is not known."""
+    texts = []
+    for place, piece in enumerate(re.split("[‹›]", template)):
+        try:
+            texts.append(_Fields().vformat(piece, told, fields))
+        except (KeyError, TypeError):
+            if place % 2 == 0:
+                return ""
+    return "".join(texts)
+
+
+def _view(summary: Mapping[str, object]) -> dict[str, object]:
+    """What templates read: a summary as it is written, with units and what is told by several keys."""
+    found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {"config": summary.get("config") or {}}
+    reason, asked = found.get("stop_reason"), (found["config"].get("method") or {}).get("tolerance") or {}
+    last = found["accuracy"]["meshes"][-1] if found.get("accuracy") else None
+    return found | {"unit": units_of(summary), "many": steps if (steps := found.get("load_steps") or 1) > 1 else None,
+        "ended": "converged" if found.get("converged") else "NOT converged", "why": None if reason == "converged" else reason,
+        "kind": found.get("error_kind") or "guaranteed", "fraction": asked.get("fraction"),
+        "tools": [tool if any(tool["rotation"][-1]) else tool | {"rotation": None} for tool in found.get("tools") or ()],
+        "auto": found.get("tolerance") if asked.get("error") == "auto" else None,
+        "mesh": last and last | {"checked": "an estimate that nothing has checked" if last["told"] is None
+                                 else "measured against the mesh before"}}
+
+
+def _last(entry: object) -> dict[str, object]:
+    """An entry, of lists over the load steps the last."""
+    return {} if isinstance(entry, str) else {
+        key: value[-1] if isinstance(value, list) and value and not isinstance(value[0], str) or key == "state" else value
+        for key, value in entry.items()}
+
+
+def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tuple[str, str]]:
+    """Return label and text of each line of a summary; what is not known is left out.
+
+    brief : only what most look for, of lists the first ones; verdict and advice are told whole
+    """
+    view, rows = _view(summary), []
+    for line in LINES:
+        if brief and (not line.brief or line.label == "law residual" and view.get("error_bound") is not None):
+            continue
+        if line.each:
+            entries = view.get(line.each) or ()
+            texts = [filled(line.told, _last(entry) | {"unit": view["unit"]}, entry)
+                     for entry in ([entries] if isinstance(entries, Mapping) else entries)]
+        else:
+            texts = filled(line.told, view) if isinstance(line.told, str) else line.told(view)
+        texts = [text for text in ([texts] if isinstance(texts, str) else texts) if text]
+        if brief and len(texts) > MOST and line.label not in ("verdict", "what to do"):
+            texts = [*texts[:MOST], f"… and {len(texts) - MOST} more in summary.json"]
+        if texts:
+            rows.append((line.label, "\n".join(texts)))
+    return rows
+
+
+def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None,
+                  verbose: bool = True) -> None:
+    """Print a summary as a table of two columns, lines wrapped at the terminal's width.
+
+    summary : as for ``write_summary``
+    directory : the results folder, to say where the figures are
+    console : a rich Console; default: standard output
+    verbose : all of it; else what most look for
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = console or Console(highlight=False, emoji=False, force_terminal=None if watched() else False)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    rows = summary_rows(summary, not verbose)
+    if not verbose:
+        rows.append(("more", MORE.format(directory or "DIR")))
+    if directory is not None:
+        drawn = any(Path(directory).glob("figures/*.png"))
+        rows.append(("results", f"{directory}, figures in {Path(directory) / 'figures'}" if drawn else str(directory)))
+    style = STYLES | {"result": "green" if summary.get("converged") else "red"}
+    for label, text in rows:
+        table.add_row(label, Text(text, style=style.get(label, "")))
+    console.print(table)

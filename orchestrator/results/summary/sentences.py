@@ -1,0 +1,264 @@
+"""Sentences of a summary that take more than a format: what slips, carries, is held, and how far numbers are off.
+
+Every function takes a summary as it is written to summary.json; nothing comes back where nothing is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import ceil, hypot, inf, isfinite, log10
+
+import numpy as np
+
+from orchestrator.errors import some
+from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.summary import blackbox_seconds, stage_seconds, units_of
+
+Summary = Mapping[str, object]
+
+NAMES = 6  # bodies in a sentence
+MOST = 4  # faces, or shanks, that a sentence is spent on
+LOST = 0.01  # share of a pretension whose loss is told
+OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
+FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
+SURE = 1e-6  # of the largest number of its kind: an error that is not told
+ROUNDED = 1e-10  # of the largest of them: shown as zero
+
+
+def vector(values: Sequence[float | None], largest: float | None = None) -> str:
+    """Return components as text, as zero what rounding leaves of them beside the ``largest``, by default theirs."""
+    known = [abs(x) for x in values if x is not None]
+    least = ROUNDED * (max(known, default=0.0) if largest is None else largest)
+    return "(" + ", ".join("–" if x is None else f"{x if abs(x) > least else 0.0:.5g}" for x in values) + ")"
+
+
+def largest(values: object) -> float:
+    """Return the magnitude of the largest of numbers in lists of lists."""
+    if isinstance(values, (list, tuple)):
+        return max(map(largest, values), default=0.0)
+    return 0.0 if values is None else abs(float(values))
+
+
+def _rounded(number: float) -> str:
+    """Four digits, without an exponent where that is shorter."""
+    return f"{float(f'{number:.4g}'):,.10g}"
+
+
+def verdict(summary: Summary) -> list[str]:
+    """Return what slips and from which load on, what bears, what bolts lose, those that matter most first; nothing where the run has
+    not converged."""
+    if not summary.get("converged"):
+        return []
+    unit, faces = units_of(summary), summary.get("contact_faces") or ()
+    rubbing = [face for face in faces if max(face["capacity"], default=0.0) > 0 and face["kind"] not in ("bore", "face")]
+    told = _first(sorted((face for face in rubbing if face["slips"]), key=lambda face: face["slips"]["step"]),
+                  lambda face: _slips(face, unit), "faces slip")
+    if rubbing and not told:
+        face = max(rubbing, key=lambda face: max(face["used"]))
+        most = max(face["used"])
+        told = [f"nothing slips: of what friction can hold at most {most:.0%} is used, by {face['name']} at load step "
+                f"{face['used'].index(most) + 1}"]
+    least = (summary.get("tolerance") or 0.0) * max((max(face["normal"]) for face in faces), default=0.0)
+    bores = [face for face in faces if face["kind"] == "bore"]
+    bearing = _first([face for face in bores if max(face["bears"], default=0.0) > least], lambda face: (
+        f"{face['name']} bears from load step {next(step for step, force in enumerate(face['bears'], 1) if force > least)}, "
+        f"with up to {_rounded(max(face['bears']))}{unit['force']}"), "shanks bear")
+    return told + (bearing or ["no shank bears in its hole"] * bool(bores)) + _loosened(summary, unit["force"])
+
+
+def _first(found: Sequence[Mapping[str, object]], sentence: Callable[[Mapping[str, object]], str], more: str) -> list[str]:
+    """A sentence on each of the first ones, and how many more there are."""
+    return [*map(sentence, found[:MOST]), *[f"… and {len(found) - MOST} more {more}"] * (len(found) > MOST)]
+
+
+def _slips(face: Mapping[str, object], units: Mapping[str, str]) -> str:
+    """A face that slips: from which load on, and what it could hold beyond, where all of it has slipped and yet it could hold more."""
+    slips, used = face["slips"], round(100 * face["used"][face["slips"]["step"] - 1])
+    unit = units[slips.get("of") or "force"]
+    about = "" if slips["at"] is None else f"at about {_rounded(slips['at'])}{unit} "
+    load = "" if slips["load"] is None else \
+        f", {about}on {slips['on']}, between {_rounded(slips['before'])} and {_rounded(slips['load'])}{unit}"
+    return f"{face['name']} slips from load step {slips['step']}{load}" + f", with {used}% of what friction can hold" * (used < 100)
+
+
+def _loosened(summary: Summary, unit: str) -> list[str]:
+    """The bolt that loses most of the force that it was tightened with last."""
+    lost = []
+    for bolt in summary.get("bolts") or ():
+        last = max((step for step, state in enumerate(bolt["state"]) if state == "tightened"), default=len(bolt["force"]))
+        if after := bolt["force"][last + 1:]:
+            lost.append((1 - min(after) / bolt["force"][last], bolt["name"], bolt["force"][last], min(after)))
+    share, name, given, left = max(lost, default=(0.0, "", 0.0, 0.0))
+    return [f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of {_rounded(given)}{unit}"] * (share > LOST)
+
+
+def forces(summary: Summary, which: str) -> list[str]:
+    """Return the forces of supports, or the sums of loads (``which``: support, or load), at the last load step."""
+    names, reactions, count = summary.get("reaction_names") or [], summary.get("reactions") or [], summary.get("load_steps") or 1
+    kinds, most = summary.get("reaction_kinds") or ["support"] * len(names), largest(reactions)
+    texts = [f"{name}: {vector(steps[-1], most)}{units_of(summary)['force']}" for name, steps, kind in zip(names, reactions, kinds)
+             if steps and (kind == "load") == (which == "load")]
+    return [text + f"  (load step {count} of {count})" * (count > 1 and not k) for k, text in enumerate(texts)]
+
+
+def shown_statuses(counts: Mapping[str, list[int]] | None) -> list[str]:
+    """Return the names of the statuses that say something: open, stick and slip only where there are such."""
+    usual = [name for name in COUNTED if (counts or {}).get(name)]
+    return (usual if any(any(counts[name]) for name in usual) else []) + [name for name in counts or () if name not in COUNTED]
+
+
+def statuses(summary: Summary) -> str:
+    """Return how many node pairs are open, stick, slip … at the last load step."""
+    counts, steps = summary.get("status_counts"), summary.get("load_steps") or 1
+    when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
+    told = ", ".join(f"{counts[name][-1]:,} {name}" for name in shown_statuses(counts) if any(counts[name]))
+    return told and told + when
+
+
+def probes(summary: Summary) -> list[str]:
+    """Return the values of probes at the last load step."""
+    units, texts = units_of(summary), []
+    for probe in summary.get("probes") or ():
+        kind = "" if probe["quantity"] in ("point", "resultant", "section") else f"{probe['quantity']} "
+        unit = {"displacement": units["length"], "stress": units["stress"], "force": ""}[probe["of"]]
+        least = ROUNDED * max((abs(values[-1]) for values in probe["values"].values() if values), default=0.0)
+        texts.append(f"{probe['name']}: " + (probe.get("why") or kind + ", ".join(
+            f"{name} {values[-1] if abs(values[-1]) > least else 0.0:.5g}" for name, values in probe["values"].items()) + unit))
+        if told := probe.get("accuracy"):
+            texts.append(quantity_text(probe["name"], told, unit or units["force"]) + f", asked: {told['asked']:.2%}")
+    return texts
+
+
+def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
+    """Return the length of a displacement or force with what mesh and iterations leave of error."""
+    if told["error"] is None:
+        return f"|{name}| is zero but for rounding"
+    beside = "not known" if told["iterations"] is None else f"{told['iterations']:.1e}"
+    return (f"|{name}| {told['value']:.6g} ± {told['error'] * told['value']:.1e}{unit} ({told['error']:.2%}: mesh's {told['mesh']:.2%} "
+            f"estimated, iterations' {beside})")
+
+
+def certified(summary: Summary) -> list[str]:
+    """Return intervals that contain true values, at the last load step."""
+    found, units = summary.get("intervals"), units_of(summary)
+    if not found or not found["kind"]:
+        return [str(found["why"])] if found else []
+    texts, lost = [f"{found['kind']}, of the solution of this mesh:"], {}
+    for key in ("probes", "reactions", "sections", "resultants", "bolts"):
+        for one in found.get(key) or ():
+            if why := one.get("why"):
+                lost.setdefault(why, []).append(one["name"])
+            if key == "probes":
+                kind, _, how = one["of"].partition(", ")
+                ends = {name: (of["low"][-1], of["high"][-1]) for name, of in one["values"].items()}
+                unit = {name: units[{"displacement": "length", "force": "moment" if name[0] == "m" else "force"}.get(kind, kind)]
+                        for name in ends}
+                texts.append(f"{one['name']}{how and f' ({how})'}: {_intervals(ends, unit)}")
+            elif not why:
+                ends = _components("f", one) | (_components("m", one["moment"]) if "why" not in one.get("moment", {"why": ""}) else {})
+                texts.append(f"{one['name']}: {_intervals(ends, {name: units['moment' if name[0] == 'm' else 'force'] for name in ends})}")
+    return [*texts, *(f"{some(names)}: {why}" for why, names in lost.items())]
+
+
+def _components(letter: str, ends: Mapping[str, object]) -> dict[str, tuple[float, float]]:
+    """Ends of a vector's components, or of a number."""
+    low, high = (np.atleast_1d(ends[end][-1]).tolist() for end in ("low", "high"))
+    return dict(zip([letter + axis for axis in "xyz"] if len(low) == 3 else ["force"], zip(low, high)))
+
+
+def _intervals(ends: Mapping[str, tuple[float | None, float | None]], units: Mapping[str, str]) -> str:
+    """Both ends of each, with as many digits as they differ in, and two; each unit behind the last that has it."""
+    told = []
+    for name, (low, high) in ends.items():
+        width, size = (high - low, max(abs(low), abs(high))) if None not in (low, high) else (0.0, 0.0)
+        digits = min(max(ceil(log10(size / width)) + 2, 2), 12) if width > 0 else 6
+        told.append((units[name], f"{name} " + " … ".join("–" if end is None else f"{end:.{digits}g}" for end in (low, high))))
+    return "; ".join(", ".join(text for own, text in told if own == unit) + unit for unit in dict.fromkeys(own for own, _ in told))
+
+
+def own_errors(summary: Summary) -> str:
+    """Return the bodies whose own error, beside their own energy, is far beyond the one that is told of all together."""
+    found, asked = summary.get("error_shares"), summary.get("tolerance")
+    known = {name: inf if own is None else own for name, own in (found or {"own": {}})["own"].items()}
+    beyond = [f"{name} {own:.1e}" if isfinite(own) else f"{name} all of it" for name, own in known.items() if asked and own > OWN * asked]
+    return f"{some(beyond, NAMES)}, beside their own energy; where that matters, a smaller tolerance.error" if beyond else ""
+
+
+def unbalanced(summary: Summary) -> list[str]:
+    """Return the bodies of which no energy error is known for want of balanced forces near the run's; a limit load says more."""
+    return [] if summary.get("limit_load") else [
+        f"{some(names, NAMES)}: no forces were found at load step {steps} that the laws allow and that balance: no error is known"
+        for steps, names in _alike(summary.get("unbalanced") or ())]
+
+
+def not_held(summary: Summary) -> list[str]:
+    """Return the bodies that are detached or weakly held, and at which load steps."""
+    place = "where stabilisation leaves it" if summary.get("stabilised") else "undetermined"
+    return [f"{some(names, NAMES)}: {what} at load step {steps}; the rigid position is {place}"
+            for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole"))
+            for steps, names in _alike(summary.get(key) or ())]
+
+
+def stabilised(summary: Summary) -> list[str]:
+    """Return what stabilisation carried, and the bodies that live by it at which load steps."""
+    if not (found := summary.get("stabilised")):
+        return []
+    force, work = ("any number of times" if found[key] is None else f"{found[key]:.1e}" for key in ("force", "work"))
+    return [f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do {work} of the "
+            "largest strain energy in work", *(f"{some(names, NAMES)}: more than a tenth of the forces at load step {steps}"
+                                               for steps, names in _alike(found["bodies"]))]
+
+
+def places(summary: Summary) -> list[str]:
+    """Return how far places of bodies are determined: which are beyond a few tolerances, and which not at all."""
+    found, tolerance = (summary.get("places") or {}).get("bodies", {}), summary.get("tolerance")
+    known = {name: far for name, far in found.items() if far is not None and isfinite(far)}
+    beyond = [f"{name} {far:.1e}" for name, far in known.items() if tolerance is None or far > FAR * tolerance]
+    told = [f"{some(sorted(found.keys() - known), NAMES)}: not determined, as next to nothing holds them"] * (len(known) < len(found))
+    return told + [f"{'all others' if told else 'bodies'} stand within {max(known.values(), default=0.0):.1e} of the largest displacement of their "
+                   f"places{': ' * bool(beyond)}{some(beyond, NAMES)}"] * bool(known)
+
+
+def off_by(summary: Summary) -> list[str]:
+    """Return what numbers are off by, where an accuracy was asked for; components of a vector together, what is rounding left out."""
+    if not (found := (summary.get("accuracy") or {}).get("numbers")):
+        return []
+    values, together, kinds = summary["accuracy"]["meshes"][-1]["numbers"], {}, {}
+    for name, error in found.items():
+        head, _, axis = name.rpartition(".")
+        together.setdefault(head if axis in ("x", "y", "z") and head.startswith("reaction.") else name, []).append((values[name], error))
+    for name, each in together.items():
+        kind = name.partition(".")[0]
+        kinds[kind] = max(kinds.get(kind, 0.0), hypot(*(value for value, _ in each)))
+    return [f"{name.replace('_', ' ').replace('reaction.', '')} ± {error:.1e}  (estimated, by what the last meshes have changed)"
+            for name, each in together.items() if (error := hypot(*(error for _, error in each))) > SURE * kinds[name.partition(".")[0]]]
+
+
+def size(summary: Summary) -> str:
+    """Return dofs, subdomains, interfaces and load steps."""
+    words = {"dofs": "dof", "subdomains": "subdomain", "interfaces": "interface", "load_steps": "load step"}
+    return ", ".join(f"{summary[key]:,} {word}{'s' * (summary[key] != 1)}" for key, word in words.items() if summary.get(key) is not None)
+
+
+def stages(summary: Summary) -> list[str]:
+    """Return the seconds of each stage, and of the black box on its own clock."""
+    timing = summary.get("timing") or {}
+    told = [", ".join(f"{label} {seconds:.2f}" for label, seconds in sorted(stage_seconds(timing), key=lambda stage: -stage[1])
+                      if seconds >= 0.005)]
+    if own := blackbox_seconds(timing):
+        share = f" ({own / (workers * timing['total']):.0%} of {workers} × {timing['total']:.2f} s)" \
+            if (workers := summary.get("workers")) and timing.get("total") else ""
+        told.append(f"black box {own:.2f} s, summed over its workers{share}")
+    return told
+
+
+def _alike(named: Iterable[list[str]]) -> list[tuple[str, list[str]]]:
+    """Load steps, and the names that are told at these and no others, from the names per load step."""
+    when: dict[str, list[str]] = {}
+    for step, names in enumerate(named, 1):
+        for name in names:
+            when.setdefault(name, []).append(str(step))
+    alike: dict[str, list[str]] = {}
+    for name, steps in when.items():
+        alike.setdefault(", ".join(steps), []).append(name)
+    return [(steps, names) for steps, names in alike.items()]
