@@ -87,7 +87,8 @@ def test_report(tmp_path):
     """The lines of the summary, tables of each load step, pictures, the configuration; errors of a mesh and probes that are not known."""
     peak = {"value": 12.5, "at": [1.0, 2.0, 3.0], "part": "box", "load_step": 2}
     lost = {"name": "seat", "quantity": "max", "of": "stress", "at": [0.0, 0.0, 0.0], "values": {"sxx": None}, "why": "not known"}
-    tip = {"name": "tip", "quantity": "point", "of": "displacement", "at": [1.0, 0.0, 0.0], "values": {"ux": [0.1, 0.2], "uy": [0.0, 1e-17], "uz": [0.0, 0.0]}}
+    tip = {"name": "tip", "quantity": "point", "of": "displacement", "at": [1.0, 0.0, 0.0],
+           "values": {"ux": [0.1, 0.2], "uy": [0.0, 1e-17], "uz": [0.0, 0.0]}}
     summary = case.summary(peak_stress=peak, probes=[lost, tip], reaction_names=["xmin", "pull"], reaction_kinds=["support", "load"])
     Solution(summary, case.history(), case.fields()).write(tmp_path)
     text = report(tmp_path).read_text()

@@ -150,7 +150,8 @@ def test_shipped_configurations_of_several_codes(name, tmp_path, configs_dir):
     assert summary["iterations"] <= iterations
     assert [f"{entry['code']} {entry['transport']}" for entry in summary["codes"]] == codes
     assert all(entry["seconds"]["total"] > 0 and entry["subdomains"] for entry in summary["codes"])
-    assert 0 < summary["orchestrator_seconds"] < summary["timing"]["total"] and "orchestrator: " in shown
+    assert 0 < summary["orchestrator_seconds"] < summary["timing"]["total"] and all(
+        f"{entry['code']} ({entry['transport']}): " in shown for entry in summary["codes"])
     reactions = np.array(summary["reactions"])
     assert np.abs(reactions.sum(axis=0)).max() <= 1e-5 * np.abs(reactions).max()
     if name == "punch":  # sticks in part, sticks more, slides, sticks again

@@ -75,6 +75,8 @@ LINES = (
     Line("warning", "{}", "warnings"),
     Line("size", sentences.size), Line("element", "{element}", brief=False),
     Line("time", "{timing[total]:.2f} s"), Line("stages", sentences.stages, brief=False),
+    Line("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
+    Line("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests", brief=False),
     Line("skipped", "{saved}  ({skip})", "skipped", False),
     Line("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False))
 
