@@ -159,6 +159,7 @@ def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int], 
     own, shape_of = [_Points(face, fields, np.flatnonzero(number == k)) for k, face in enumerate(faces)], (len(faces), fields.steps)
     (sums,), ends = team.both([np.reshape([points.sums(slips) for points in own], (*shape_of, 12))], np.ravel([p.ends() for p in own]))
     normal, bears, whole, capacity, places, sticks = np.split(sums, [1, 4, 7, 8, 11], axis=2)
+    capacity = np.where(capacity > ROUNDING * capacity.max(initial=0.0), capacity, 0.0)  # what rounding leaves of an open face holds nothing
     least = np.where(capacity > 0, capacity, np.inf)
     centres = [at if face.flat else np.tile(face.through, (fields.steps, 1)) for face, at in zip(faces, places / least)]
     turning, = team.sum(np.reshape([points.turning(centre) for points, centre in zip(own, centres)], (*shape_of, 2)))
@@ -169,7 +170,7 @@ def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int], 
             # a point that bears all resists no turn
             pivot = capacity[k, :, 0] * (PIVOT * (high + low).max() + ROUNDING * np.abs([high, low]).max())
             moment, most = np.abs(turning[k, :, 0]), turning[k, :, 1]
-            used = np.hypot(carried / least[k, :, 0], moment / np.where(most > pivot, most, np.inf))
+            used = np.hypot(carried / least[k, :, 0], moment / np.where((most > pivot) & (pivot > 0), most, np.inf))
         sticking = sticks[k, :, 0] / least[k, :, 0]
         face.carries = {"normal": normal[k, :, 0], "bears": np.linalg.norm(bears[k], axis=1), "carried": carried,
                         "capacity": capacity[k, :, 0], "used": used, "sticking": sticking,

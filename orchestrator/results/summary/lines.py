@@ -49,7 +49,7 @@ LINES = (
          "‹, load step {peak_displacement[load_step]} of {many}›)"),
     Line("reactions", lambda summary: sentences.forces(summary, "support")), Line("loads", lambda summary: sentences.forces(summary, "load")),
     Line("bolts", "{name}: {force:.5g}{unit[force]}, {state}, shortened by {shortening:.4g}{unit[length]}"
-         "‹; shear {shear:.3g}, bending {bending:.3g}›", "bolts"),
+         "‹; shear {shear:.4g}{unit[force]}, bending {bending:.4g}{unit[moment]}›", "bolts"),
     Line("interfaces", sentences.statuses),
     Line("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
     Line("probes", sentences.probes), Line("certified", sentences.certified),
