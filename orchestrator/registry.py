@@ -141,7 +141,7 @@ CODES = Registry({
 }, made="orchestrator.blackbox.codes.python_code:code_of")
 # Parts whose mesh is not ours, by their key in ``parts``: who answers for them.
 FOREIGN = Registry({
-    "matrix": "orchestrator.blackbox.codes.foreign.matrix:MatrixCode",
-    "deck": "orchestrator.blackbox.codes.foreign.deck:DeckCode",
-    "program": "orchestrator.blackbox.codes.foreign.program:ProgramCode",
+    "matrix": "orchestrator.blackbox.codes.parts:MatrixCode",
+    "deck": "orchestrator.blackbox.codes.calculix.deck:DeckCode",
+    "program": "orchestrator.blackbox.codes.parts:ProgramCode",
 })

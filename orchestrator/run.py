@@ -8,7 +8,7 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orchestrator.blackbox.codes.foreign.part import finish_parts
+from orchestrator.blackbox.codes.parts import finish_parts
 from orchestrator.compiled import make_ready
 from orchestrator.config.load import Loaded
 from orchestrator.config.model import Config

@@ -12,7 +12,7 @@ from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
 from quick import late
 
-from orchestrator.blackbox.codes.foreign.deck_runs import EXACT
+from orchestrator.blackbox.codes.calculix.deck_runs import EXACT
 from orchestrator.blackbox.codes.adapter import FullModel
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.config.load import config_from

@@ -17,10 +17,10 @@ from in_process import IN_PROCESS
 from ruamel.yaml import YAML
 from yaml_case import call
 
-from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
-from orchestrator.blackbox.codes.foreign.deck import DeckCode
-from orchestrator.blackbox.codes.foreign.part import finish_parts
-from orchestrator.blackbox.codes.foreign.program import ProgramCode
+from orchestrator.blackbox.transport.algebra import AlgebraWorker
+from orchestrator.blackbox.codes.calculix.deck import DeckCode
+from orchestrator.blackbox.codes.parts import finish_parts
+from orchestrator.blackbox.codes.parts import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.config.load import config_from
 from orchestrator.config.mesh import DeckPart, ProgramPart

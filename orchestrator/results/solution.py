@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.part import fields_of_parts
+from orchestrator.blackbox.codes.parts import fields_of_parts
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields

@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from orchestrator.blackbox.start import find_codes
-from orchestrator.blackbox.codes.foreign.condensed import judged
-from orchestrator.blackbox.codes.foreign.program import Answers
+from orchestrator.scene.foreign.condensed import judged
+from orchestrator.scene.foreign.answers import Answers
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.trial.conformance import run_checks
 from orchestrator.config.blackbox import settings_class

@@ -15,7 +15,7 @@ from itertools import count
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.part import OwnFields
+from orchestrator.blackbox.codes.parts import OwnFields
 from orchestrator.method.delivery.interface_fields import SHIFTS
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import GROUND, LAWS

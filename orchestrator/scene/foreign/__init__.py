@@ -1,5 +1,7 @@
-"""Parts whose mesh is not ours: what the scene knows of them are their joints.
+"""Parts whose mesh is not ours: what the scene knows of them are their joints, what the black box solves is their stiffness there.
 
-``joints`` says what a joint is, ``tables`` and ``deck`` read it from the part's own files, ``standin`` makes the thin layer
-of tets that stands for the part in all that is geometry. What is behind the joints is known to the black box alone.
+A kind of part is a module with a function ``joints(part, path, name)``: ``tables`` (beside a matrix), ``deck``, ``program``. ``standin``
+makes the thin layer of tets that stands for the part in all that is geometry. ``condensed`` brings a stiffness to the joints and judges it,
+``matrix`` has it from a file, ``answers`` from what a program answers; a deck's is CalculiX's (``blackbox.codes.calculix.deck``).
+``blackbox.codes.parts`` answers for all of them.
 """

@@ -1,6 +1,6 @@
 """The joints of a CalculiX deck: node sets, and the elements' faces whose nodes are all in one of them.
 
-Nothing else of the deck is looked at but where it is supported, its first moduli, and its cards, see ``deck_cards``.
+Nothing else of the deck is looked at but where it is supported, its first moduli, and its cards: some no part can have.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.config.mesh import DeckPart
-from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.scene.foreign.deck_cards import check_cards, check_kept
-from orchestrator.scene.foreign.flat import forgotten
+from orchestrator.errors import InputError, KeyPath, Problem, wrong
+from orchestrator.scene.foreign.surfaces import holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
-from orchestrator.scene.mesh.inp_cards import Model, Row, cards, cards_of_a_model, numbers, outer
+from orchestrator.scene.mesh.inp_cards import Inclusion, Model, Row, cards, cards_of_a_model, heading, numbers, outer
 from orchestrator.scene.mesh.splitting import CORNERS, EDGES, SIDES
 
 SHAPES = {count: shape for count, shape in SOLIDS.items() if shape != "pyramid"}  # CalculiX has none
@@ -27,6 +26,18 @@ _CORNERS = {size: SIDES[CORNERS.get(shape, (shape,))[0]] for size, shape in SHAP
 # Of elements with such nodes, which one is in the middle of two corners.
 _EDGES = {size: {tuple(sorted(ends)): CORNERS[shape][1] + i for i, ends in enumerate(EDGES[shape].tolist())}
           for size, shape in SHAPES.items() if shape in EDGES}
+
+# Cards of matter and conditions whose answers are not proportional to forces.
+NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
+             "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
+# Those of them that a part may have which says that it is nonlinear: its matter flows, at small strains, whatever the time.
+FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
+# What CalculiX keeps from one step to the next, and how many words of a line say where it acts.
+KEPT = {"CLOAD": 2, "DLOAD": 2, "DSLOAD": 2, "BOUNDARY": 2, "TEMPERATURE": 1}
+# Those that write to files, or read from files, that they name; CalculiX does not mind blanks.
+OF_FILES = ("VIEWFACTOR", "SUBMODEL", "SUBSTRUCTURE", "CRACKPROPAGATION")
+# What is said with a step, which is not the part's to say.
+OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
 
 def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
@@ -55,9 +66,12 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
                         "put every node of those faces in the set")
         faces.append([np.searchsorted(ids, table) for table in tables])
         joint.append([np.full(len(table), i) for table in tables])
-        remarks += forgotten(deck.outer_faces, own, deck.ids, deck.points, f"joint {part.joints[i]} of '{name}'")
     flat = [table for tables in faces for table in tables]
     triangles, owner, face = cut_in_triangles(flat, points, path, f"'{name}'")
+    joint = np.concatenate([j for own in joint for j in own])[owner]
+    quadratic = any(table.shape[1] in (6, 8) for table in flat)
+    for i, own in enumerate(part.joints):
+        remarks += holes(points, triangles[joint == i], quadratic, f"{name}/{own}")
     for kind, options, rows in deck.cards:
         if kind == "TRANSFORM" and np.isin(ids, deck.nodes_of(options.get("NSET", ""), path)).any():
             rows[0].fail(f"*TRANSFORM on nodes of a joint of '{name}': forces would be turned and displacements not",
@@ -65,8 +79,8 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     held, left = deck.supports(ids, points, [Path(file) for file in part.loads or []])
     if part.held != "auto":
         left = np.zeros((6, 0)) if part.held else np.eye(6)
-    return Joints(ids, points, triangles, np.concatenate([j for own in joint for j in own])[owner], list(part.joints), held, left,
-                  any(table.shape[1] in (6, 8) for table in flat), face, remarks, *deck.moduli())
+    return Joints(ids, points, triangles, joint, list(part.joints), held, left,
+                  quadratic, face, remarks, *deck.moduli())
 
 
 def _solid(kind: str, row: Row) -> tuple[str, int] | None:
@@ -168,3 +182,75 @@ class Deck(Model):
                 if kind.startswith("ISO") and len(values) >= 2:
                     return float(values[0]), float(min(values[1], 0.49))
         return None, 0.3
+
+
+def headings(file: Path, path: KeyPath) -> Iterator[tuple[str, dict[str, str], str]]:
+    """Keyword, options and place of every card, those without lines too; of files that are included as well."""
+    try:
+        for text, at, number in Inclusion(file).spliced():
+            if text.startswith("*"):
+                yield *heading(text), f"{at}:{number}"
+    except InputError as error:
+        raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
+
+
+def files_of(file: Path) -> list[Path]:
+    """A deck's file and those that it includes, as they are named."""
+    deck = Inclusion(file)
+    for _ in deck.spliced():
+        pass
+    return deck.opened
+
+
+def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False) -> None:
+    """Raises InputError for cards that the deck of a part, or the file of its loads, cannot have."""
+    for card, options, where in headings(file, path):
+        if card in OF_STEPS and not (loads and "NLGEOM" in options):
+            said = (f"*{card}", "what stands between *STATIC and *END STEP", "leave this line out: steps are made here") if loads else (
+                f"*{card}", "the deck up to its first *STEP",
+                "put what stands between *STATIC and *END STEP in a file of its own, loads:, and leave the rest out")
+        elif card.replace(" ", "").startswith(OF_FILES):
+            said = f"*{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads", "leave the card out"
+        elif "NLGEOM" in options:
+            said = (f"NLGEOM on *{card}: large displacements, to which joint forces are not proportional", "a linear part",
+                    "leave NLGEOM out")
+        elif card in NONLINEAR - (FLOWING if nonlinear else set()):
+            said = (f"*{card}, which makes the part nonlinear", "a linear part: its answers are superposed",
+                     "write nonlinear: true in its entry, so that load steps are replayed" if card in FLOWING else
+                     "leave the card out, or put the nonlinear part in the orchestrator's own contact laws")
+        elif loads and card == "BOUNDARY" and _new(options):
+            said = ("*BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another", "supports that stay",
+                     "leave OP=NEW out, and move what is to be back by 0")
+        elif card == "AMPLITUDE" and "".join(options.get("TIME", "").upper().split()) == "TOTALTIME":
+            said = ("*AMPLITUDE, TIME=TOTAL TIME, which runs on from load step to load step", "amplitudes of the time within a load step",
+                    "leave TIME=TOTAL TIME out, and write a file of loads for each load step")
+        elif loads and card == "MODEL CHANGE":
+            said = "*MODEL CHANGE makes the deck's stiffness another", "loads alone", "leave the elements out of the deck, or in it"
+        else:
+            continue
+        raise wrong(path, f"{where}: {said[0]}", *said[1:])
+    first = next((text for text, _, _ in Inclusion(file).spliced()), "*")
+    if loads and nonlinear and not first.startswith("*"):
+        raise wrong(path, f"{file}: numbers before the first card", "cards: a load step of matter that flows is one increment",
+                    "leave that line out, and write more load steps for smaller increments")
+
+
+def check_kept(files: list[Path], path: KeyPath) -> None:
+    """Raises InputError where a file says nothing of a load of the file before: CalculiX would keep it from step to step, and
+    here a file says all that acts in its load step."""
+    before: dict[tuple[str, ...], Row] = {}
+    for i, file in enumerate(files):
+        new = {card for card, options, _ in headings(file, path) if _new(options)}
+        said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row for card, _, rows in cards(file) if card in KEPT
+                for row in rows}
+        for key, row in before.items():
+            if key not in said and key[0] not in new:
+                raise wrong((*path, i), f"{file} says nothing of {', '.join(key[1:])} under *{key[0]}, which CalculiX would keep "
+                            f"from the load step before ({row.file}:{row.line})", "in each file all that acts in its load step",
+                            "write that line again with what it is now, which may be 0"
+                            + ("" if key[0] == "BOUNDARY" else f"; or *{key[0]}, OP=NEW if it ends"))
+        before = said
+
+
+def _new(options: dict[str, str]) -> bool:
+    return options.get("OP", "").upper() == "NEW"

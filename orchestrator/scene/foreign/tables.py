@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.scene.foreign.flat import check_surface, missing_faces, of_plane
+from orchestrator.scene.foreign.surfaces import check_surface, holes, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
 
 
@@ -37,10 +37,11 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     kept = np.unique(np.concatenate([table.ravel() for table in faces])) if isinstance(part, MatrixPart) else np.arange(len(ids))
     place = np.zeros(len(ids), dtype=int)
     place[kept] = np.arange(len(kept))
+    quadratic = any(table.shape[1] in (6, 8) for table in faces)
     triangles, owner, face = cut_in_triangles([place[table] for table in faces], points[kept], path, f"'{name}'")
     if part.facets is not None:
         check_surface(ids[kept], points[kept], triangles, (*path, "facets"), name)
-        remarks = missing_faces(points[kept], triangles, np.delete(points, kept[np.unique(triangles)], axis=0), name)
+        remarks = holes(points[kept], triangles, quadratic, name)
     of_face = [own[table] for table in faces]
     mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
                   for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)
@@ -50,7 +51,7 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     joint = np.concatenate([labels[:, 0] for labels in of_face])[owner]
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
     return Joints(ids[kept], points[kept], triangles, joint, names, np.zeros((len(kept), 3), dtype=bool), left,
-                  any(table.shape[1] in (6, 8) for table in faces), np.zeros_like(face) if part.facets is None else face, remarks)
+                  quadratic, np.zeros_like(face) if part.facets is None else face, remarks)
 
 
 def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:

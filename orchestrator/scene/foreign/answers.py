@@ -1,4 +1,4 @@
-"""A program of the user's own as a part: asked for its answers to unit forces once, then algebra.
+"""A program's answers to unit forces, from which its stiffness follows.
 
 With springs k on the joints, that hold it whatever holds it inside, it answers
 
@@ -10,69 +10,18 @@ large as its mean diagonal, few digits are lost in the difference. What is asked
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.part import ForeignCode
-from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
-from orchestrator.scene.foreign.joints import Joints, read_joints
+from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program import ProgramRuns
 
 # Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
 REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
 # Springs over the mean diagonal of S: outside this range digits are lost, and all is asked once more with other springs.
 SUITED, ATTEMPTS = (1e-3, 1e3), 4
-
-
-class ProgramCode(ForeignCode):
-    """A part that is a program."""
-
-    class Settings(ForeignCode.Settings):
-        """One part's entry in ``parts``."""
-
-        @property
-        def writes_results(self) -> bool:
-            """Whether there is a last call."""
-            return True
-
-    def runs(self) -> ProgramRuns:
-        """Calls of the part's program."""
-        return ProgramRuns(self.settings.part, self.settings.place, self.settings.name)
-
-    def made(self) -> Condensed:
-        """Condense the program's part; every answer is judged on the way."""
-        part, path, name = self.settings.part, self.settings.place, self.settings.name
-        joints, runs = read_joints(part, path, name), self.runs()
-        corners = joints.points[joints.triangles]
-        side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * side)
-        loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
-        if self.settings.brings_loads:
-            alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
-            loads = alone @ answers.inverse
-        return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.error)
-
-    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the beginning: how a program that
-        keeps nothing between its calls remembers."""
-        own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
-        return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
-
-    def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
-        """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
-
-        folder : empty; displacements, forces : (steps, 3n) of the joints, and what acts there
-        """
-        part, condensed, steps = self.settings.part, self.condensed(), len(displacements)
-        k = np.full(forces.shape[1], float(np.abs(np.diag(condensed.stiffness)).mean()))
-        asked = forces + k * displacements
-        if self.settings.brings_loads:  # it knows of no history
-            asked = asked + self.loads() - condensed.loads
-        self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
 
 
 @dataclass(frozen=True)

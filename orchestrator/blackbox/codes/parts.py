@@ -13,15 +13,19 @@ import numpy as np
 from pydantic import Field, SerializeAsAny
 
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
-from orchestrator.blackbox.codes.foreign.condensed import Condensed
 from orchestrator.blackbox.start import find_codes
+from orchestrator.blackbox.transport.algebra import AlgebraWorker
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.config.base import as_list
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.mesh import ForeignPart
 from orchestrator.errors import InputError, wrong
 from orchestrator.processes import end_all
+from orchestrator.scene.foreign import matrix
+from orchestrator.scene.foreign.answers import Answers
+from orchestrator.scene.foreign.condensed import Condensed, judged
+from orchestrator.scene.foreign.joints import read_joints
+from orchestrator.scene.foreign.program import ProgramRuns
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -120,6 +124,61 @@ class ForeignCode(Code):
 
 
 _KEPT: dict[tuple, tuple[Condensed, float]] = {}
+
+
+class MatrixCode(ForeignCode):
+    """A part that is a matrix."""
+
+    def made(self) -> Condensed:
+        settings = self.settings
+        return matrix.condensed(settings.part, settings.place, settings.name, len(settings.factors), settings.young)
+
+
+class ProgramCode(ForeignCode):
+    """A part that is a program."""
+
+    class Settings(ForeignCode.Settings):
+        """One part's entry in ``parts``."""
+
+        @property
+        def writes_results(self) -> bool:
+            """Whether there is a last call."""
+            return True
+
+    def runs(self) -> ProgramRuns:
+        """Calls of the part's program."""
+        return ProgramRuns(self.settings.part, self.settings.place, self.settings.name)
+
+    def made(self) -> Condensed:
+        """Condense the program's part; every answer is judged on the way."""
+        part, path, name = self.settings.part, self.settings.place, self.settings.name
+        joints, runs = read_joints(part, path, name), self.runs()
+        corners = joints.points[joints.triangles]
+        side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * side)
+        loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
+        if self.settings.brings_loads:
+            alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
+            loads = alone @ answers.inverse
+        return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.error)
+
+    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the beginning: how a program that
+        keeps nothing between its calls remembers."""
+        own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
+        return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
+
+    def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
+        """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
+
+        folder : empty; displacements, forces : (steps, 3n) of the joints, and what acts there
+        """
+        part, condensed, steps = self.settings.part, self.condensed(), len(displacements)
+        k = np.full(forces.shape[1], float(np.abs(np.diag(condensed.stiffness)).mean()))
+        asked = forces + k * displacements
+        if self.settings.brings_loads:  # it knows of no history
+            asked = asked + self.loads() - condensed.loads
+        self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
 
 
 @dataclass(frozen=True)

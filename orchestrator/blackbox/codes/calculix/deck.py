@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.part import ForeignCode, OwnFields
-from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
-from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Loads, Refused
+from orchestrator.blackbox.codes.parts import ForeignCode, OwnFields
+from orchestrator.scene.foreign.condensed import Condensed, condense, judged
+from orchestrator.blackbox.codes.calculix.deck_runs import DeckRuns, Refused
 from orchestrator.errors import BlackBoxError
 from orchestrator.folders import temporary
 from orchestrator.scene.foreign.joints import Joints, read_joints
@@ -64,9 +65,9 @@ class DeckCode(ForeignCode):
                              "for each", "write one for each" if part.nonlinear else "let history multiply a single one")
         if part.nonlinear:
             return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
-        b = np.array([M @ runs.static(k, case) for case in runs.cases(steps)]) if part.loads else np.zeros((1, len(dofs)))
+        b = np.array([M @ runs.static(k, case) for case in runs.cases]) if part.loads else np.zeros((1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
-        for own, case in zip(b, runs.cases(steps) or [None]):
+        for own, case in zip(b, runs.cases or [None]):
             self._probe(runs, M, k, own, case)
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
@@ -106,7 +107,7 @@ class DeckCode(ForeignCode):
             if flows:
                 found = np.stack([self._replayed(runs, k, asked[: t + 1]) for t in range(steps)])
             else:
-                own = [runs.everywhere(k, case) for case in runs.cases(steps)]
+                own = [runs.everywhere(k, case) for case in runs.cases]
                 found = np.stack([runs.everywhere(k, None, one * (k > 0)) for one in asked])
                 for t, factor in enumerate(self.settings.factors if own else ()):
                     found[t] += factor * own[t if len(own) > 1 else 0]
@@ -118,7 +119,7 @@ class DeckCode(ForeignCode):
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
 
-    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray, case: Loads | None) -> None:
+    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray, case: Path | None) -> None:
         """Raises InputError where under a case of its loads, b on the joints, forces there do not move them as the stored matrix says."""
         free = np.flatnonzero(k)
         s = np.zeros(len(k))
@@ -131,7 +132,7 @@ class DeckCode(ForeignCode):
             raise self.wrong("calculix", f"'{self.settings.name}': forces on its joints do not move them as its stiffness says: {left:.1e} "
                              f"of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose stiffness does not depend on its loads",
                              "look for contact, gaps, *TRANSFORM on joints, and moduli that depend on temperature: with its loads the "
-                             "deck is another than without" + ("" if case is None else f" ({case.file})"))
+                             "deck is another than without" + ("" if case is None else f" ({case})"))
 
 
 def springs_of(S: np.ndarray, free: np.ndarray) -> np.ndarray:

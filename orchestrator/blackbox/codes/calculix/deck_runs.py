@@ -7,7 +7,6 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,7 @@ from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
 from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
-from orchestrator.scene.foreign.deck import Deck
-from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
+from orchestrator.scene.foreign.deck import Deck, files_of, headings
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.processes import waited_for
 
@@ -35,23 +33,12 @@ class Refused(Exception):
     """CalculiX does not take the deck; in its own words."""
 
 
-@dataclass(frozen=True)
-class Loads:
-    """A case of the deck's own loads.
-
-    file : its cards
-    begin : total time at the beginning of its load step, for amplitudes that ask for it
-    """
-
-    file: Path
-    begin: float = 0.0
-
-
 class DeckRuns:
     """Runs of one deck.
 
     part : the entry of ``parts``; path : where it stands in the YAML
     folder : an empty one
+    cases : files of the deck's own loads: one for all load steps, or one for each
     """
 
     def __init__(self, part: DeckPart, path: KeyPath, joints: Joints, folder: Path):
@@ -65,6 +52,7 @@ class DeckRuns:
                           if card == "MATERIAL" and "NAME" in options]
         elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT" for row in rows if row.words[0].isdigit()]
         self._named = [Path(file) for file in [part.calculix, *(part.loads or [])]]
+        self.cases = self._named[1:]
         # CalculiX takes no two amplitudes on one dof: forces on the joints then act on nodes that follow theirs
         amplitudes = any(card == "CLOAD" and "AMPLITUDE" in options
                          for file in part.loads or [] for card, options, _ in headings(Path(file), path))
@@ -94,16 +82,7 @@ class DeckRuns:
         except files.Unreadable as error:
             raise Refused(f"its stiffness was not stored: {error}") from error
 
-    def cases(self, steps: int) -> list[Loads]:
-        """Cases of the deck's own loads: one case for all load steps, or one for each."""
-        files, path = [Path(file) for file in self.part.loads or []], (*self.path, "loads")
-        if not runs_on(Path(self.part.calculix), path):
-            return [Loads(file) for file in files]
-        each = files * steps if len(files) == 1 else files
-        ends = np.cumsum([0.0, *(period(file, path) for file in each)]).tolist()
-        return [Loads(file, begin) for file, begin in zip(each, ends)]
-
-    def static(self, k: np.ndarray, loads: Loads | None, forces: np.ndarray | None = None) -> np.ndarray:
+    def static(self, k: np.ndarray, loads: Path | None, forces: np.ndarray | None = None) -> np.ndarray:
         """(3n,) displacements of the joints under loads and forces (3n,) on the joints, springs k (3n,) on them."""
         u = self.everywhere(k, loads, forces)
         if len(u) < self.joints.ids.max():
@@ -113,14 +92,12 @@ class DeckRuns:
             raise Refused("displacements that are not finite: something inside can move by itself")
         return found
 
-    def everywhere(self, k: np.ndarray, loads: Loads | None, forces: np.ndarray | None = None) -> np.ndarray:
+    def everywhere(self, k: np.ndarray, loads: Path | None, forces: np.ndarray | None = None) -> np.ndarray:
         """(nodes, 3) the same of all nodes, by number from 1."""
         text = self._included() + self.springs(k)
-        if loads is not None and loads.begin:  # a step without loads, as long as all those before
-            text += f"*STEP\n*STATIC\n{loads.begin!r},{loads.begin!r}\n*CLOAD\n{self._forces(np.zeros(len(k)))}*END STEP\n"
         text += "*STEP\n*RESTART,WRITE\n*STATIC\n"
         if loads is not None:
-            text += self._including(loads.file)
+            text += self._including(loads)
         text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
         return self._moved(text + "*END STEP\n")
 

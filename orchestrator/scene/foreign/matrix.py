@@ -9,11 +9,10 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from orchestrator.blackbox.codes.foreign.part import ForeignCode
-from orchestrator.blackbox.codes.foreign.condensed import Condensed, check_modulus, condense, judged
 from orchestrator.config.mesh import MatrixPart
 from orchestrator.errors import KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about, size_of
+from orchestrator.scene.foreign.condensed import Condensed, check_modulus, condense, judged
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
 from orchestrator.scene.mesh.checks import check_memory
@@ -26,32 +25,34 @@ STILL = 1e-9
 FULL = 15  # digits from which a double is written as it is, but for its last bits
 
 
-class MatrixCode(ForeignCode):
-    """A part that is a matrix."""
+def condensed(part: MatrixPart, path: KeyPath, name: str, steps: int, young: float | None) -> Condensed:
+    """Return the part on its joints.
 
-    def made(self) -> Condensed:
-        part, path, name = self.settings.part, self.settings.place, self.settings.name
-        joints = read_joints(part, path, name)
-        ids, points = nodes(part.nodes, (*path, "nodes"))
-        K = _matrix(part.stiffness, (*path, "stiffness"), name)
-        if K.shape != (3 * len(ids),) * 2:
-            raise self.wrong("stiffness", f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
-                             f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table", "write the table of "
-                             "just the matrix's nodes, in its order; condense rotations of shells and beams out of it")
-        loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, ids, len(self.settings.factors), path, name)
-        apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
-        if apart > SYMMETRIC * size:
-            raise self.wrong("stiffness", f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a "
-                             "symmetric one", "write both halves, or the lower one with 'symmetric' in the file's head")
-        order = np.argsort(ids)
-        at = order[np.searchsorted(ids[order], joints.ids)]
-        dofs = (3 * at[:, None] + np.arange(3)).ravel()
-        rounding = _rounding(Path(part.stiffness))
-        _check_places(K, points, ids, rounding, (*path, "nodes"), name)
-        S, b, error = condense(K, loads, dofs, path, name, rounding)
-        condensed = judged(joints, S, b, (*path, "stiffness"), name, error)
-        check_modulus(condensed, self.settings.young, (*path, "stiffness"), name)
-        return condensed
+    path : of its entry in the YAML; name : of the part
+    steps : load steps; young : a representative modulus, None: not known
+    Raises InputError: files that cannot be read, a matrix that can be no stiffness of these nodes
+    """
+    joints = read_joints(part, path, name)
+    ids, points = nodes(part.nodes, (*path, "nodes"))
+    K = _matrix(part.stiffness, (*path, "stiffness"), name)
+    if K.shape != (3 * len(ids),) * 2:
+        raise wrong((*path, "stiffness"), f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
+                         f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table", "write the table of "
+                         "just the matrix's nodes, in its order; condense rotations of shells and beams out of it")
+    loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, ids, steps, path, name)
+    apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
+    if apart > SYMMETRIC * size:
+        raise wrong((*path, "stiffness"), f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a "
+                         "symmetric one", "write both halves, or the lower one with 'symmetric' in the file's head")
+    order = np.argsort(ids)
+    at = order[np.searchsorted(ids[order], joints.ids)]
+    dofs = (3 * at[:, None] + np.arange(3)).ravel()
+    rounding = _rounding(Path(part.stiffness))
+    _check_places(K, points, ids, rounding, (*path, "nodes"), name)
+    S, b, error = condense(K, loads, dofs, path, name, rounding)
+    made = judged(joints, S, b, (*path, "stiffness"), name, error)
+    check_modulus(made, young, (*path, "stiffness"), name)
+    return made
 
 
 def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding: float, path: KeyPath, name: str) -> None:
