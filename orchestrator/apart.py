@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import resource
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe
+from queue import SimpleQueue
 from threading import Thread
 
-from orchestrator.processes import without_launcher
+from orchestrator.errors import wrong
+from orchestrator.processes import end, started
 
 
 class Died(Exception):
@@ -32,26 +34,23 @@ class Apart:
 
     def __init__(self, ready: Sequence[str]) -> None:
         self._connection, theirs = Pipe()
-        self._process = self._sender = None
-        self._asked = 0
+        self._jobs: SimpleQueue[bytes | None] = SimpleQueue()
+        self._process, self._asked = None, 0
         with suppress(OSError):  # no more processes are allowed: nobody ever answers
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", __name__, str(theirs.fileno()), *ready], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=without_launcher(os.environ),
-                process_group=0)  # Ctrl-C is for the run, which then ends it
+            self._process = started([sys.executable, "-P", "-m", __name__, str(theirs.fileno()), *ready], pass_fds=[theirs.fileno()],
+                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         theirs.close()
+        Thread(target=self._send, daemon=True).start()  # pipes hold less than a job
 
     def begin(self, call: Callable[..., object], *job: object) -> None:
         """Have ``call(*job)`` called there, after what was asked before; the function is one of a module, and all is pickled now."""
-        job = pickle.dumps((call, job), pickle.HIGHEST_PROTOCOL), self._sender
-        self._sender, self._asked = Thread(target=self._send, args=job, daemon=True), self._asked + 1
-        self._sender.start()  # pipes hold less than a job
+        self._jobs.put(pickle.dumps((call, job), pickle.HIGHEST_PROTOCOL))
+        self._asked += 1
 
-    def _send(self, job: bytes, before: Thread | None) -> None:
-        if before is not None:
-            before.join()
+    def _send(self) -> None:
         with suppress(OSError):  # it has ended before
-            self._connection.send_bytes(job)
+            for job in iter(self._jobs.get, None):
+                self._connection.send_bytes(job)
 
     def finish(self, patience: float | None = None) -> object:
         """The result of the last function that was asked for; raises what the first one that failed has raised.
@@ -74,8 +73,9 @@ class Apart:
 
     def close(self) -> None:
         """End the process if it still runs."""
+        self._jobs.put(None)
         if self._process is not None:
-            self._process.kill()
+            end(self._process)
             self._process.wait()
 
     def __enter__(self) -> Apart:
@@ -83,6 +83,27 @@ class Apart:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+class Mesher(Apart):
+    """A process that makes the finer meshes of CAD models: where gmsh ends it, or the kernel for want of memory, results are still there.
+
+    It is ready, with gmsh, by the time that the first mesh is solved on.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(["orchestrator.scene.mesh.solids", "gmsh"])
+
+    def __call__(self, make: Callable[..., object], *given: object) -> object:
+        """What ``make(*given)`` returns, called there; raises what that raises, and InputError where the process ends."""
+        self.begin(make, *given)
+        try:
+            return self.finish()
+        except Died as died:
+            how = "did not begin" if died.code is None else f"was ended by {signal.Signals(-died.code).name}" if died.code < 0 else \
+                f"has ended with {died.code}"
+            raise wrong(("mesh",), f"the process that makes meshes {how}", "a mesh: gmsh fails on few models, the kernel ends what takes more "
+                        "memory than there is", "set the limits elements or memory of method.accuracy, or mesh that part by hand") from None
 
 
 def main(connection: Connection, ready: Sequence[str]) -> None:

@@ -111,7 +111,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
         lines, mesh = asked_of(source, overrides or [], lambda config: listed(config, run_programs))
     print(visible("\n".join(lines)))
     if html is not None:
-        from orchestrator.results.sealed import write_sealed
+        from orchestrator.written import write_sealed
 
         write_sealed(html, model_html(mesh))
 
@@ -207,7 +207,7 @@ def export(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
 def doctor() -> int | None:
     """Tell whether all that runs need is installed (else exit code 2), and which other codes and packages are there."""
     from orchestrator.blackbox.start import doctor as codes
-    from orchestrator.loops import examine
+    from orchestrator.doctor import examine
 
     lines = codes() + examine()  # with it all loops of contact are compiled, so that nobody's first run has to
     print("\n".join(lines))

@@ -11,16 +11,15 @@ questions to the codes their cores have nothing else to do.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import re
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, ExitStack, suppress
-from functools import cache
+from contextlib import suppress
+from functools import cache, cached_property
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
@@ -40,62 +39,33 @@ class Compiled:
     """
 
     def __init__(self, function: Callable[..., Any]):
-        self.function, self._machine = function, None
-        self.__doc__ = function.__doc__
+        self.function, self.called, self.__doc__ = function, False, function.__doc__
+
+    @cached_property
+    def _machine(self) -> Callable[..., Any]:
+        numba = need("numba")
+        numba.core.config.CACHE_DIR = str(kept_in())
+        with suppress(RuntimeError):  # no place for a cache
+            return numba.njit(nogil=True, cache=True, fastmath=SUMS)(self.function)
+        return numba.njit(nogil=True, fastmath=SUMS)(self.function)
 
     def __call__(self, *arguments):
-        if self._machine is None:
-            machine = self._compiled(cache=True)
+        if not self.called:
             try:
-                with _one_compiles(self.function):
-                    machine.compile(tuple(need("numba").typeof(argument) for argument in arguments))
+                self._machine.compile(tuple(map(need("numba").typeof, arguments)))
             except OSError:  # the disk is full, say
-                machine = self._compiled(cache=False)
-            self._machine = machine
+                self._machine = need("numba").njit(nogil=True, fastmath=SUMS)(self.function)
+            self.called = True
         return self._machine(*arguments)
-
-    @property
-    def called(self) -> bool:
-        """Whether it has been."""
-        return self._machine is not None
-
-    def _compiled(self, cache: bool) -> Callable[..., Any]:
-        numba = need("numba")
-        self.function.__qualname__ = f"{self.function.__name__}-{made_of()}"  # which names the file that the machine code is kept in
-        with _PLACE:
-            before, numba.core.config.CACHE_DIR = numba.core.config.CACHE_DIR, str(kept_in())
-            try:
-                return numba.njit(nogil=True, cache=cache, fastmath=SUMS)(self.function)
-            except RuntimeError:  # no place for a cache
-                return numba.njit(nogil=True, fastmath=SUMS)(self.function)
-            finally:
-                numba.core.config.CACHE_DIR = before
 
 
 compiled = Compiled  # the decorator
-_PLACE = threading.Lock()  # numba's setting, which is for all of the process
-
-
-@contextmanager
-def _one_compiles(function: Callable[..., Any]) -> Iterator[None]:
-    """Other processes that want the same function at the same time, as ranks do, wait and find its machine code.
-
-    Where no file can be locked, each compiles for itself."""
-    if function is not _nothing.function:
-        _nothing(0)  # what the compiler does first, each process does for itself
-    with ExitStack() as stack:
-        with suppress(OSError):
-            kept_in().mkdir(parents=True, exist_ok=True)
-            lock = stack.enter_context(open(kept_in() / f"{function.__module__}.{function.__name__}.lock", "w"))
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
 
 
 def kept_in() -> Path:
-    """The folder of machine code: it outlives the package, which may be installed where nobody can write."""
-    asked = os.environ.get("NUMBA_CACHE_DIR")
+    """The folder of machine code of these very loops: it outlives the package, which may be installed where nobody can write."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(asked or os.path.join(home, "latin-orchestrator"))
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "latin-orchestrator"), made_of())
 
 
 @cache

@@ -124,7 +124,7 @@ def show_graph(source: Path, overrides: list[str], target: Path, html: Path | No
     print(visible("\n".join(graph.lines())))
     if drawn:
         from orchestrator.results.figures.graph import draw_graph
-        from orchestrator.results.sealed import write_sealed
+        from orchestrator.written import write_sealed
 
         write_sealed(target, draw_graph(graph))
 

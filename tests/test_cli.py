@@ -12,7 +12,7 @@ import results_case as case
 from processes import begin, gone, running
 from yaml_case import call
 
-from orchestrator import loops
+from orchestrator import doctor
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.folder import ResultsFolder
@@ -160,7 +160,7 @@ def test_report(tmp_path):
 
 def test_doctor(monkeypatch):
     """What every run needs and is missing ends with exit code 2; other codes are optional."""
-    monkeypatch.setattr(loops, "compiled_once", lambda: "loops of contact: compiled")  # that takes as long as twenty of these tests
+    monkeypatch.setattr(doctor, "compiled_once", lambda: "loops of contact: compiled")  # that takes as long as twenty of these tests
     whole = call("doctor")
     assert whole.exit_code == 0 and "FreeFEM: /" in whole.stdout and "calculix: 2" in whole.stdout
     monkeypatch.setenv("ORCHESTRATOR_CALCULIX", "/nowhere/ccx")

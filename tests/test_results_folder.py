@@ -16,7 +16,7 @@ from orchestrator.results.fingerprint import problem_of
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.results.sealed import write_sealed
+from orchestrator.written import write_sealed
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.history import HistoryWriter, read_history, write_history
 from orchestrator.results.summary.summary import write_summary

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from orchestrator.accuracy.changes import answers, errors
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
 from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
-from orchestrator.accuracy.mesher import mesher_for
 from orchestrator.accuracy.passes import NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again
 from orchestrator.accuracy.peaks import growth, peak_of
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
+from orchestrator.apart import Mesher
 from orchestrator.config.load import Loaded
 from orchestrator.config.method import Accuracy, Tolerance
 from orchestrator.config.model import Config
@@ -80,7 +81,9 @@ class _Refinement:
         self.passes, self.plan, self.why, self.unsolved, self.mesher, self.known = Passes(), None, "", "", None, {}
 
     def run(self, resume: bool, **options: bool) -> int:
-        with mesher_for(self.config) as self.mesher:
+        sources = [self.config.mesh] if self.config.mesh else [part.source for part in self.config.parts]
+        of_cad = any(source is not None and source.step is not None for source in sources)
+        with Mesher() if of_cad else nullcontext() as self.mesher:  # other meshes are refined without libraries that may fail
             return self._repeated(resume, **options)
 
     def _repeated(self, resume: bool, **options: bool) -> int:

@@ -13,7 +13,7 @@ from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Wanted
 from orchestrator.errors import some
-from orchestrator.packed import read_arrays, write_arrays
+from orchestrator.written import read_arrays, write_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN

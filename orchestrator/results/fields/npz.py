@@ -25,7 +25,7 @@ import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS, UNWRITTEN
-from orchestrator.packed import read_arrays
+from orchestrator.written import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY
 from orchestrator.results.rows import Streamed

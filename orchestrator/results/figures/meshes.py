@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.packed import read_arrays, write_arrays
+from orchestrator.written import read_arrays, write_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import COLOURS, GREY, new_figure, tidy
 from orchestrator.results.figures.sheet import Scale, Sheet

@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from orchestrator.compiled import kept_in, made_of
+from orchestrator.compiled import kept_in
 from orchestrator.config.load import load_config
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent, command, WANTED
@@ -20,8 +20,8 @@ SCENE = Path(__file__).with_suffix(".yaml")  # solved as far as it calls every l
 
 
 def compiled_once() -> str:
-    """Compile the loops if that has not been done for this package, Python and compiler; a line that tells where they are."""
-    done, begin = kept_in() / f"done-{made_of()}", time.perf_counter()
+    """Compile the loops if that has not been done for this package, Python and compiler; return a line that tells where they are."""
+    done, begin = kept_in() / "done", time.perf_counter()
     if not done.exists():
         solve(load_config(SCENE).config)
         with suppress(OSError):
