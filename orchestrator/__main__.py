@@ -4,7 +4,7 @@ import signal
 import sys
 
 from orchestrator.errors import INTERRUPTED
-from orchestrator.guarded import interrupt
+from orchestrator.ending import interrupt
 
 
 def main() -> None:

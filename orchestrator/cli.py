@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, NOT_CONVERGED, visible, wrong
-from orchestrator.guarded import guarded, whole
+from orchestrator.ending import guarded, whole
 from orchestrator.registry import CODES
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import scipy.sparse.linalg as sla
 from in_process import IN_PROCESS
 from benchmarks.monolithic import OPEN, Monolithic, free_normals
 
-from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
+from orchestrator.blackbox.models import boundary_dofs, sides_by_subdomain
 from orchestrator.config.model import Config
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.results.solution import Solution

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.sources import box
 

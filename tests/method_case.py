@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition

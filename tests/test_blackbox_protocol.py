@@ -8,7 +8,7 @@ from blackbox_case import box, forces, settings
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
-from orchestrator.blackbox.models.extended import sides_by_subdomain
+from orchestrator.blackbox.models import sides_by_subdomain
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.blackbox.usage import STAGES, Usage

@@ -10,9 +10,8 @@ from in_process import IN_PROCESS, InProcess, InProcessWorker
 from quick import late
 from quadratic_case import assemble_ten
 
-from orchestrator.blackbox.guarded import GuardedCode, PATCH, imbalance, patch_errors, wrong_stiffness
-from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.guard import GuardedCode, PATCH, imbalance, patch_errors, wrong_stiffness
+from orchestrator.blackbox.models import boundary_dofs, Matter, sides_by_subdomain
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from

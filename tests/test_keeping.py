@@ -21,7 +21,7 @@ from quick import late, quick
 
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError, InternalError, lacks_memory
-from orchestrator.guarded import guarded
+from orchestrator.ending import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.method.stopping.softest import STEPS as SOFTNESS
 from orchestrator.written import read_arrays

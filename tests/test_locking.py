@@ -11,7 +11,7 @@ from in_process import IN_PROCESS, TemplateSolver
 from quick import quick_sets
 from yaml_case import call
 
-from orchestrator.blackbox.models.extended import whole_model
+from orchestrator.blackbox.models import whole_model
 from orchestrator.config.load import config_from
 from orchestrator.method.stopping.estimators import estimator_of
 from orchestrator.results.summary.summary import read_summary

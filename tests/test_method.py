@@ -9,7 +9,7 @@ from contact_case import CASES, contact
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, naked_beside, prepared, solved
 from quick import late, quick, quick_sets
 
-from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.blackbox.models import extended_model
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.acceleration.anderson import Anderson
 from orchestrator.method.acceleration.relaxation import Relaxation

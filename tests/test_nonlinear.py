@@ -14,7 +14,7 @@ from quick import late
 
 from orchestrator.blackbox.codes.calculix.deck_runs import EXACT
 from orchestrator.blackbox.codes.adapter import FullModel
-from orchestrator.blackbox.models.extended import whole_model
+from orchestrator.blackbox.models import whole_model
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.registry import FOREIGN

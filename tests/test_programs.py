@@ -21,7 +21,7 @@ from orchestrator.blackbox.transport.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.calculix.deck import DeckCode
 from orchestrator.blackbox.codes.parts import finish_parts
 from orchestrator.blackbox.codes.parts import ProgramCode
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.config.load import config_from
 from orchestrator.config.mesh import DeckPart, ProgramPart
 from orchestrator.errors import InputError

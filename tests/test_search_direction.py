@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.models.extended import sole_models
+from orchestrator.blackbox.models import sole_models
 from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
 
-from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_by_subdomain, sole_models
+from orchestrator.blackbox.models import extended_model, rim_model, sides_by_subdomain, sole_models
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes

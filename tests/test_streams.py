@@ -62,7 +62,7 @@ except BaseException:
 def test_an_interrupt_during_an_import_is_not_lost(tmp_path):
     """A library that swallows all exceptions while it is imported: the interrupt comes right after."""
     (tmp_path / "swallows.py").write_text(SWALLOWS)
-    program = ("import signal, time; from orchestrator.guarded import interrupt\n"
+    program = ("import signal, time; from orchestrator.ending import interrupt\n"
                "signal.signal(signal.SIGINT, interrupt)\n"
                "try:\n    import swallows\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    print('heard')")
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=50,

@@ -10,8 +10,8 @@ import pytest
 from yaml_case import blocks, call
 from in_process import IN_PROCESS, InProcessWorker
 
-from orchestrator.blackbox.kept import key_of
-from orchestrator.blackbox.models.extended import body_model
+from orchestrator.blackbox.start import key_of
+from orchestrator.blackbox.models import body_model
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError
 from orchestrator.results.compare.compare import compare

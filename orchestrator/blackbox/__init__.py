@@ -15,7 +15,7 @@ all processes end, and no file is left. ``orchestrator conformance CODE`` checks
 Three ways to take part, from the shortest to the most general:
 
 1. a class with three methods in Python: copy ``codes/template.py`` and name the copy in the YAML, nothing is registered.
-   An ``Adapter`` gets a name by a line in ``orchestrator/registry.py``; ``codes/scikit_fem.py`` is a worked example;
+   An ``Adapter`` gets a name by a line in ``orchestrator/registry.py``; ``codes/libraries.py`` is a worked example;
 2. a program that speaks the bytes of ``transport/messages.py`` on two pipes or files: a ``MessageCode`` of ``codes/code.py`` says how it
    is started and writes its mesh files, see ``codes/freefem`` and the other end, ``freefem_scripts/subdomain_server.edp``;
 3. a program that reads and writes files of its own: a ``Code`` with a worker that writes decks and reads results, see ``codes/calculix``.
@@ -23,5 +23,5 @@ Three ways to take part, from the shortest to the most general:
 A code's ``Settings`` are the model of its entries in the YAML; keys that they add are validated like all others.
 
 ``models`` makes plain models of the scene's subdomains; ``pool`` spreads them over processes that ``codes`` start and ``transport``
-talks to; ``guarded`` judges answers, ``shared`` remembers them; ``trial`` puts a code to the test; ``start`` makes what is asked for.
+talks to; ``guard`` judges answers, ``shared`` remembers them; ``trial`` puts a code to the test; ``start`` makes what is asked for.
 """

@@ -11,7 +11,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_by_subdomain
+from orchestrator.blackbox.models import boundary_dofs, extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.coarse.correction import CoarseCorrection

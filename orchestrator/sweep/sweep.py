@@ -1,7 +1,7 @@
 """A sweep: variants of a configuration, one after the other in one process, which keeps what they have in common.
 
 The mesh is made again only where what makes it varies; processes of codes, models and factors are kept where no model changes (see
-``blackbox.kept``). Every variant begins without what the one before has found, so that its folder holds what ``run`` would have written.
+``blackbox.start``). Every variant begins without what the one before has found, so that its folder holds what ``run`` would have written.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from orchestrator.accuracy.loop import run
-from orchestrator.blackbox.kept import KeptCodes
+from orchestrator.blackbox.start import KeptCodes
 from orchestrator.config.load import Loaded, load_config, located
 from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problems

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
-from orchestrator.blackbox.guarded import OWN
+from orchestrator.blackbox.guard import OWN
 from orchestrator.blackbox.protocol import BlackBox, Model, Origin
 from orchestrator.blackbox.trial.models import Trial, trial_models
 from orchestrator.errors import BlackBoxError

@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.beside_affine import BesideAffine
 from orchestrator.method.coarse.problem import of_all

@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible

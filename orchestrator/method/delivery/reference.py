@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.extended import whole_model
+from orchestrator.blackbox.models import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition

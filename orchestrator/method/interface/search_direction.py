@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.blackbox.shared import assembled
-from orchestrator.blackbox.models.extended import both_alike, sole_models
+from orchestrator.blackbox.models import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import placed, times

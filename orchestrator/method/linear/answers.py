@@ -14,7 +14,7 @@ Matter of a code's own: what all else relies on is shown for each subdomain at s
 - K is a sum over tets: its rows on supports and interfaces, which energies, bound and reactions use, are those of the tets
   there alone.
 
-Symmetry and rigid motions are tested where stiffness arrives, see ``blackbox.guarded``.
+Symmetry and rigid motions are tested where stiffness arrives, see ``blackbox.guard``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.extended import body_model
+from orchestrator.blackbox.models import body_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import BlackBoxError

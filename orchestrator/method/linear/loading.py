@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.extended import Rim, rim_model
+from orchestrator.blackbox.models import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.method.interface.rows import Blocks, dots

@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.models import Matter
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.mesh.geometry import format_point
