@@ -26,7 +26,7 @@ from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, load_cases
 from orchestrator.method.setup import Part, prepare
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import reusing, trim

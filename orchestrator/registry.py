@@ -78,7 +78,7 @@ DEFAULT_LAW, BOLT_LAW, TOOL_LAW = "perfect", "pretension", "contact"
 LAWS = Registry({
     "perfect": "orchestrator.laws.perfect:Perfect",
     "contact": "orchestrator.laws.contact:Contact",
-    "jump": "orchestrator.laws.jump:Jump",
+    "jump": "orchestrator.laws.perfect:Jump",
     "elastic": "orchestrator.laws.elastic:Elastic",
     "pretension": "orchestrator.laws.pretension:Pretension",
     "cohesive": "orchestrator.laws.cohesive:Cohesive",
@@ -102,20 +102,20 @@ MONITORS = Registry({
 
 # Kinds of entries of boundary and of loads, by their key there.
 ON_FACES = Registry({
-    "displacement": "orchestrator.scene.loads.displacement:Displacement",
-    "symmetry": "orchestrator.scene.loads.symmetry:Symmetry",
-    "motion": "orchestrator.scene.loads.motion:RigidMotion",
-    "traction": "orchestrator.scene.loads.traction:Traction",
-    "pressure": "orchestrator.scene.loads.pressure:Pressure",
-    "resultant": "orchestrator.scene.loads.resultant:Spread",
-    "hydrostatic": "orchestrator.scene.loads.hydrostatic:Liquid",
-    "foundation": "orchestrator.scene.loads.foundation:Bedding",
-    "coupling": "orchestrator.scene.loads.coupling:Remote",
+    "displacement": "orchestrator.scene.loads.prescribed:Displacement",
+    "symmetry": "orchestrator.scene.loads.prescribed:Symmetry",
+    "motion": "orchestrator.scene.loads.prescribed:RigidMotion",
+    "traction": "orchestrator.scene.loads.on_faces:Traction",
+    "pressure": "orchestrator.scene.loads.on_faces:Pressure",
+    "resultant": "orchestrator.scene.loads.on_faces:Spread",
+    "hydrostatic": "orchestrator.scene.loads.on_faces:Liquid",
+    "foundation": "orchestrator.scene.loads.grounds:Bedding",
+    "coupling": "orchestrator.scene.loads.grounds:Remote",
 })
 IN_VOLUMES = Registry({
-    "body_force": "orchestrator.scene.loads.body_force:BodyForce",
-    "gravity": "orchestrator.scene.loads.gravity:Gravity",
-    "spin": "orchestrator.scene.loads.spin:Centrifugal",
+    "body_force": "orchestrator.scene.loads.in_volumes:BodyForce",
+    "gravity": "orchestrator.scene.loads.in_volumes:Gravity",
+    "spin": "orchestrator.scene.loads.in_volumes:Centrifugal",
     "temperature": "orchestrator.scene.loads.temperature:Temperature",
 })
 

@@ -3,8 +3,7 @@
 import numpy as np
 from threads import among
 
-from orchestrator.parallel.borders import Borders
-from orchestrator.parallel.numbering import classes
+from orchestrator.parallel.numbering import Borders, classes
 
 
 def test_sums_are_completed_by_those_who_have_the_place():

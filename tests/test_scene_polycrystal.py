@@ -19,8 +19,7 @@ from orchestrator.scene.mesh.grains import Grains, tidied
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import TET, session
-from orchestrator.scene.mesh.grain_mending import mended
-from orchestrator.scene.mesh.grain_meshes import GrainMesher
+from orchestrator.scene.mesh.grain_meshes import GrainMesher, mended
 from orchestrator.scene.mesh.mending import Stars
 from orchestrator.scene.mesh.skeleton import Skeleton
 from orchestrator.scene.mesh.sources import bricks, make_mesh

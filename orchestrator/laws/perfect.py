@@ -1,9 +1,15 @@
-"""Perfect interface: no jump, d = 0, so f̂ = F (paper, eq. 7)."""
+"""No jump, d = 0, so f̂ = F (paper, eq. 7): perfect. Or one that is imposed, d = d₀, so f̂ = F − keq d₀: a bolt is tightened by it."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
+import numpy as np
+from pydantic import Field
+
+from orchestrator.config.base import one_or_per_step, Vector
 from orchestrator.config.boundary import Entry
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, BONDED, Points
@@ -35,3 +41,65 @@ class Perfect(Law):
         if derivative:
             answer.active, answer.derivative = np.arange(count), np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
         return answer
+
+
+Imposed = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
+
+
+class Parameters(Entry):
+    """An imposed jump of displacement."""
+
+    per_step: ClassVar[tuple[str, ...]] = ("jump",)
+
+    jump: Imposed = Field(description=(
+        "imposed jump from the first part to the second: three numbers, as [0, 0, 0.01], or a list of such, one per load step"))
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        return ("jump",)
+
+    def at_steps(self, factors: Sequence[float]) -> list[Entry]:
+        if isinstance(self.jump[0], list):
+            return [self.model_copy(update={"jump": jump}) for jump in self.jump]
+        return super().at_steps(factors)
+
+    @classmethod
+    def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+        if raw.get("between") == "auto":
+            yield ("between", "auto beside law: jump", "the names of two parts: the jump leads from the first to the second", "name them")
+
+
+@dataclass(frozen=True, eq=False)
+class Jump(Law):
+    """Imposed jump of displacement.
+
+    jump : (3,) from side 1 to side 2
+    """
+
+    jump: np.ndarray
+
+    name = "jump"
+    Parameters = Parameters
+    formula, meaning = "d = given", "imposed jump of displacement"
+    as_one, joins, has_history = True, True, False
+    convex = True
+
+    @property
+    def imposed(self) -> float:
+        return float(np.linalg.norm(self.jump))
+
+    @property
+    def given_jump(self) -> np.ndarray:
+        return self.jump
+
+    @classmethod
+    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
+        return cls(direction * np.asarray(entry.jump, dtype=float))
+
+    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+        return {"jump": np.repeat(self.jump[:, None], len(chosen), axis=1)}
+
+    @staticmethod
+    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+        """f̂ = F − keq d₀: bonded, as seen from the jump."""
+        return Perfect.force(points, F - points.stiffness(points["jump"]), previous, derivative)

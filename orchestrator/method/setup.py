@@ -35,7 +35,7 @@ from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate
 from orchestrator.method.stopping.convexity import check_convex
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene

@@ -1,13 +1,18 @@
 """Numbers of things that ranks have in parts, as one process would give them, without an array of all; and what is one and the same over
-several ranks."""
+several ranks.
+
+Sums at places on the borders between ranks: each rank exchanges with those that have the same places, and with no other.
+
+Who has a place finds the others by a rendezvous: a hash of its name says which rank is told of it, and that one tells all who have asked."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.parallel.team import Team
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import components
 
 
@@ -80,3 +85,85 @@ def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping
             np.minimum.at(lowest, label[at[at >= 0]], arrived[rank][at >= 0])
         changed = bool(team.max(float((lowest < before).any()))[0])
     return lowest[label].astype(int)
+
+
+_MIX, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)  # 2⁶⁴ over the golden ratio (Knuth, TAOCP 3, 6.4)
+
+
+class Borders:
+    """Completes sums at some of a rank's places by what other ranks have there; every rank makes one, and calls it as often.
+
+    names : (k, c) numbers that are the same on every rank that has such a place, and differ from place to place
+    at : (k,) int, where each is among this rank's places
+    """
+
+    def __init__(self, names: np.ndarray, at: np.ndarray, team: Team = ALONE):
+        self.team, self._at = team, at
+        if team.size > 1:
+            unique, first, self._place = np.unique(np.asarray(names, float) + 0.0, axis=0, return_index=True, return_inverse=True)
+            self._first, self._with = at[first], rendezvous(unique, team)
+
+    def __call__(self, sums: np.ndarray) -> np.ndarray:
+        """The same array (..., places), completed in place; ranks are added in their order, so that all get the same bits."""
+        if self.team.size == 1:
+            return sums
+        own, leading = sums[..., self._first], sums.shape[:-1]
+        theirs = self.team.exchange({rank: own[..., met] for rank, met in self._with.items()},
+                                    {rank: np.empty((*leading, len(met))) for rank, met in self._with.items()})
+        total = np.zeros(own.shape)
+        for rank in sorted([self.team.rank, *theirs]):
+            if rank == self.team.rank:
+                total += own
+            else:
+                total[..., self._with[rank]] += theirs[rank]
+        sums[..., self._at] = total[..., self._place.ravel()]
+        return sums
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Where a rank's part of a mesh meets those of others."""
+
+    label: np.ndarray  # (n,) int, what a node is called on all ranks; nodes of a rank that are one, see ``Fields.joined``, share it
+    shared: np.ndarray  # (n,) bool, whether cells of other ranks have it too
+    team: Team = ALONE
+
+    def borders(self, node: np.ndarray, *properties: np.ndarray) -> Borders:
+        """Of places at nodes (K,); properties (K,) or (K, …) tell places at a node from each other."""
+        at = np.flatnonzero(self.shared[node])
+        return Borders(np.column_stack([self.label[node[at]], *(p[at] for p in properties)]), at, self.team)
+
+
+def rendezvous(names: np.ndarray, team: Team) -> dict[int, np.ndarray]:
+    """Other ranks that have some of the same names, and (m,) int, ascending, which of this rank's these are; all ranks ask together.
+
+    names : (k, c) ascending, none twice
+    """
+    hashed = np.zeros(len(names), dtype=np.uint64)
+    for column in names.T:
+        hashed = (hashed ^ np.ascontiguousarray(column).view(np.uint64)) * _MIX
+        hashed ^= hashed >> _HALF
+    home = (hashed % np.uint64(team.size)).astype(int)
+    sent = [np.flatnonzero(home == rank) for rank in range(team.size)]
+    asked = team.deliver([names[own] for own in sent])
+    answers = team.deliver(_met([rows.reshape(-1, names.shape[1]) for rows in asked]))
+    found: dict[int, list[np.ndarray]] = {}
+    for own, answer in zip(sent, answers):
+        row, rank = answer.reshape(-1, 2).T.astype(int)
+        for other in np.unique(rank):
+            found.setdefault(int(other), []).append(own[row[rank == other]])
+    return {rank: np.sort(np.concatenate(rows)) for rank, rows in sorted(found.items())}
+
+
+def _met(asked: list[np.ndarray]) -> list[np.ndarray]:
+    """Per rank that has asked with some names (k, c), (m, 2): the row of a name, and another rank that has asked with it."""
+    rank, row = (np.concatenate(x) for x in zip(*((np.full(len(rows), r), np.arange(len(rows))) for r, rows in enumerate(asked))))
+    name = np.unique(np.concatenate(asked), axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(name, kind="stable")
+    name, rank, row = name[order], rank[order], row[order]
+    pairs = [np.empty((0, 3), dtype=int)]
+    for step in range(1, int(np.bincount(name).max(initial=0))):
+        both = np.flatnonzero(name[step:] == name[:-step])
+        pairs += [np.column_stack([rank[a], row[a], rank[b]]) for a, b in ((both, both + step), (both + step, both))]
+    found = np.concatenate(pairs)
+    return [found[found[:, 0] == r, 1:].astype(float) for r in range(len(asked))]

@@ -17,7 +17,7 @@ from orchestrator.method.events import Finished, Iteration, Subscriber, Subscrib
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.estimators import kind_of
 from orchestrator.method.stopping.leaps import leaping, leaps
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields, shown_moduli

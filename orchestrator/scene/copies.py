@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.parallel.borders import Borders, Meeting
-from orchestrator.parallel.numbering import classes, runs
+from orchestrator.parallel.numbering import Borders, classes, Meeting, runs
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.model import Scene

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.loose import loose_bodies

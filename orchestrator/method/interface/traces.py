@@ -28,8 +28,7 @@ import scipy.sparse as sp
 from orchestrator.method.interface.link import Link
 from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.transfer import Sides, Transfer
-from orchestrator.parallel.borders import Borders
-from orchestrator.parallel.numbering import classes
+from orchestrator.parallel.numbering import Borders, classes
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.stopping.leaps import leaping, leaps
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.mesh.geometry import shape_gradients

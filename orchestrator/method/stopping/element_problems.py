@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
 
 FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # corners of the face opposite to each

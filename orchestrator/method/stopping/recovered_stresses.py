@@ -38,7 +38,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.method.stopping.discretisation import Estimator, mean_square
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 
 SOFTEST = 4.0  # 2/β², for β² = ½ of compact bodies: the bulk modulus over μ beyond which it is none of the error's business
 SLOPE = 0.01  # τ: a hundredth of what a patch is wide

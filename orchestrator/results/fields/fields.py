@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.numbering import Meeting
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene import elasticity as recovery
 from orchestrator.scene.copies import Copies

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.borders import Borders
+from orchestrator.parallel.numbering import Borders
 from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.elasticity import von_mises
 

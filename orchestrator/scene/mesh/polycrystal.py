@@ -13,8 +13,7 @@ from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.checks import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.geometry import dihedral_angles, dihedral_range, roundness
-from orchestrator.scene.mesh.grain_mending import mended
-from orchestrator.scene.mesh.grain_meshes import Failed, GrainMesh, GrainMesher
+from orchestrator.scene.mesh.grain_meshes import Failed, GrainMesh, GrainMesher, mended
 from orchestrator.scene.mesh.grains import tidied
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.polyhedra import Tessellation, scattered

@@ -13,8 +13,7 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import Problems
-from orchestrator.parallel.borders import Borders
-from orchestrator.parallel.numbering import ordered
+from orchestrator.parallel.numbering import Borders, ordered
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import Team
 from orchestrator.scene.body import Body, Meshed
@@ -28,11 +27,10 @@ from orchestrator.scene.mesh.faces import MAX_NODES, components
 from orchestrator.scene.model import Scene, prints
 from orchestrator.scene.overview import Beside
 from orchestrator.scene.part import part_of
-from orchestrator.scene.pieces.bolts import cut
+from orchestrator.scene.pieces.driven import cut, pushed_tools
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import AT_NODES, BEHIND, OPPOSITE, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
-from orchestrator.scene.pieces.pushed import pushed_tools
 from orchestrator.scene.pieces.sources import agreed, dealt
 from orchestrator.timing import predicted_cost
 

@@ -1,19 +1,23 @@
-"""``displacement``: components that are prescribed, along x, y and z or along cylindrical directions."""
+"""Displacements that are prescribed: ``displacement``, along x, y and z or along cylindrical directions, ``symmetry``, a plane held along its
+normal, and ``motion``, a rigid one, u = s + ω × (x − p).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field as Key
 
-from orchestrator.config.base import PartlyFree, one_or_per_step
+from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, unit, Vector
 from orchestrator.config.paths import free_at_times, rows_of, shown
-from orchestrator.errors import KeyPath, Problem, dotted
+from orchestrator.errors import dotted, KeyPath, Problem
 from orchestrator.scene.loads.base import Field, Ground, Kind, OnFaces, Prescribed, ROUNDING, Uniform
+from orchestrator.scene.loads.grounds import Springs
 from orchestrator.scene.loads.frame import Cylindrical
-from orchestrator.scene.loads.foundation import Springs
+from orchestrator.scene.mesh.geometry import area_vectors
 
 
 @dataclass(frozen=True)
@@ -73,3 +77,57 @@ class Displacement(Kind):
             return Prescribed(fixed, values, Turned(where.frame))
         where.check_frame(fixed)
         return Springs(np.where(fixed, np.inf, 0.0), values, where.frame)
+
+
+STRAIGHT = 1e-6  # how far a plane's normal may be from its axis: coordinates in files have that many digits
+
+
+class Symmetry(Kind):
+    takes = Literal[True]
+    meaning = "true: held along the normal of a plane across an axis"
+    local = False
+
+    @classmethod
+    def made(cls, value: Any, where: OnFaces) -> Prescribed:
+        vectors = np.abs(area_vectors(where.every.reshape(-1, 3), np.arange(3 * len(where.every)).reshape(-1, 3)))
+        axis = int(vectors.sum(axis=0).argmax())
+        if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
+            where.problems.add((*where.path[:-1], "on"), "a plane of symmetry that is curved, or across no axis",
+                               "faces on a plane across x, y or z", "turn the model so that the plane is across an axis (parts have "
+                               "move: {rotate: …}), or select the plane's faces alone")
+        return Prescribed(np.arange(3) == axis, np.zeros((len(where.factors), 3)), Uniform())
+
+
+class Motion(Part):
+    """A rigid motion: a shift, and a turn that is small."""
+
+    translate: Vector = Key([0.0, 0.0, 0.0], description="the shift of points on the turn's axis")
+    rotate: Rotate | None = Key(None, description="{axis, degrees, about}; none: no turn")
+
+
+@dataclass(frozen=True)
+class Rigid(Field):
+    """A shift (3,), and a small turn (3,), in radians, about a point (3,)."""
+
+    shift: np.ndarray
+    turn: np.ndarray
+    about: np.ndarray
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        return (self.shift + np.cross(self.turn, points - self.about))[None]
+
+    def change(self, amounts: np.ndarray, size: float) -> np.ndarray:
+        return np.sqrt(2) * np.linalg.norm(self.turn) * np.abs(amounts[:, 0]) * size
+
+
+class RigidMotion(Kind):
+    takes = Motion
+    meaning = "prescribed rigid motion: {translate, rotate: {axis, degrees, about}}"
+    axes = (("rotate", "axis"),)
+
+    @classmethod
+    def made(cls, value: Motion, where: OnFaces) -> Prescribed:
+        turn, about = np.zeros(3), np.zeros(3)
+        if value.rotate is not None:
+            turn, about = np.radians(value.rotate.degrees) * np.array(unit(value.rotate.axis)), np.array(value.rotate.about)
+        return Prescribed(np.ones(3, dtype=bool), where.factors[:, None], Rigid(np.array(value.translate), turn, about))

@@ -1,0 +1,150 @@
+"""Forces on faces: ``traction``, ``pressure``, ``hydrostatic`` and ``resultant``.
+
+A liquid's pressure γ (level − x·up) acts on what is below its level. It is linear in space where a face is wet, so that the forces are exact
+on faces that the level runs through, too: of the piece at the corner that lies alone on its side, wet or dry, they are integrals of
+polynomials.
+
+A force F and a moment M about a point p become t = F / A + ω × (x − c), c the centre of the area A, with ω from
+J ω = M + (p − c) × F and J = ∫ |r|² I − r rᵀ, r = x − c: the one whose resultant and moment they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from orchestrator.config.base import Axis, either, one_or_per_step, Part, Positive, unit, Vector
+from orchestrator.errors import KeyPath, Problem
+from orchestrator.scene.loads.base import Forces, Kind, OnFaces
+from orchestrator.scene.mesh.geometry import area_vectors, areas
+from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions, TRIANGLE_MOMENTS, TRIANGLE_SHARES
+
+
+class Traction(Kind):
+    takes = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
+    meaning = "force per area"
+    listed = True
+
+    @classmethod
+    def turned(cls, value: Any) -> bool:
+        return True
+
+    @classmethod
+    def made(cls, value: Any, where: OnFaces) -> Forces:
+        _, values = where.rows(value)
+        area = areas(where.nodes, where.triangles)
+        if where.frame is None:
+            return Forces(values[:, None], np.outer(area, TRIANGLE_SHARES[where.triangles.shape[1]])[None, :, :, None])
+        where.check_frame(values)
+        along = where.frame.directions(where.nodes[where.triangles[:, :3]])  # (k, 3 corners, 3 directions, 3), taken as linear between
+        return Forces(values[:, :, None], np.einsum("k,ab,kbmc->mkac", area, TRIANGLE_MOMENTS[where.triangles.shape[1]], along))
+
+
+class LinearPressure(Part):
+    """A pressure that varies linearly, as a liquid's."""
+
+    value: float = Field(0.0, description="at the point `at`, force per area along the inward normal")
+    at: Vector = Field(description="a point, as one of a liquid's surface")
+    gradient: Vector = Field(description="change per length along x, y and z")
+
+
+class Pressure(Kind):
+    takes = either(LinearPressure, float, lambda value: isinstance(value, (dict, LinearPressure)),
+                   "a number, or {at: [0, 0, 10], gradient: [0, 0, -9.81e-6]}")
+    meaning = "force per area along the inward normal: a number, or {value, at, gradient}"
+
+    @classmethod
+    def made(cls, value: Any, where: OnFaces) -> Forces:
+        corners = where.nodes[where.triangles[:, :3]]
+        there = np.full(corners.shape[:2], float(value)) if not isinstance(value, LinearPressure) else \
+            value.value + (corners - np.array(value.at)) @ np.array(value.gradient)
+        return against_normal(there @ TRIANGLE_MOMENTS[where.triangles.shape[1]].T, where)
+
+
+def against_normal(weights: np.ndarray, where: OnFaces) -> Forces:
+    """The forces of a pressure, from its integrals (k, 3 or 6) with the shape functions, over the area of each face."""
+    return Forces(where.factors[:, None, None], -weights[None, :, :, None] * area_vectors(where.nodes, where.triangles)[:, None])
+
+
+class Hydrostatic(Part):
+    """A liquid at rest that stands at a level."""
+
+    level: float = Field(description="coordinate of the liquid's surface along `up`, from the origin")
+    weight: Positive = Field(description="force per volume of the liquid, its density times gravity (water in N and mm: 9.81e-6)")
+    up: Axis = Field("z", description="x, y, z, or a direction [x, y, z]: against gravity")
+
+
+class Liquid(Kind):
+    takes = Hydrostatic
+    meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
+    axes = (("up",),)
+    local = False  # a liquid reaches some of the faces, if not those of every rank
+
+    @classmethod
+    def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
+        depth, every = (value.level - corners @ np.array(unit(value.up)) for corners in (where.nodes[where.triangles[:, :3]], where.every))
+        if len(every) and not (every > 0).any():
+            where.problems.add(where.path, f"faces that are all above the level, by {-every.max():.6g} at least",
+                               "a level above some of the faces", "raise level, or turn up to look against gravity")
+        return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
+
+
+def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
+    """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their areas.
+
+    depth : (k, 3) at the corners, linear between
+    nodes : 3 or 6 per triangle
+    """
+    wet = depth > 0
+    count = wet.sum(axis=1)
+    result = np.where(count[:, None] >= 2, depth @ TRIANGLE_MOMENTS[nodes].T, 0.0)
+    cut = np.flatnonzero((count == 1) | (count == 2))
+    alone = (wet[cut] == (count[cut] == 1)[:, None]).argmax(axis=1)
+    order = (alone[:, None] + np.arange(3)) % 3  # of the corners, from the one that is alone on its side of the level
+    d = np.take_along_axis(depth[cut], order, axis=1)
+    reach = d[:, :1] / (d[:, :1] - d[:, 1:])  # share of the two edges from it, up to the level
+    weights, within = DEGREE_4
+    along = within[None, :, 1:] * reach[:, None]
+    at = np.zeros((len(cut), len(within), 3))
+    there = np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2)
+    np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), there, axis=2)
+    piece = np.einsum("q,kqa,q,k->ka", weights, at if nodes == 3 else six_functions(at), within[:, 0], d[:, 0] * reach.prod(axis=1))
+    result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
+    return result
+
+
+class Resultant(Part):
+    """A force and a moment on a surface as a whole, spread over it as a traction that varies linearly."""
+
+    force: Vector = Field([0.0, 0.0, 0.0], description="the force; zero by default, for a moment alone")
+    moment: Vector = Field([0.0, 0.0, 0.0], description="the moment about `about`; zero by default")
+    about: Vector | None = Field(None, description="where the force acts, on the surface or not; none: the surface's centre")
+
+
+class Spread(Kind):
+    takes = Resultant
+    meaning = "force and moment as a whole: {force, moment, about}"
+    local = False
+
+    @classmethod
+    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
+        if isinstance(value, dict) and not value.get("force") and not value.get("moment"):
+            yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
+
+    @classmethod
+    def made(cls, value: Resultant, where: OnFaces) -> Forces:
+        moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
+        if not len(where.triangles):
+            return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
+        own, corners = where.nodes[where.triangles[:, :3]], where.every
+        area = areas(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        centre = area @ corners.mean(axis=1) / area.sum()
+        r = corners - centre
+        second = np.einsum("k,ab,kax,kby->xy", area, TRIANGLE_MOMENTS[3], r, r)
+        force, point = np.array(value.force), centre if value.about is None else np.array(value.about)
+        turn = np.linalg.solve(np.trace(second) * np.eye(3) - second, np.array(value.moment) + np.cross(point - centre, force))
+        traction = force / area.sum() + np.cross(turn, own - centre)
+        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", areas(where.nodes, where.triangles), moments, traction)[None])
