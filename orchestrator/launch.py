@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orchestrator.errors import InputError
 from orchestrator.parallel.team import Elsewhere, join, Team
-from orchestrator.processes import check_addresses, spare_memory
+from orchestrator.processes import check_addresses
 
 
 def launch(config: Path, overrides: list[str], verbose: bool, **options: object) -> int | None:
@@ -15,7 +15,6 @@ def launch(config: Path, overrides: list[str], verbose: bool, **options: object)
     overrides, verbose : as of ``load_config`` and ``run.Means``; options : as of ``run.run``
     """
     check_addresses()
-    spare_memory()
     team = join()
     try:
         with team.together():

@@ -29,7 +29,7 @@ from orchestrator.method.setup import Part, prepare
 from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.processes import reusing, trim
+from orchestrator.processes import trim
 from orchestrator.refused import check_codes
 from orchestrator.results.ranks import OnRanks, Piece
 from orchestrator.results.solution import Solution, fields_of, unsound
@@ -181,9 +181,8 @@ class Solving:
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """Iterate from where the run begins; ``monitors``: what some of them are given."""
         told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
-        with reusing():
-            return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
-                           [int(step) + 1 for step in self.cases.chosen], monitors)
+        return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
+                       [int(step) + 1 for step in self.cases.chosen], monitors)
 
     def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
         """Add the mesh's estimated error; a rank's piece of the fields learns it."""

@@ -11,8 +11,8 @@ import shutil
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -114,36 +114,6 @@ def trim() -> None:
     """Give free memory back to the system: after set-up a sixth of what 207,000 dofs take at the peak. Where the C library is GNU's."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL("libc.so.6").malloc_trim(0)
-
-
-AT_ONCE, REUSED = 1 << 18, 1 << 25  # bytes of a block from which it goes back to the system as soon as it is free
-_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1  # of mallopt
-_spares = False
-
-
-def spare_memory() -> None:
-    """From now on give blocks back as soon as they are free, not in the midst of others: ranks then take 14 MB less for 207,000 dofs. Fresh
-    pages cost time, see ``reusing``. Where the C library is GNU's."""
-    global _spares
-    _spares = True
-    _give_back(AT_ONCE)
-
-
-@contextmanager
-def reusing() -> Iterator[None]:
-    """While blocks of the same sizes come and go, as in iterations, the process keeps them."""
-    if _spares:
-        _give_back(REUSED)
-    try:
-        yield
-    finally:
-        if _spares:
-            _give_back(AT_ONCE)
-
-
-def _give_back(size: int) -> None:
-    mallopt(_MMAP_THRESHOLD, size)
-    mallopt(_TRIM_THRESHOLD, 2 * size)
 
 
 def mallopt(option: int, value: int) -> None:

@@ -1,8 +1,8 @@
 """Meshes of single grains: every face of a tessellation is meshed alone, every grain from its faces alone.
 
 So what two grains share comes out the same to the bit wherever each of them is made, and nobody needs the mesh of all.
-
-Bad tets of grains mended together with the grains around them: by whoever has one of these, each for itself and with the same result."""
+Bad tets are mended together with the grains around them: by whoever has one of these, each for itself and with the same result.
+"""
 
 from __future__ import annotations
 
