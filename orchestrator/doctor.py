@@ -1,4 +1,5 @@
-"""Everything that installation can do beforehand: all loops of contact compiled, packages named that are not there.
+"""Everything that installation can do beforehand: all loops of contact compiled, packages named
+that are not there.
 
 The loops are compiled by the first few iterations of the smallest scene that calls all of them.
 """

@@ -1,7 +1,9 @@
-"""The end of a command: its exit code, errors shown rather than traced, signals and lost streams in good order.
+"""The end of a command: its exit code, errors shown rather than traced, signals and lost streams in
+good order.
 
-Ctrl-C and what means the same end a run also while modules are imported: libraries swallow exceptions that are raised then, or stay
-behind half made. Such an interrupt is raised as soon as the import is over.
+Ctrl-C and what means the same end a run also while modules are imported: libraries swallow
+exceptions that are raised then, or stay behind half made. Such an interrupt is raised as soon as
+the import is over.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
-from orchestrator.errors import BLACKBOX_FAILED, INTERRUPTED, InputError, InternalError, OrchestratorError, lacks_memory, visible
+from orchestrator.errors import (BLACKBOX_FAILED, INTERRUPTED, InputError, InternalError,
+                                 OrchestratorError, lacks_memory, visible)
 
 _AGAIN = 0.02  # seconds until it is looked again whether an import is over
 _heard = False

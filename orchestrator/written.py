@@ -1,4 +1,6 @@
-"""Files whose damage is found: .npz that are written whole or not at all, and single files that a seal at their end tells as ours."""
+"""Files whose damage is found: .npz that are written whole or not at all, and single files that a
+seal at their end tells as ours.
+"""
 
 from __future__ import annotations
 

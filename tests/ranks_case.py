@@ -12,7 +12,7 @@ from in_process import IN_PROCESS
 from orchestrator.accuracy.loop import run as accuracy
 from orchestrator.config.load import Loaded, config_from, load_config
 from orchestrator.errors import NOT_CONVERGED
-from orchestrator.method.coarse import elimination, subtrees
+from orchestrator.method.coarse import elimination, layout
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.parallel.team import ALONE, Team, join
@@ -360,7 +360,7 @@ def eliminate(team: Team) -> None:
 if __name__ == "__main__":
     ranks = join()
     if ranks.size != 3:  # the coarse problem of few bodies is eliminated by several ranks too
-        subtrees.WORTH_RANKS = elimination.OWN_CALLS = elimination.PASSED = 0.0
+        layout.WORTH_RANKS = elimination.OWN_CALLS = elimination.PASSED = 0.0
     with ranks.together():
         if ranks.size != 3:
             eliminate(ranks)

@@ -29,11 +29,10 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.scene.mesh.bisection import bisected
+from orchestrator.scene.mesh.size_map import bisected, edge_lengths, REGULAR, SizeMap
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
 from orchestrator.scene.mesh.mesh import checked
-from orchestrator.scene.mesh.size_map import REGULAR, SizeMap, edge_lengths
 from orchestrator.scene.mesh.sources import bricks, make_mesh
 from orchestrator.solving import solve
 

@@ -11,7 +11,7 @@ import pytest
 from ranks_case import SIZE, lattice
 
 import orchestrator
-from orchestrator.method.coarse import elimination, layout, rigid_first, subtrees
+from orchestrator.method.coarse import elimination, layout, rigid_first
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.compiled import LOOPS, compiled, made_of
@@ -66,7 +66,7 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
     pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(5)
     values, right = rng.normal(size=(len(pattern.indices), SIZE, SIZE)), rng.normal(size=(bodies, SIZE))
     alone = pattern.factors(values, 20.0).solve(right)
-    monkeypatch.setattr(subtrees, "WORTH", 0.0)
+    monkeypatch.setattr(layout, "WORTH", 0.0)
     monkeypatch.setattr(elimination, "cores", lambda: cores)
     other = BlockPattern(ends, bodies, SIZE)
     made, (order, bounds, _) = other.elimination, other.elimination.shared
@@ -82,7 +82,7 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
 @pytest.mark.parametrize("rigid", [0, SIZE // 2])
 def test_fronts_that_nothing_changes_are_left_as_they_are(monkeypatch, cores, rigid):
     """Where blocks are told to be others, the factors are those of all anew, bit by bit; another shift is one of all."""
-    monkeypatch.setattr(subtrees, "WORTH", 0.0)
+    monkeypatch.setattr(layout, "WORTH", 0.0)
     monkeypatch.setattr(elimination, "WORTH", 0.0)
     monkeypatch.setattr(elimination, "cores", lambda: cores)
     ends, bodies = lattice(6)
@@ -104,12 +104,12 @@ def test_what_is_not_worth_messages_rank_0s_cores_take(monkeypatch):
     pattern = BlockPattern(*lattice(6), SIZE)
     made = Elimination(pattern.indptr, pattern.indices, SIZE)
     tree = made.layout.parent, np.array([elimination.operations(*front, SIZE) for front in made.fronts]), 2
-    monkeypatch.setattr(subtrees, "WORTH", 0.0)
-    alone, few = subtrees.side_by_side(*tree), subtrees.side_by_side(*tree, ranks=3)
+    monkeypatch.setattr(layout, "WORTH", 0.0)
+    alone, few = layout.side_by_side(*tree), layout.side_by_side(*tree, ranks=3)
     assert len(alone.bounds) > 3 and all(np.array_equal(a, b) for a, b in zip(few[:2], alone[:2]))
     assert not few.rank.any() and few.ranks.tolist() == [0, *3 * [len(alone.bounds) - 2]]
-    monkeypatch.setattr(subtrees, "WORTH_RANKS", 0.0)
-    assert set(subtrees.side_by_side(*tree, ranks=3).rank) == {0, 1, 2}
+    monkeypatch.setattr(layout, "WORTH_RANKS", 0.0)
+    assert set(layout.side_by_side(*tree, ranks=3).rank) == {0, 1, 2}
 
 
 def stretched(rng, pattern):

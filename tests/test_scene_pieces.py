@@ -26,7 +26,7 @@ from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
 from orchestrator.scene.mesh.grains import tidied
 from orchestrator.scene.mesh.polyhedra import scattered
-from orchestrator.method.delivery.passing import passing
+from orchestrator.method.delivery.moved import passing
 from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions

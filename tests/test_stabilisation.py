@@ -21,7 +21,7 @@ from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.mesh.mesh import Mesh
 
 SLID = [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [1e-3, 0.0, None]]}, {"on": TOP, "pressure": 100.0}]

@@ -4,8 +4,8 @@
   mesh and moduli, node by node (the patch test), which is their exact energy too;
 - displacements u under forces f hold K u = f on all free dofs, with K u from the mesh and the moduli.
 
-Where a code's matter is its own, what is known of the stiffness is symmetry and rigid motions alone; that its answers
-fit its stiffness is then tested by its own server.
+Where a code's matter is its own, what is known of the stiffness is symmetry and rigid motions
+alone; that its answers fit its stiffness is then tested by its own server.
 """
 
 from __future__ import annotations

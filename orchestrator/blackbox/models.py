@@ -1,13 +1,15 @@
-"""Plain models of the scene's subdomains with their soles, as they are handed to the black box, and their matter's own answers.
+"""Plain models of the scene's subdomains with their soles, as they are handed to the black box, and
+their matter's own answers.
 
 - the extended subdomains: mesh, loads' dofs and the soles of all interfaces, outer nodes clamped;
 - the soles alone, each interface apart, for the search direction k⁻;
 - the rims: the tets that touch an interface or a clamped node, whose stiffness gives the
   energies of boundary corrections and the reactions without exporting whole matrices.
 
-With B the gradients of the shape functions at the integration points and w their shares of volume, nodal forces of linear elastic matter
-are f = Bᵀ w σ(B u). Four-node tets have constant gradients, one point; those of ten nodes linear ones, four points of the
-rule that is exact for quadratics. Both are exact, so that codes are judged by them to rounding.
+With B the gradients of the shape functions at the integration points and w their shares of volume,
+nodal forces of linear elastic matter are f = Bᵀ w σ(B u). Four-node tets have constant gradients,
+one point; those of ten nodes linear ones, four points of the rule that is exact for quadratics.
+Both are exact, so that codes are judged by them to rounding.
 """
 
 from __future__ import annotations

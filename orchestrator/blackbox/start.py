@@ -1,8 +1,11 @@
-"""The black box that a configuration asks for: codes are found, started, and put behind the layers that save them work.
+"""The black box that a configuration asks for: codes are found, started, and put behind the layers
+that save them work.
 
-Several runs use one, one after the other, as ``KeptCodes``: what a run asks again that the one before has asked is there. Processes stay,
-and so do models and their factors where all models of a run are those of the run before, to the last byte: runs that differ in loads,
-bolts' forces, gaps or friction then share everything that a code has made. Nonlinear models remember load steps: they are made anew.
+Several runs use one, one after the other, as ``KeptCodes``: what a run asks again that the one
+before has asked is there. Processes stay, and so do models and their factors where all models of a
+run are those of the run before, to the last byte: runs that differ in loads, bolts' forces, gaps or
+friction then share everything that a code has made. Nonlinear models remember load steps: they are
+made anew.
 """
 
 from __future__ import annotations

@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from orchestrator.config.asked import accuracy_possible, certified_fits, planes_have_points, probes_fit
+from orchestrator.config.conditions import (accuracy_possible, acting, certified_fits, directions,
+                                            load_steps, places, planes_have_points, probes_fit,
+                                            what_histories_multiply)
 from orchestrator.config.blackbox import settings_class
-from orchestrator.config.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.method import RATIO_RANGE, ROUNDING
 from orchestrator.config.mesh import KINDS, elements_of
 from orchestrator.config.paths import all_perfect, called_twice, codes, entries, find, follows, get, is_number, law_of, shown

@@ -1,4 +1,6 @@
-"""No jump, d = 0, so f̂ = F (paper, eq. 7): perfect. Or one that is imposed, d = d₀, so f̂ = F − keq d₀: a bolt is tightened by it."""
+"""No jump, d = 0, so f̂ = F (paper, eq. 7): perfect. Or one that is imposed, d = d₀, so f̂ = F −
+keq d₀: a bolt is tightened by it.
+"""
 
 from __future__ import annotations
 

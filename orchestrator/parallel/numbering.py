@@ -1,8 +1,9 @@
-"""Numbers and sums of things that ranks have in parts, as one process would give them, without an array of all; and what is one and the
-same over several ranks.
+"""Numbers and sums of things that ranks have in parts, as one process would give them, without an
+array of all; and what is one and the same over several ranks.
 
-At places on the borders each rank exchanges with those that have the same places, and with no other. Who has a place finds the others by a
-rendezvous: a hash of its name says which rank is told of it, and that one tells all who have asked.
+At places on the borders each rank exchanges with those that have the same places, and with no
+other. Who has a place finds the others by a rendezvous: a hash of its name says which rank is told
+of it, and that one tells all who have asked.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from orchestrator.scene.conditions.ground import held_rows, within_free
 from orchestrator.scene.conditions.finder import OVER_FACES, Finder
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free, straighten
-from orchestrator.scene.conditions.loose import joins
+from orchestrator.scene.conditions.supports import joins
 from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes

@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.config.boundary import Entry
 from orchestrator.config.model import Config
 from orchestrator.errors import Problems
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.inspection import columns
 from orchestrator.scene.model import Scene, Subdomain

@@ -15,9 +15,8 @@ import numpy as np
 from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies, supports_of
 from orchestrator.scene.conditions.probes import Section, Surface
-from orchestrator.scene.conditions.supports import supports_of
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.interface import Interface

@@ -1,7 +1,9 @@
-"""A sweep: variants of a configuration, one after the other in one process, which keeps what they have in common.
+"""A sweep: variants of a configuration, one after the other in one process, which keeps what they
+have in common.
 
-The mesh is made again only where what makes it varies; processes of codes, models and factors are kept where no model changes (see
-``blackbox.start``). Every variant begins without what the one before has found, so that its folder holds what ``run`` would have written.
+The mesh is made again only where what makes it varies; processes of codes, models and factors are
+kept where no model changes (see ``blackbox.start``). Every variant begins without what the one
+before has found, so that its folder holds what ``run`` would have written.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Linear elasticity by libraries of finite elements: worked examples of "bring your own solver".
 
-Everything they are asked for is their stiffness; factorisation, processes, messages, checks and errors are not their business. A package
-is imported where it is used: to know the class, as who reads a configuration does, takes none.
+Everything they are asked for is their stiffness; factorisation, processes, messages, checks and
+errors are not their business. A package is imported where it is used: to know the class, as who
+reads a configuration does, takes none.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ class ScikitFem(Adapter):
 
     def stiffness(self, model: Model) -> sp.csr_array:
         """Stiffness of σ(u) : ε(v), isotropic, λ and μ constant on each tet."""
-        from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2, ElementVector, MeshTet
+        from skfem import (Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2,
+                           ElementVector, MeshTet)
         from skfem.helpers import ddot, eye, sym_grad, trace
 
         def elasticity(u, v, w):
@@ -65,7 +67,8 @@ class NGSolve(Adapter):
 
     def stiffness(self, model) -> sp.csr_array:
         from netgen.meshing import Mesh as NetgenMesh
-        from ngsolve import BilinearForm, CoefficientFunction, Grad, Id, InnerProduct, Mesh, Trace, VectorH1, dx
+        from ngsolve import (BilinearForm, CoefficientFunction, Grad, Id, InnerProduct, Mesh,
+                             Trace, VectorH1, dx)
 
         netgen = NetgenMesh(dim=3)
         netgen.AddPoints(np.ascontiguousarray(model.nodes, dtype=np.float64))

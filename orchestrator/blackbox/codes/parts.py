@@ -1,4 +1,6 @@
-"""A part whose mesh is not ours, as a code: it is brought to its joints once, then answered for by algebra."""
+"""A part whose mesh is not ours, as a code: it is brought to its joints once, then answered for by
+algebra.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,6 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.mesh import ForeignPart
 from orchestrator.errors import InputError, wrong
 from orchestrator.processes import end_all
-from orchestrator.scene.foreign import matrix
 from orchestrator.scene.foreign.answers import Answers
 from orchestrator.scene.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import read_joints
@@ -130,6 +131,8 @@ class MatrixCode(ForeignCode):
     """A part that is a matrix."""
 
     def made(self) -> Condensed:
+        from orchestrator.scene.foreign import matrix  # with it comes scipy.io
+
         settings = self.settings
         return matrix.condensed(settings.part, settings.place, settings.name, len(settings.factors), settings.young)
 

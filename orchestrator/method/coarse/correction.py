@@ -32,7 +32,7 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
 AFFINE = 12  # fields of a body: 1, x, y and z in each component

@@ -20,8 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.compiled import cores, in_parts
-from orchestrator.method.coarse.layout import Layout
-from orchestrator.method.coarse.subtrees import side_by_side, SideBySide
+from orchestrator.method.coarse.layout import Layout, side_by_side, SideBySide
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.superlu import dissection
 
@@ -103,7 +102,7 @@ class Elimination:
         Raises ZeroDivisionError: a pivot vanishes
         """
         from orchestrator.method.coarse.fronts import eliminate
-        from orchestrator.method.coarse.gemm import PRODUCT
+        from orchestrator.method.coarse.front_solves import PRODUCT
 
         if not len(blocks):
             return Factors(self, np.empty(0), np.empty(0))

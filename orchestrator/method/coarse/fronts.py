@@ -17,7 +17,7 @@ import numba
 import numpy as np
 
 from orchestrator.compiled import SUMS, compiled
-from orchestrator.method.coarse.gemm import REAL, gemm
+from orchestrator.method.coarse.front_solves import REAL, gemm
 
 LANES = 16  # numbers that a core works on at once: loops over so many become one instruction
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.coarse.beside_affine import BesideAffine
+from orchestrator.method.coarse.soft_bodies import BesideAffine
 from orchestrator.method.coarse.problem import of_all
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.answers import GuardedTraces

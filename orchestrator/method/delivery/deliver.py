@@ -15,8 +15,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, inter
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.met import Met
-from orchestrator.method.delivery.moved import Moved
-from orchestrator.method.delivery.passing import Passed, passing
+from orchestrator.method.delivery.moved import Moved, Passed, passing
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.shares import Shares, shares

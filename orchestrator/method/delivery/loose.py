@@ -24,9 +24,8 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.parallel.team import Team
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies, Supports, supports_of
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.conditions.supports import Supports, supports_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.interface import ends_of
 from orchestrator.scene.model import Scene

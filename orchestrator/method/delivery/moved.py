@@ -1,13 +1,21 @@
-"""How far and how much subdomains have moved and turned, beside the size of their bodies: whether perturbations are small."""
+"""How far and how much subdomains have moved and turned, beside the size of their bodies: whether
+perturbations are small.
+
+Parts that end inside each other, where no interface keeps them apart: of pairs that are near before
+loading, at every load step.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.scene.interfaces.opposite import COINCIDE
+from orchestrator.scene.interfaces.overlap import DEEP, Overlap, overlap, Solid, solid_of
 from orchestrator.scene.model import Scene, Subdomain
 
 
@@ -53,3 +61,85 @@ def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray])
     moment = np.add.reduceat(np.cross(arm, moved), starts, axis=1)
     turned = np.einsum("tei,eij->tej", moment, np.linalg.pinv(inertia))
     return np.linalg.norm(turned, axis=2).max(axis=0, initial=0.0)
+
+
+class Passed(NamedTuple):
+    """Two volumes that are inside each other, names of their bodies, and the load step at which they are deepest."""
+
+    pair: tuple[int, int]
+    bodies: frozenset[str]
+    step: int
+    found: Overlap
+
+
+class _Part(NamedTuple):
+    """A volume of the mesh as it is displaced.
+
+    points : (n, 3); displacement : (T, n, 3); sagitta : (k,) how far surfaces are off the k outer faces
+    """
+
+    points: np.ndarray
+    cells: np.ndarray
+    outer: np.ndarray
+    sagitta: np.ndarray
+    displacement: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, sides: Sequence[np.ndarray], volume: int) -> _Part:
+        number, solid = solid_of(scene.mesh, volume)
+        displacement = np.zeros((scene.steps, len(number), 3))
+        for s in (scene.subdomains[e] for e in np.unique(scene.cell_subdomain[scene.mesh.volume == volume])):
+            _, own, at = np.intersect1d(s.nodes, number, assume_unique=True, return_indices=True)
+            displacement[:, at] = sides[s.index][:, own]
+        return cls(solid.nodes, solid.cells, solid.outer, scene.sagitta[volume], displacement)
+
+    def at(self, step: int | None) -> Solid:
+        """The volume at a load step, or at rest."""
+        return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells, self.outer)
+
+
+def passing(scene: Scene, sides: Sequence[np.ndarray], team: Team = ALONE) -> list[Passed]:
+    """All pairs of a scene, on all ranks, which ask together; of parts of it each volume that is near another is on one rank.
+
+    sides : per subdomain (T, n_E, 3) displacement, of volumes that are here
+    """
+    if not scene.near:
+        return []
+    parts = {v: _Part.of(scene, sides, v) for v in scene.sagitta}
+    bodies = {v: {scene.subdomains[e].body for e in np.unique(scene.cell_subdomain[scene.mesh.volume == v])} for v in parts}
+    home, named = {}, {}
+    for rank, known in enumerate(team.all_gather(bodies)):
+        home, named = home | dict.fromkeys(known, rank), named | known
+    wanted = sorted({(home[two], home[one], two) for one, two in scene.near if home[one] != home[two]})  # from, to, which
+    for some in team.trade([{v: parts[v] for a, b, v in wanted if (a, b) == (team.rank, rank)} for rank in range(team.size)]):
+        parts |= some or {}
+    cells = [np.unique(scene.mesh.volume[i.cells], axis=0).tolist() for i in scene.interfaces]
+    joined = {tuple(sorted(pair)) for pairs in cells for pair in pairs}
+    own = {pair: DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in scene.near if home[pair[0]] == team.rank}
+    found = {pair: (step, deepest) for told in team.all_gather(_deepest(parts, own, scene.steps)) for pair, step, deepest in told}
+    return [Passed(pair, frozenset(named[pair[0]] | named[pair[1]]), *found[pair]) for pair in scene.near if pair in found]
+
+
+def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float], steps: int) -> list[tuple[tuple[int, int], int, Overlap]]:
+    """Pairs that are inside each other, when and how deep.
+
+    pairs : from which share of the mesh size on each counts: beside an interface of theirs nodes of one dip in between those of the other,
+        as discretised contact has it
+    """
+
+    def overlaps(step: int | None, chosen: Iterable[tuple[int, int]]) -> dict[tuple[int, int], Overlap]:
+        """The chosen pairs that are inside each other, and how deep; every part is made once."""
+        solids = {v: parts[v].at(step) for v in {v for pair in chosen for v in pair}}
+        # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
+        found = {(a, b): overlap(solids[a], solids[b], (parts[a].sagitta, parts[b].sagitta), pairs[a, b]) for a, b in chosen}
+        return {pair: o for pair, o in found.items() if o is not None}
+
+    each = [overlaps(step, pairs) for step in range(steps)]
+    rest, result = overlaps(None, sorted({pair for found in each for pair in found})), []
+    for pair, deep in pairs.items():
+        found = [(o.depth, -step, o) for step, here in enumerate(each) if (o := here.get(pair)) is not None]
+        found = [f for f in found if pair not in rest or f[0] - rest[pair].depth > deep * f[2].size]
+        if found:
+            _, step, o = max(found, key=lambda f: f[:2])
+            result.append((pair, -step, o))
+    return result

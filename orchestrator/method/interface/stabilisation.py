@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from orchestrator.config.method import STABLEST, Sole
-from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
 ANEW = 1e-6  # ε of springs that begin anew, the weakest in an iteration: see ``coarse.problem`` for those before

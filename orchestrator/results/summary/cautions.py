@@ -10,8 +10,7 @@ import numpy as np
 
 from orchestrator.errors import some
 from orchestrator.method.delivery.met import Met
-from orchestrator.method.delivery.moved import Moved
-from orchestrator.method.delivery.passing import Passed, passing
+from orchestrator.method.delivery.moved import Moved, Passed, passing
 from orchestrator.method.delivery.tools import Placed
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION

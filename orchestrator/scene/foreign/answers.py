@@ -4,8 +4,9 @@ With springs k on the joints, that hold it whatever holds it inside, it answers
 
     u = (S + k)⁻¹ (b_t + s)
 
-Unit forces give C = (S + k)⁻¹, so that S = C⁻¹ − k; its own loads with no other force give b_t = C⁻¹ u_t. k follows S: as
-large as its mean diagonal, few digits are lost in the difference. What is asked besides tells whether it is such a program.
+Unit forces give C = (S + k)⁻¹, so that S = C⁻¹ − k; its own loads with no other force give b_t =
+C⁻¹ u_t. k follows S: as large as its mean diagonal, few digits are lost in the difference. What is
+asked besides tells whether it is such a program.
 """
 
 from __future__ import annotations

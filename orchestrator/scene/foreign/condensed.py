@@ -1,11 +1,15 @@
-"""A part brought to its joints: S, what it opposes to displacements there, and what its own loads amount to there.
+"""A part brought to its joints: S, what it opposes to displacements there, and what its own loads
+amount to there.
 
-With K = [[K_jj, K_ji], [K_ij, K_ii]], S = K_jj − K_ji K_ii⁻¹ K_ij and b = f_j − K_ji K_ii⁻¹ f_i. No matrix from outside is
-believed: symmetry, sign, and what rigid motions cost tell of lost digits, mixed-up nodes and supports that nobody declared.
+With K = [[K_jj, K_ji], [K_ij, K_ii]], S = K_jj − K_ji K_ii⁻¹ K_ij and b = f_j − K_ji K_ii⁻¹ f_i. No
+matrix from outside is believed: symmetry, sign, and what rigid motions cost tell of lost digits,
+mixed-up nodes and supports that nobody declared.
 
-One elimination stops at the joints: with their dofs last, K = L U has L_jj U_jj = S, the factors' last blocks are all that is asked of
-them, and no column is solved. K_jj gets a diagonal that makes it positive whatever holds K, and loses it afterwards. Of 28,611 dofs, 867
-of them joints', this takes 4.8 s, a solve for each column 57 s. The others are eliminated in METIS's order, which fills least.
+One elimination stops at the joints: with their dofs last, K = L U has L_jj U_jj = S, the factors'
+last blocks are all that is asked of them, and no column is solved. K_jj gets a diagonal that makes
+it positive whatever holds K, and loses it afterwards. Of 28,611 dofs, 867 of them joints', this
+takes 4.8 s, a solve for each column 57 s. The others are eliminated in METIS's order, which fills
+least.
 """
 
 from __future__ import annotations

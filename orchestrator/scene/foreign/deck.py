@@ -1,6 +1,8 @@
-"""The joints of a CalculiX deck: node sets, and the elements' faces whose nodes are all in one of them.
+"""The joints of a CalculiX deck: node sets, and the elements' faces whose nodes are all in one of
+them.
 
-Nothing else of the deck is looked at but where it is supported, its first moduli, and its cards: some no part can have.
+Nothing else of the deck is looked at but where it is supported, its first moduli, and its cards:
+some no part can have.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.surfaces import holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
-from orchestrator.scene.mesh.inp_cards import Inclusion, Model, Row, cards, cards_of_a_model, heading, numbers, outer
+from orchestrator.scene.mesh.inp_cards import (Inclusion, Model, Row, cards, cards_of_a_model,
+                                               heading, numbers, outer)
 from orchestrator.scene.mesh.splitting import CORNERS, EDGES, SIDES
 
 SHAPES = {count: shape for count, shape in SOLIDS.items() if shape != "pyramid"}  # CalculiX has none

@@ -1,6 +1,8 @@
-"""Faces of joints: triangles between the nodes of flat ones of which only nodes are known, and what seems wrong with given faces.
+"""Faces of joints: triangles between the nodes of flat ones of which only nodes are known, and what
+seems wrong with given faces.
 
-No file says which faces there should be: what contradicts itself is refused, what is merely odd is told.
+No file says which faces there should be: what contradicts itself is refused, what is merely odd is
+told.
 """
 
 from __future__ import annotations

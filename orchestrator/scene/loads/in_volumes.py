@@ -1,5 +1,6 @@
-"""Forces in volumes: ``body_force``, ``gravity``, an acceleration times the density of matter, and ``spin``, the centrifugal force ρ ω² r of a
-steady rotation, r from the axis; linear on every tet.
+"""Forces in volumes: ``body_force``, ``gravity``, an acceleration times the density of matter, and
+``spin``, the centrifugal force ρ ω² r of a steady rotation, r from the axis; linear on every
+tet.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
 """Forces on faces: ``traction``, ``pressure``, ``hydrostatic`` and ``resultant``.
 
-A liquid's pressure γ (level − x·up) acts on what is below its level. It is linear in space where a face is wet, so that the forces are exact
-on faces that the level runs through, too: of the piece at the corner that lies alone on its side, wet or dry, they are integrals of
-polynomials.
+A liquid's pressure γ (level − x·up) acts on what is below its level. It is linear in space where a
+face is wet, so that the forces are exact on faces that the level runs through, too: of the piece at
+the corner that lies alone on its side, wet or dry, they are integrals of polynomials.
 
-A force F and a moment M about a point p become t = F / A + ω × (x − c), c the centre of the area A, with ω from
-J ω = M + (p − c) × F and J = ∫ |r|² I − r rᵀ, r = x − c: the one whose resultant and moment they are.
+A force F and a moment M about a point p become t = F / A + ω × (x − c), c the centre of the area A,
+with ω from J ω = M + (p − c) × F and J = ∫ |r|² I − r rᵀ, r = x − c: the one whose resultant and
+moment they are.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from orchestrator.config.base import Axis, either, one_or_per_step, Part, Positi
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
 from orchestrator.scene.mesh.geometry import area_vectors, areas
-from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions, TRIANGLE_MOMENTS, TRIANGLE_SHARES
+from orchestrator.scene.mesh.quadratic import (DEGREE_4, six_functions, TRIANGLE_MOMENTS,
+                                               TRIANGLE_SHARES)
 
 
 class Traction(Kind):

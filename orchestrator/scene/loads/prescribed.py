@@ -1,5 +1,6 @@
-"""Displacements that are prescribed: ``displacement``, along x, y and z or along cylindrical directions, ``symmetry``, a plane held along its
-normal, and ``motion``, a rigid one, u = s + ω × (x − p).
+"""Displacements that are prescribed: ``displacement``, along x, y and z or along cylindrical
+directions, ``symmetry``, a plane held along its normal, and ``motion``, a rigid one, u = s + ω ×
+(x − p).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from pydantic import Field as Key
 from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, unit, Vector
 from orchestrator.config.paths import free_at_times, rows_of, shown
 from orchestrator.errors import dotted, KeyPath, Problem
-from orchestrator.scene.loads.base import Field, Ground, Kind, OnFaces, Prescribed, ROUNDING, Uniform
+from orchestrator.scene.loads.base import (Field, Ground, Kind, OnFaces, Prescribed, ROUNDING,
+                                           Uniform)
 from orchestrator.scene.loads.grounds import Springs
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import area_vectors

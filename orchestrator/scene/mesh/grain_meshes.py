@@ -1,7 +1,9 @@
-"""Meshes of single grains: every face of a tessellation is meshed alone, every grain from its faces alone.
+"""Meshes of single grains: every face of a tessellation is meshed alone, every grain from its faces
+alone.
 
-So what two grains share comes out the same to the bit wherever each of them is made, and nobody needs the mesh of all.
-Bad tets are mended together with the grains around them: by whoever has one of these, each for itself and with the same result.
+So what two grains share comes out the same to the bit wherever each of them is made, and nobody
+needs the mesh of all. Bad tets are mended together with the grains around them: by whoever has one
+of these, each for itself and with the same result.
 """
 
 from __future__ import annotations

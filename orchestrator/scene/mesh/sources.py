@@ -12,13 +12,12 @@ import numpy as np
 from orchestrator.config.base import Rotate, unit
 from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible, wrong
 from orchestrator.scene.foreign.joints import check_asked, read_joints
-from orchestrator.scene.mesh.bisection import bisected
+from orchestrator.scene.mesh.size_map import bisected, Sizes, WHOLE
 from orchestrator.scene.mesh.bricks import Bricks
 from orchestrator.scene.mesh.faces import Faces, MAX_NODES, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.mesh.checks import check_size, coarser
-from orchestrator.scene.mesh.size_map import Sizes, WHOLE
 from orchestrator.scene.names import INSIDE, renamed
 
 if TYPE_CHECKING:

@@ -13,9 +13,8 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.pieces.piece import Extent, Piece
+from orchestrator.scene.pieces.piece import Extent, Piece, Share
 from orchestrator.scene.pieces.driven import cells_at_tools
-from orchestrator.scene.pieces.share import Share
 
 PLACES = 2**17  # along an axis: three of them are a number that messages can hold
 OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surface is called so

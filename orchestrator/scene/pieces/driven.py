@@ -1,7 +1,7 @@
 """Bolts and pushed tools of a mesh that ranks have in pieces.
 
-Ranks that have cells of a bolt find its plane, and tell all which cells go to the other side. A rigid tool that is pushed is one body,
-whose layer the ranks of all that it may touch make alike.
+Ranks that have cells of a bolt find its plane, and tell all which cells go to the other side. A
+rigid tool that is pushed is one body, whose layer the ranks of all that it may touch make alike.
 """
 
 from __future__ import annotations

@@ -8,8 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from orchestrator.scene.cautions import Acting, beside_others, locking, noted, ratios
-from orchestrator.scene.conditions.loose import with_grounds
-from orchestrator.scene.conditions.supports import Supports
+from orchestrator.scene.conditions.supports import Supports, with_grounds
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.interface import Interface, ends_of
 from orchestrator.scene.model import Scene, Subdomain

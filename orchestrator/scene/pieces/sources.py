@@ -21,7 +21,7 @@ from orchestrator.scene.mesh.partitioned import check_whole, in_partitions
 from orchestrator.scene.mesh.sources import finished, grid_of, joined, make_mesh, placed
 from orchestrator.scene.partition import AXES, Partition, block_name, layers, make_partition, slice_name
 from orchestrator.scene.pieces.dealt import Dealt
-from orchestrator.scene.pieces.share import Share
+from orchestrator.scene.pieces.piece import Share
 
 T = TypeVar("T")
 
