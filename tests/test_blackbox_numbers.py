@@ -1,11 +1,10 @@
-"""What FreeFEM answers: stiffness, traces, fields, through both transports."""
+"""What FreeFEM answers beside what ``conformance`` asks of it (test_conformance.py), through both transports."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse.linalg as spla
-from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
+from blackbox_case import assemble, box, chain, difference, forces, settings
 
 from orchestrator.blackbox.codes.freefem.code import report
 from orchestrator.blackbox.pool import longest_first
@@ -22,45 +21,6 @@ def pool(models):
     with make_blackbox(settings(workers=2)) as blackbox:
         blackbox.load(models)
         yield blackbox
-
-
-def test_stiffness_is_the_textbooks(pool, models):
-    for model, k in zip(models, pool.stiffness(models)):
-        assert abs(k - k.T).max() == 0
-        assert difference(k, assemble(model)) < 1e-12
-
-
-def test_rigid_motions_cost_nothing(pool, models):
-    (k,) = pool.stiffness(models[:1])
-    x = models[0].nodes
-    rigid = [np.tile(axis, (len(x), 1)) for axis in np.eye(3)] + [np.cross(axis, x) for axis in np.eye(3)]
-    for motion in rigid:
-        assert abs(k @ motion.ravel()).max() < 1e-12 * abs(k).max() * abs(motion).max() * 10
-
-
-def test_fields_solve_the_clamped_system(pool, models):
-    f = {i: np.random.default_rng(i).standard_normal((2, m.fixed.size)) for i, m in enumerate(models)}
-    u = pool.fields(f)
-    for i, model in enumerate(models):
-        free = np.flatnonzero(~model.fixed)
-        assert (u[i][:, model.fixed.ravel()] == 0).all()
-        exact = spla.spsolve(assemble(model)[free][:, free].tocsc(), f[i][:, free].T).T
-        assert difference(u[i][:, free], exact) < 1e-9
-
-
-def test_traces_are_the_fields_at_trace_dofs(pool, models):
-    f = {i: forces(m) for i, m in enumerate(models)}
-    traces = pool.traces(f)
-    fields = pool.fields({i: on_all(m, f[i]) for i, m in enumerate(models)})
-    for i, model in enumerate(models):
-        assert difference(traces[i], fields[i][:, model.trace]) < 1e-13
-
-
-def test_answers_are_linear_in_forces(pool, models):
-    f = forces(models[1], 2)
-    u = pool.traces({1: f})[1]
-    combined = pool.traces({1: (2 * f[:1] - 3 * f[1:])})[1]
-    assert difference(combined, 2 * u[:1] - 3 * u[1:]) < 1e-12
 
 
 def test_some_models_and_uneven_right_hand_sides(pool, models):

@@ -6,8 +6,6 @@ import math
 import io
 import os
 import re
-import shutil
-import subprocess
 import sys
 from contextlib import closing
 from html.parser import HTMLParser
@@ -16,13 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import results_case as case
-from rich.console import Console
 
-from orchestrator.blackbox.codes.freefem.code import FreeFem
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
-from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.progress import Progress, fraction_done
 from orchestrator.results.report.report import report
@@ -56,19 +51,6 @@ def test_memory_is_counted_in_one_unit():
     """Of a process of a code as of this one: MB, not MiB."""
     itself = SimpleNamespace(process=SimpleNamespace(pid=os.getpid()), peak_mb=0.0)
     assert Worker.note_memory(itself) == pytest.approx(memory_peak_mb(), rel=1e-3)
-
-
-@pytest.mark.skipif(not shutil.which("dpkg-query"), reason="needs Debian's packages")
-def test_freefem_is_told_with_its_package(tmp_path, monkeypatch):
-    """Debian's FreeFEM 4.11 calls itself 4.9."""
-    told = FreeFem().version()
-    installed = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "freefem++"], capture_output=True, text=True).stdout
-    assert told.endswith(f"(package freefem++ {installed})") and told[0].isdigit()
-    wrapper = tmp_path / "FreeFem++"
-    wrapper.write_text(f"#!/bin/sh\nexec {shutil.which('FreeFem++')} \"$@\"\n")
-    wrapper.chmod(0o755)
-    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", str(wrapper))
-    assert FreeFem().version() == told.split(" (")[0], "this one is nobody's package"
 
 
 def test_result_round_trip(tmp_path):

@@ -7,7 +7,6 @@ path, ``FF_LOADPATH`` another folder of plugins than Debian's.
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import subprocess
 import tempfile
@@ -28,7 +27,6 @@ from orchestrator.errors import InputError, Problem
 
 SERVER, UNDECOMPOSED = "subdomain_server.edp", "undecomposed.edp"
 PLUGIN = "bfstream"
-PACKAGE = "freefem++"
 INSTALL = "apt-get install freefem++ libfreefem++ libfreefem++-dev libopenblas0-serial"
 REINSTALL = "install the orchestrator again, from the whole clone or from a wheel"
 # Debian's preference file names a folder that does not exist.
@@ -59,21 +57,6 @@ def no_plugin(folder: str) -> Problem:
 def executable() -> str | None:
     """Path of FreeFEM, if it is there."""
     return shutil.which(os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++")
-
-
-@cache
-def package(path: str) -> str:
-    """Debian package that an executable belongs to, with its version, e.g. "freefem++ 4.11+dfsg1-3"; '' for none."""
-    record = Path("/var/lib/dpkg/info", f"{PACKAGE}.list")  # asked for it, dpkg-query takes as long as a small solve
-    try:
-        own = os.path.realpath(path)
-        if own not in {os.path.realpath(file) for file in record.read_text().split() if Path(file).name == Path(own).name}:
-            return ""
-        known = Path("/var/lib/dpkg/status").read_text(errors="replace")
-    except OSError:
-        return ""
-    version = re.search(rf"^Package: {re.escape(PACKAGE)}\n(?:.+\n)*?Version: (.+)$", known, re.MULTILINE)
-    return f"{PACKAGE} {version[1]}" if version else ""
 
 
 def _plugin(folder: str) -> Path | None:
@@ -195,10 +178,8 @@ class FreeFem(MessageCode):
         self._said = f"{numbers[0]:g}" if len(numbers) else ""
 
     def version(self) -> str:
-        """FreeFEM's own version and, where it comes from a package, the package's: Debian's 4.11 says 4.9. E.g. "4.9 (package
-        freefem++ 4.11+dfsg1-3)"; empty when it does not answer."""
-        said, origin = self._said or _version(self.executable), package(self.executable)
-        return said + (f" (package {origin})" if origin else "")
+        """Return FreeFEM's own version, as "4.9"; empty when it does not answer."""
+        return self._said or _version(self.executable)
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""
