@@ -131,8 +131,8 @@ class Solving:
         with self.watch("reference"), make_blackbox(self.codes[0]) as whole:
             return solve_reference(self.whole, whole)
 
-    def _part_solved(self, part: Part, estimate: DiscretisationEstimate,
-                     ) -> tuple[Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
+    def _part_solved(self, part: Part, estimate: DiscretisationEstimate) -> tuple[
+            Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
         """This rank's part: what is delivered, its piece of the fields where there are several, on rank 0 answers to unit loads where an
         accuracy is asked of quantities, back-substitutions in set-up, and on rank 0 what all have spent.
         """

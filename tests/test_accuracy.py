@@ -16,9 +16,8 @@ from quick import quick
 
 from orchestrator import run as one
 from orchestrator.accuracy.changes import errors
-from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.loop import run
-from orchestrator.accuracy.passes import GOOD, Pass
+from orchestrator.accuracy.passes import GOOD, Pass, tightest
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
 from orchestrator.config.mesh import Mesh

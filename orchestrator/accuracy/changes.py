@@ -10,19 +10,36 @@ that Roache takes with two grids (P. J. Roache, Perspective: a method for unifor
 1994, 405–413). Of the changes since the last two meshes the one that tells more counts, as one alone may be small by chance; where
 errors are nearly alike, r > ``CLEAR``, a change tells of chance alone. Stresses at points may have no limit, and statuses are counts: of
 these nothing is told.
+
+Whether the largest stress has a limit, from what meshes have found of it that are finer and finer where it is.
+
+At a re-entrant edge, where a support, a contact or another matter ends, stresses are of r^−a, 0 < a ≤ ½, so that a mesh of size h there finds
+some h^−a: no mesh is fine enough. Where stresses have a limit a mesh misses it by some h. Two meshes tell of either what a third will find,
+
+    σ₃ = σ₂ (h₂/h₃)^a,  a = ln(σ₂/σ₁) / ln(h₁/h₂),        σ₃ = σ₂ + (σ₂ − σ₁)(h₂ − h₃)/(h₁ − h₂),
+
+and the nearer of both is believed.
+
+M. L. Williams, Stress singularities resulting from various boundary conditions in angular corners of plates in extension, J. Appl. Mech. 19,
+1952, 526–528.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
-from orchestrator.accuracy.passes import Pass
+import numpy as np
+
+from orchestrator.accuracy.passes import Pass, Peak
 from orchestrator.results.extremes import STRESS
+from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import jsonable, numbers_of
+from orchestrator.scene.mesh.size_map import edge_lengths
 
 UNTOLD = ("iterations", "error_bound", "discretisation_error", "seconds", "peak_stress")
 BACK = 2  # meshes before the last that it is beside
-CLEAR = 0.8
+CLEAR = 0.8  # of the error, or the size, before: meshes that are hardly finer tell nothing
 
 
 def answers(summary: Mapping[str, object]) -> dict[str, float]:
@@ -44,3 +61,32 @@ def errors(done: Sequence[Pass]) -> dict[str, float]:
             for name in last.numbers.keys() & before.numbers.keys():
                 found[name] = max(found.get(name, 0.0), times * abs(last.numbers[name] - before.numbers[name]))
     return {name: found[name] for name in last.numbers if name in found and name.rpartition(".")[0] not in last.quantities}
+
+
+def peak_of(solution: Solution) -> Peak | None:
+    """Of one mesh; None where no stress is known, or none is there."""
+    found, mesh = solution.summary["peak_stress"], solution.scene.mesh
+    if not found or not found["value"] > 0:
+        return None
+    node = np.square(mesh.nodes - found["at"]).sum(axis=1).argmin()
+    return found["value"], float(edge_lengths(mesh.nodes, mesh.cells[(mesh.cells == node).any(axis=1), :4]).mean())
+
+
+def growth(peaks: Sequence[Peak | None]) -> float | None:
+    """a of stresses that grow as h^−a, from the last mesh and two before it that are coarser there; None where they do not grow so, or
+    there are no such meshes.
+
+    peaks : mesh by mesh
+    """
+    clear: list[Peak] = []
+    for peak in reversed([one for one in peaks if one]):
+        if not clear or clear[-1][1] <= CLEAR * peak[1]:
+            clear.append(peak)
+    if len(clear) < 3:
+        return None
+    (third, h3), (second, h2), (first, h1) = clear[:3]
+    if not third > second > first:
+        return None
+    endless = second * (h2 / h3) ** (math.log(second / first) / math.log(h1 / h2))
+    limited = second + (second - first) * (h2 - h3) / (h1 - h2)
+    return math.log(third / second) / math.log(h2 / h3) if third > (endless + limited) / 2 else None

@@ -10,12 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
-from orchestrator.accuracy.changes import answers, errors
+from orchestrator.accuracy.changes import answers, errors, growth, peak_of
 from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
-from orchestrator.accuracy.limits import tightest
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
-from orchestrator.accuracy.passes import NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again
-from orchestrator.accuracy.peaks import growth, peak_of
+from orchestrator.accuracy.passes import (
+    NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again, tightest)
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.apart import Mesher
 from orchestrator.config.load import Loaded

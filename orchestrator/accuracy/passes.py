@@ -1,17 +1,23 @@
-"""What is known of the meshes tried so far, kept in the results folder so that a run can go on in the midst of any."""
+"""What is known of the meshes tried so far, kept in the results folder: a run can go on in any.
+
+It tells how many elements seconds and memory leave room for before the next mesh is made. Memory
+grows by ``UNKNOWN_BYTES`` an unknown, or by more where it has between the last two meshes.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
-from orchestrator.accuracy.peaks import Peak
 from orchestrator.accuracy.sizes import Wanted
+from orchestrator.config.method import Accuracy
 from orchestrator.errors import some
 from orchestrator.written import read_arrays, write_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
@@ -20,10 +26,13 @@ from orchestrator.results.manifest import OWN
 from orchestrator.results.summary.summary import NAME as SUMMARY, read_summary
 from orchestrator.results.summary.sentences import quantity_text
 from orchestrator.scene.mesh.size_map import SizeMap
+from orchestrator.timing import EXPONENT
 
 NAME, GOOD = f"{OWN}/accuracy.npz", f"{OWN}/last_good"
 UNFINISHED_GOOD = f"{GOOD}.new"
 SOLVED = "solved"  # of ``Energies``: arrays
+UNKNOWN_BYTES = 1e4  # of program and codes: .9 to 1.6 of what 3,000 to 90,000 elements take
+Peak = tuple[float, float]  # the largest von Mises stress, and the mean size of the elements there
 OF_MESH = ("elements", "refined", "kept", "had")  # of what was asked for, beside its maps
 
 
@@ -70,6 +79,43 @@ class Pass:
         quantities = "".join(f"; {quantity_text(name, told)}" for name, told in self.quantities.items())
         return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
                 f"{quantities}, {self.seconds:.1f} s{finer}")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One of those that are set.
+
+    elements : that the next mesh may have; inf: no limit
+    short : what is too little, for a sentence; needed : of it for a number of elements, in words
+    """
+
+    elements: float
+    short: str
+    needed: str
+
+
+def tightest(asked: Accuracy, done: Sequence[Pass], spent: float, enough: float) -> Limit:
+    """The limit that leaves room for the fewest elements.
+
+    done : meshes so far; spent : seconds; enough : elements that are needed
+    """
+    last = done[-1]
+    many = f"about {enough:,.0f} elements"
+    found = [Limit(asked.elements or math.inf, f"{asked.elements or 0:,} elements", many)]
+    if asked.seconds:
+        left, times = max(asked.seconds - spent, 0.0), (enough / last.elements) ** EXPONENT
+        found.append(Limit(last.elements * (left / last.seconds) ** (1 / EXPONENT),
+                           f"{asked.seconds:g} seconds, of which {spent:.0f} are spent,",
+                           f"{many}, which take some {last.seconds * times:,.0f} s"))
+    if asked.memory:
+        each = UNKNOWN_BYTES * 3 * last.nodes / last.elements  # bytes that an element more takes
+        if len(done) > 1 and last.elements > done[-2].elements:
+            each = max(each, (last.memory - done[-2].memory) / (last.elements - done[-2].elements))
+        takes = (last.memory + each * (enough - last.elements)) / 1e9
+        found.append(Limit(max(last.elements + (1e9 * asked.memory - last.memory) / each, 0.0),
+                           f"{asked.memory:g} GB of memory, of which {last.memory / 1e9:.2g} were taken,",
+                           f"{many}, which take some {takes:.2g} GB"))
+    return min(found, key=lambda limit: limit.elements)
 
 
 @dataclass

@@ -2,7 +2,7 @@
 
 It has the evaluation of the fixed point that the iteration was, what the coarse problem and the monitors remember, and where an
 increment of load steps has ended its fields. The acceleration is not in it: it begins anew and takes in the last evaluations once
-more. Arrays are named ``kind/owner.name`` by how their columns are numbered:
+more. Arrays are named ``kind/name`` by how their columns are numbered:
 
 - ``trace``, ``boundary``  (T, D) and (T, B), the columns as in ``TraceSpace``;
 - ``macro``                (T, size), as in ``Macro``; several ranks may have the same ones;
@@ -42,7 +42,7 @@ class Checkpoint:
     iteration : linear stages after set-up
     increment : of load steps, which one
     evaluations : of how many of the last iterations the evaluations are needed; 0: ``trace/s`` is the next state
-    arrays : ``kind/owner.name`` → array; not to be changed
+    arrays : ``kind/name`` → array; not to be changed
     notes : numbers, texts and lists of these
     """
 
@@ -67,12 +67,12 @@ class Checkpoint:
         elif not (ended and met):  # nobody goes on from there
             arrays = dict(zip(_EVALUATED, now.point.rows[:3] if problem.all_perfect else now.point.rows[:1]))
             arrays["trace/image"] = now.local.s
-        notes = {"sweeps": latin.sweeps, "seconds": event.seconds, **path, "last": last, "met": met, "reason": verdict.reason,
-                 "states": {}}
+        notes = {"sweeps": latin.sweeps, "seconds": event.seconds, **path, "last": last, "met": met,
+                 "reason": verdict.reason, "states": {}}
         for owner, state in _states(latin, problem).items():
             own = {name: x for name, x in state.items() if isinstance(x, np.ndarray)}
-            notes["states"][owner] = {name: x for name, x in state.items() if name not in own}
-            arrays |= {_owned(name, owner): x for name, x in own.items()}
+            notes["states"][owner] = state | dict.fromkeys(own)
+            arrays |= own
         if ended:
             arrays |= dict(zip(_DELIVERED, now.best.rows))
             if now.best.anchor is not None:
@@ -86,26 +86,23 @@ class Checkpoint:
         return bool(self.notes["reason"])
 
     @property
+    def goes_on(self) -> bool:
+        """Whether a run can go on after it: it has an evaluation, or the next state."""
+        return not (self.ended and self.notes["met"])
+
+    @property
     def load_steps(self) -> int:
         """Of its increment."""
         return len(self.arrays.get("trace/s", self.arrays.get("trace/delivered.s")))
 
     def state_of(self, owner: str) -> dict[str, Any]:
-        """What one part of the method remembers."""
-        found = {name: name.partition("/") for name in self.arrays}
-        own = {f"{kind}/{rest.removeprefix(f'{owner}.')}": self.arrays[name]
-               for name, (kind, _, rest) in found.items() if rest.startswith(f"{owner}.")}
-        return {**self.notes["states"][owner], **own}
+        """Return what one part of the method remembers."""
+        return {name: self.arrays.get(name, x) for name, x in self.notes["states"][owner].items()}
 
 
 def kind_of(name: str) -> str:
     """How the columns of an array are numbered."""
     return name.partition("/")[0]
-
-
-def _owned(name: str, owner: str) -> str:
-    """``kind/name`` of a part of the method as ``kind/owner.name``."""
-    return name.replace("/", f"/{owner}.", 1)
 
 
 def _states(latin: Latin, problem: Decomposition) -> dict[str, dict[str, Any]]:
@@ -175,43 +172,40 @@ class Start:
 
     @staticmethod
     def handed_out(start: Start | None, d: Decomposition) -> Start:
-        """A rank's part of what rank 0 knows to be in files (``results.checkpoint.Kept``), which it reads itself; None: the beginning.
+        """Return a rank's part of what rank 0 knows; None: the beginning.
+
+        Files (``results.checkpoint.Kept``) each rank reads itself.
 
         Raises Refusal: it does not fit to the decomposition
         """
         team, numbers = d.space.team, numbers_of(d)
+        start = team.share(start or Start())
         counts = dict(zip(numbers, team.max(*(1 + own.max(initial=-1) for own in numbers.values()))))
-        start = start or Start()
-        if not team.rank:
-            start._check(d.steps, counts)
-        return team.share(start)._of_rank(numbers)
 
-    def _of_rank(self, numbers: Numbers) -> Start:
-        state = self.state
+        def part(kept: Checkpoint) -> Checkpoint:
+            for name, width in kept.widths.items():
+                count = counts[kind_of(name)]
+                start._refuse(width != count, name,
+                              f"{width:,} columns where there are {count:,.0f}")
+            found = kept.of_rank(numbers)
+            for name, array in found.arrays.items():
+                start._refuse(not np.isfinite(array).all(), name, "values that are not finite")
+            return found
+
+        state = start.state
         if isinstance(state, np.ndarray):
+            name = "trace/state"
+            start._refuse(state.shape != (d.steps, counts["trace"]), name, f"shape {state.shape}")
+            start._refuse(not np.isfinite(state).all(), name, "values that are not finite")
             state = state[:, numbers["trace"]]
         elif state is not None:
-            state = np.vstack([x.of_rank(numbers).arrays[_DELIVERED[0]] for x in state])
-        found = replace(self, state=state, ended=[x.of_rank(numbers) for x in self.ended], latest=[x.of_rank(numbers) for x in self.latest])
-        arrays = [(x.iteration, name, array) for x in (*found.ended, *found.latest) for name, array in x.arrays.items()]
-        for iteration, name, array in [*arrays, *([] if state is None else [(self.iteration, "trace/state", state)])]:
-            if not np.isfinite(array).all():
-                raise Refusal("another start", iteration=iteration, name=name, wrong="values that are not finite")
-        return found
+            state = np.vstack([part(x).arrays[_DELIVERED[0]] for x in state])
+        return replace(start, state=state, ended=[part(x) for x in start.ended],
+                       latest=[part(x) for x in start.latest])
 
-    def _check(self, steps: int, counts: Mapping[str, float]) -> None:
-        """Refuse arrays of another shape."""
-        given = [(x.iteration, name, width) for x in (*self.ended, *self.latest) for name, width in x.widths.items()]
-        rows = steps
-        if isinstance(self.state, np.ndarray):
-            if self.state.ndim != 2:
-                raise Refusal("another start", iteration=self.iteration, name="trace/state", wrong=f"{self.state.ndim} dimensions")
-            rows = len(self.state)
-            given.append((self.iteration, "trace/state", self.state.shape[1]))
-        for iteration, name, width in given:
-            if width != counts[kind_of(name)] or rows != steps:
-                raise Refusal("another start", iteration=iteration, name=name,
-                              wrong=f"{width:,} columns where there are {counts[kind_of(name)]:,.0f}")
+    def _refuse(self, wrong: bool, name: str, what: str) -> None:
+        if wrong:
+            raise Refusal("another start", iteration=self.iteration, name=name, wrong=what)
 
 
 def numbers_of(d: Decomposition) -> Numbers:

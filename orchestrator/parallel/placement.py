@@ -58,10 +58,12 @@ def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
     return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
 
 
-def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int) -> np.ndarray:
+def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
+           ranks: int) -> np.ndarray:
     """(n,) int, the rank of each subdomain; every rank has some.
 
-    Rank 0, which also solves the coarse contact problem and writes, has the part with the fewest interface dofs.
+    Rank 0, which also solves the coarse contact problem and writes, has the part with the fewest
+    interface dofs.
 
     costs : (n,) of each subdomain
     pairs, dofs : (m, 2) int, the subdomains of each interface; (m,) what it has to exchange

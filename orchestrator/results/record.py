@@ -14,7 +14,8 @@ from orchestrator.errors import InputError, InternalError, OrchestratorError, la
 from orchestrator.folders import temporary
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
-from orchestrator.results.checkpoint import NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
+from orchestrator.results.checkpoint import (
+    NAME as CHECKPOINT, PROBLEM, VERSION, begun, load_checkpoint, saved)
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import NAME, write_npz
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
@@ -50,6 +51,7 @@ class Record(Subscriber):
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *,
                  resume: bool = False):
         problem = problem_of(config.complete(), scene.prints)
+        problem["version of checkpoints"] = str(VERSION)
         key = digest_of(problem)
         self.start = load_checkpoint(folder, key, problem) if resume else None
         if resume and self.start is None:

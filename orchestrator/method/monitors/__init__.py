@@ -134,7 +134,8 @@ class Monitor:
     """Watches the iterations of one case.
 
     name : as in the registry
-    remembered : its attributes that a resumed run has to know, numbers, texts and lists of these
+    remembered : its attributes that a resumed run has to know: numbers, texts and lists of these, and
+        arrays (T, …) as ``kind/name``, see ``checkpoint``
     """
 
     name: ClassVar[str]
@@ -154,18 +155,22 @@ class Monitor:
         raise NotImplementedError
 
     def state(self) -> dict[str, Any]:
-        """What a resumed run has to know: numbers, texts and lists of these by name, arrays by ``kind/name``, see ``checkpoint``."""
-        return {name: copy(getattr(self, name)) for name in self.remembered}
+        """Return what a resumed run has to know, by the names in ``remembered``."""
+        return {name: copy(getattr(self, _attribute(name))) for name in self.remembered}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         """Take ``state`` back; the problem as the monitor had changed it by then."""
         for name in self.remembered:
-            setattr(self, name, copy(state[name]))
+            setattr(self, _attribute(name), copy(state[name]))
         return problem
 
     def found(self, problem: Decomposition) -> list[Any]:
         """What is delivered of it once the iterations of the case have ended: ``Iterated.found[name]``."""
         return []
+
+
+def _attribute(name: str) -> str:
+    return name.rpartition("/")[2]
 
 
 def monitors_of(case: Case) -> list[Monitor]:

@@ -140,7 +140,7 @@ class FollowingMonitor(Monitor):
     points go with them, to the nodes that they meet there.
     """
 
-    name = "following"
+    name, remembered = "following", ("trace/place", "trace/way", "share")
 
     def __init__(self, case: Case):
         self.case, self.place = case, case.problem.following.place
@@ -167,11 +167,8 @@ class FollowingMonitor(Monitor):
         now.fields = replace(now.fields, s=now.fields.s + there - here)
         return problem
 
-    def state(self) -> dict[str, Any]:
-        return {"trace/place": self.place, "trace/way": self.way, "share": self.share}
-
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.place, self.way, self.share = state["trace/place"], state["trace/way"], float(state["share"])
+        super().restore(state, problem)
         return problem if np.array_equal(self.place, problem.following.place) else problem.paired(self.place)
 
     def found(self, problem: Decomposition) -> list[Paired]:
