@@ -28,14 +28,15 @@ Body = tuple[np.ndarray, np.ndarray]  # nodes (n, 3), tets (m, 4)
 SIX = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]]
 
 
-def stopped(problem: dict, **changes: object) -> orchestrator.Solution:
+def stopped(problem: dict, reference: bool = False, **changes: object) -> orchestrator.Solution:
     """Return the solution of a problem, converged or not; ``changes`` replace its sections."""
-    return orchestrator.solve(orchestrator.config_from({**QUICK, **problem, **changes}))
+    config = orchestrator.config_from({**QUICK, **problem, **changes})
+    return orchestrator.solve(config, reference=reference)
 
 
-def solved(problem: dict, **changes: object) -> orchestrator.Solution:
+def solved(problem: dict, reference: bool = False, **changes: object) -> orchestrator.Solution:
     """Return the solution of a problem that converges."""
-    solution = stopped(problem, **changes)
+    solution = stopped(problem, reference, **changes)
     assert solution.converged, (solution, solution.summary["advice"])
     return solution
 
