@@ -226,6 +226,8 @@ def test_a_twist_is_told_as_a_moment():
     assert slips["at"] == pytest.approx(0.75)  # the straight line leads to 0.785, beyond what was applied
     (said,) = verdict({**solution.summary, "contact_faces": [{**face, "slips": slips}]})
     assert "between 0.5 and 0.75 N·mm" in said
+    told = dict(summary_rows(solution.summary))["loads"].splitlines()
+    assert told == ["z = 1: (0, 0, -10) N  (load step 4 of 4)", "z = 1: moment (0, 0, 0.75) N·mm"]
 
 
 @pytest.mark.long

@@ -37,6 +37,7 @@ class Answers:
     steps : load steps
     kinds : of each entry of ``boundary``: support, or load
     paths : as ``probes.read_paths`` gives them
+    box : (2, 3) around all nodes
     met : the interfaces that are not perfect; None where all are
     """
 
@@ -46,6 +47,7 @@ class Answers:
     steps: int
     kinds: list[str]
     paths: list[dict[str, object]]
+    box: np.ndarray
     met: Met | None = None
 
     @classmethod
@@ -69,7 +71,7 @@ class Answers:
         found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.met), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
-                   read_paths(probes, read), delivered.met)
+                   read_paths(probes, read), scene.mesh.box, delivered.met)
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """The entry in summary.json."""
@@ -77,7 +79,9 @@ class Answers:
         forces, moments = np.split(delivered.reactions, 2, axis=2)
         return {"peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
             "reaction_names": reaction_names(config), "reaction_kinds": self.kinds,
-            "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces)}, "probes": self.probes,
+            "reaction_moments": {
+                "about": about, "moments": moments - np.cross(about, forces), "middle": self.box.mean(axis=0),
+                "size": float(np.linalg.norm(np.ptp(self.box, axis=0)))}, "probes": self.probes,
             "paths": self.paths}
 
     def write(self, folder: ResultsFolder) -> None:

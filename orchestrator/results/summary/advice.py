@@ -170,10 +170,14 @@ def springs(run: Stopped) -> Iterator[str]:
 
 
 def limit(run: Stopped) -> Iterator[str]:
-    """No forces balance the loads."""
+    """No forces balance the loads: a sentence for the first load step of all in which the same bodies move."""
+    alike: dict[tuple[str, ...], list] = {}
     for found in run.iterated.found.get("limit_load", []):
+        alike.setdefault(tuple(sorted(motion.body for motion in found.motions)), []).append(found)
+    for found, *others in alike.values():
         less = "raise friction" if found.prescribed else "lower the load, raise friction"
-        yield f"{found}: {less}, or hold {some([motion.body for motion in found.motions])}"
+        also = f"; so do they at load step{'s' * (len(others) > 1)} {some([str(other.load_step) for other in others])}" if others else ""
+        yield f"{found}{also}: {less}, or hold {some([motion.body for motion in found.motions])}"
 
 
 def code(run: Stopped) -> Iterator[str]:

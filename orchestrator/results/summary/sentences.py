@@ -93,12 +93,28 @@ def _loosened(summary: Summary, unit: str) -> list[str]:
 
 
 def forces(summary: Summary, which: str) -> list[str]:
-    """Return the forces of supports, or the sums of loads (``which``: support, or load), at the last load step."""
+    """Return the forces of supports, or the sums of loads (``which``: support, or load), at the last load step; of a couple the moment."""
     names, reactions, count = summary.get("reaction_names") or [], summary.get("reactions") or [], summary.get("load_steps") or 1
-    kinds, most = summary.get("reaction_kinds") or ["support"] * len(names), largest(reactions)
-    texts = [f"{name}: {vector(steps[-1], most)}{units_of(summary)['force']}" for name, steps, kind in zip(names, reactions, kinds)
-             if steps and (kind == "load") == (which == "load")]
+    kinds, most, unit = summary.get("reaction_kinds") or ["support"] * len(names), largest(reactions), units_of(summary)
+    texts = []
+    for name, steps, kind, (moment, alone) in zip(names, reactions, kinds, _couples(summary) or [(None, False)] * len(names)):
+        if steps and (kind == "load") == (which == "load"):
+            turn = [f"moment {vector(moment)}{unit['moment']}"] if moment else []
+            texts.append(f"{name}: " + ", ".join([f"{vector(steps[-1], most)}{unit['force']}"] * (not alone) + turn))
     return [text + f"  (load step {count} of {count})" * (count > 1 and not k) for k, text in enumerate(texts)]
+
+
+def _couples(summary: Summary) -> list[tuple[list[float] | None, bool]]:
+    """Of each entry of ``boundary`` the moment at the last load step, where it is more than any force within the box has, and whether
+    beside it the force is nothing."""
+    found, least = summary.get("reaction_moments") or {}, max(ROUNDED, summary.get("tolerance") or 0.0)
+    if not found.get("size") or not all(summary["reactions"]):
+        return []
+    pairs = [(np.array(steps[-1], float), np.array(moments[-1], float)) for steps, moments in zip(summary["reactions"], found["moments"])]
+    turned = [moment + np.cross(np.subtract(found["about"], found["middle"]), force) for force, moment in pairs]  # about the middle
+    known = least * max(largest(summary["reactions"]) * found["size"], largest(found["moments"]))
+    return [(moment.tolist(), bool(push <= least * turn)) if (turn := np.linalg.norm(moment)) > max(push, known) else (None, False)
+            for moment, (force, _) in zip(turned, pairs) for push in [np.linalg.norm(force) * found["size"]]]
 
 
 def shown_statuses(counts: Mapping[str, list[int]] | None) -> list[str]:
