@@ -18,7 +18,7 @@ from orchestrator.method.delivery.faces import Face, carry, shape
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.report.tables import tables
 from orchestrator.results.summary.contact_faces import slip_load
-from orchestrator.results.summary.sentences import verdict
+from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
 from orchestrator.scene.mesh.gmsh_session import session

@@ -25,8 +25,8 @@ from orchestrator.results.report.document import Marked, heading, page, picture,
 from orchestrator.results.report.tables import tables
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.results.summary.sentences import verdict
 from orchestrator.results.summary.summary import units_of
+from orchestrator.results.summary.verdict import verdict
 from orchestrator.scene.conditions.selection import check_figures
 
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: sharp edges and borders of the "

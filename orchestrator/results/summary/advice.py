@@ -176,7 +176,8 @@ def limit(run: Stopped) -> Iterator[str]:
         alike.setdefault(tuple(sorted(motion.body for motion in found.motions)), []).append(found)
     for found, *others in alike.values():
         less = "raise friction" if found.prescribed else "lower the load, raise friction"
-        also = f"; so do they at load step{'s' * (len(others) > 1)} {some([str(other.load_step) for other in others])}" if others else ""
+        steps = some([str(other.load_step) for other in others])
+        also = f"; nor are the loads of load step{'s' * (len(others) > 1)} {steps} carried" if others else ""
         yield f"{found}{also}: {less}, or hold {some([motion.body for motion in found.motions])}"
 
 

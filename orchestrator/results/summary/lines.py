@@ -18,6 +18,7 @@ from orchestrator.parallel.team import watched
 from orchestrator.results.summary import sentences
 from orchestrator.results.summary.sentences import vector
 from orchestrator.results.summary.summary import jsonable, units_of
+from orchestrator.results.summary.verdict import verdict
 
 MOST = 6  # texts of a line that are told briefly
 STYLES = {"warning": "yellow", "what to do": "yellow"}
@@ -41,7 +42,7 @@ class Line:
 
 
 LINES = (
-    Line("run", "{name}"), Line("result", "{ended}‹ ({why})›"), Line("verdict", sentences.verdict), Line("what to do", "{}", "advice"),
+    Line("run", "{name}"), Line("result", "{ended}‹ ({why})›"), Line("verdict", verdict), Line("what to do", "{}", "advice"),
     Line("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}‹ of {peak_stress[part]}›"
          "‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh it grows as h^-{peak_stress[grows]:.2f}, "
          "h the size of elements there, without limit›"),

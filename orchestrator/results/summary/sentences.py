@@ -1,11 +1,11 @@
-"""Sentences of a summary that take more than a format: what slips, carries, is held, and how far numbers are off.
+"""Sentences of a summary that take more than a format: what carries, is held, and how far numbers are off.
 
 Every function takes a summary as it is written to summary.json; nothing comes back where nothing is known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import ceil, hypot, inf, isfinite, log10
 
 import numpy as np
@@ -17,8 +17,6 @@ from orchestrator.results.summary.summary import blackbox_seconds, stage_seconds
 Summary = Mapping[str, object]
 
 NAMES = 6  # bodies in a sentence
-MOST = 4  # faces, or shanks, that a sentence is spent on
-LOST = 0.01  # share of a pretension whose loss is told
 OWN = 10.0  # errors asked, told of a body's own beside its own energy from which it is named
 FAR = 3.0  # tolerances, told of a body's place from which it is named: what is off by ten has been told to be off by four at least
 SURE = 1e-6  # of the largest number of its kind: an error that is not told
@@ -37,59 +35,6 @@ def largest(values: object) -> float:
     if isinstance(values, (list, tuple)):
         return max(map(largest, values), default=0.0)
     return 0.0 if values is None else abs(float(values))
-
-
-def _rounded(number: float) -> str:
-    """Four digits, without an exponent where that is shorter."""
-    return f"{float(f'{number:.4g}'):,.10g}"
-
-
-def verdict(summary: Summary) -> list[str]:
-    """Return what slips and from which load on, what bears, what bolts lose, those that matter most first; nothing where the run has
-    not converged."""
-    if not summary.get("converged"):
-        return []
-    unit, faces = units_of(summary), summary.get("contact_faces") or ()
-    rubbing = [face for face in faces if max(face["capacity"], default=0.0) > 0 and face["kind"] not in ("bore", "face")]
-    told = _first(sorted((face for face in rubbing if face["slips"]), key=lambda face: face["slips"]["step"]),
-                  lambda face: _slips(face, unit), "faces slip")
-    if rubbing and not told:
-        face = max(rubbing, key=lambda face: max(face["used"]))
-        most = max(face["used"])
-        told = [f"nothing slips: of what friction can hold at most {most:.0%} is used, by {face['name']} at load step "
-                f"{face['used'].index(most) + 1}"]
-    least = (summary.get("tolerance") or 0.0) * max((max(face["normal"]) for face in faces), default=0.0)
-    bores = [face for face in faces if face["kind"] == "bore"]
-    bearing = _first([face for face in bores if max(face["bears"], default=0.0) > least], lambda face: (
-        f"{face['name']} bears from load step {next(step for step, force in enumerate(face['bears'], 1) if force > least)}, "
-        f"with up to {_rounded(max(face['bears']))}{unit['force']}"), "shanks bear")
-    return told + (bearing or ["no shank bears in its hole"] * bool(bores)) + _loosened(summary, unit["force"])
-
-
-def _first(found: Sequence[Mapping[str, object]], sentence: Callable[[Mapping[str, object]], str], more: str) -> list[str]:
-    """A sentence on each of the first ones, and how many more there are."""
-    return [*map(sentence, found[:MOST]), *[f"… and {len(found) - MOST} more {more}"] * (len(found) > MOST)]
-
-
-def _slips(face: Mapping[str, object], units: Mapping[str, str]) -> str:
-    """A face that slips: from which load on, and what it could hold beyond, where all of it has slipped and yet it could hold more."""
-    slips, used = face["slips"], round(100 * face["used"][face["slips"]["step"] - 1])
-    unit = units[slips.get("of") or "force"]
-    about = "" if slips["at"] is None else f"at about {_rounded(slips['at'])}{unit} "
-    load = "" if slips["load"] is None else \
-        f", {about}on {slips['on']}, between {_rounded(slips['before'])} and {_rounded(slips['load'])}{unit}"
-    return f"{face['name']} slips from load step {slips['step']}{load}" + f", with {used}% of what friction can hold" * (used < 100)
-
-
-def _loosened(summary: Summary, unit: str) -> list[str]:
-    """The bolt that loses most of the force that it was tightened with last."""
-    lost = []
-    for bolt in summary.get("bolts") or ():
-        last = max((step for step, state in enumerate(bolt["state"]) if state == "tightened"), default=len(bolt["force"]))
-        if after := bolt["force"][last + 1:]:
-            lost.append((1 - min(after) / bolt["force"][last], bolt["name"], bolt["force"][last], min(after)))
-    share, name, given, left = max(lost, default=(0.0, "", 0.0, 0.0))
-    return [f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of {_rounded(given)}{unit}"] * (share > LOST)
 
 
 def forces(summary: Summary, which: str) -> list[str]:
