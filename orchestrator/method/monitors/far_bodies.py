@@ -55,8 +55,8 @@ class FarBody:
 
     def __str__(self) -> str:
         along = "(" + ", ".join(f"{x:.2g}" for x in np.round(self.along, 2) + 0.0) + ")"
-        moved = (f"has turned by {self.turn:.2g} rad about {along}" if self.turns
-                 else f"has moved by {self.shift:.0%} of its size along {along}")
+        way = f"{self.shift:.0%} of its size" if self.shift < 1 else f"{self.shift:,.3g} times its size"
+        moved = f"has turned by {self.turn:.2g} rad about {along}" if self.turns else f"has moved by {way} along {along}"
         return (f"{self.body} {moved} at load step {self.load_step} (since iteration {self.iteration}), beyond small "
                 f"displacements: {self._touch}. What would hold it: {self._cure}")
 
