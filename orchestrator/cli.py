@@ -95,25 +95,16 @@ def check(config: ConfigFile, overrides: Overrides = None,
 @command(BEGIN)
 def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
             overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
-            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
-            graph: Annotated[Optional[Path], typer.Option(metavar="FILE.png|-", help=(
-                "list the graph of parts, codes and interfaces of CONFIG instead, and draw it; -: list it only"))] = None,
             run_programs: RunPrograms = False) -> int | None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
     from orchestrator.config.load import asked_of
-    from orchestrator.inspect import inspected, listed, model_html, show_graph
+    from orchestrator.inspect import inspected, listed
 
-    if graph is not None:
-        return show_graph(source, overrides or [], graph, html, run_programs)
     if source.suffix.lower() not in (".yaml", ".yml"):
-        lines, mesh = inspected(source, h)
+        lines = inspected(source, h)
     else:
-        lines, mesh = asked_of(source, overrides or [], lambda config: listed(config, run_programs))
+        lines = asked_of(source, overrides or [], lambda config: listed(config, run_programs))
     print(visible("\n".join(lines)))
-    if html is not None:
-        from orchestrator.written import write_sealed
-
-        write_sealed(html, model_html(mesh))
 
 
 @command(SOLVE)
@@ -162,13 +153,11 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
            steps: Annotated[Optional[str], typer.Option(metavar="STEP,…", help="draw these load steps: 1,5")] = None,
            scale: Annotated[Optional[str], typer.Option(
                metavar="LOW,HIGH|step", help="stresses at the ends of the colours: 0,165; or ends of each step's own")] = None,
-           interactive: Annotated[bool, typer.Option("--interactive", help="also result.html, which turns, needs no network")] = False,
-           animate: Annotated[bool, typer.Option("--animate", help="also figures/steps.gif: the load steps, one after another")] = False,
            ) -> int | None:
     """Draw the figures and a readable report from a results folder."""
     from orchestrator.results.report.report import figures_asked, report as write
 
-    write(directory, figures_asked(cut, parts, view, steps, scale), interactive, animate)
+    write(directory, figures_asked(cut, parts, view, steps, scale))
 
 
 @command(RESULTS)
@@ -191,16 +180,6 @@ def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results fol
         if why := draw_difference(folder, one, other):
             print(visible(f"no picture: {why}"))
     return NOT_CONVERGED if found.beyond else CONVERGED
-
-
-@command(RESULTS)
-def export(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder, or a sweep's")],
-           target: Annotated[Path, typer.Argument(
-               metavar="FILE", help="NAME.xlsx, a sheet for each table; or NAME.parquet, a file for each")]) -> int | None:
-    """Write the tables of a results folder, and the numbers of its summary, for spreadsheets or pandas."""
-    from orchestrator.results.export import export as write
-
-    print(visible("\n".join(map(str, write(directory, target)))))
 
 
 @command(REST)

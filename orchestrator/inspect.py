@@ -9,21 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.start import find_codes
-from orchestrator.config.load import asked_of
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.errors import InputError, Problem, visible, wrong
+from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
-from orchestrator.optional import check_there
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.foreign.joints import not_asked
-from orchestrator.scene.graph import Graph, graph_of
 from orchestrator.scene.inspection import (
     pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
-from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
@@ -33,14 +30,14 @@ CAD = {".stp", ".step", ".brep"}
 PAIRS = 50  # that ``check`` shows; ``inspect`` shows all
 
 
-def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
-    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one, and the mesh; solids that cannot be are told.
+def inspected(path: Path, h: float | None = None) -> list[str]:
+    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one; solids that cannot be are told.
 
     Raises InputError: it cannot be read, or is no sound mesh
     """
     failed: dict[str, Problem] = {}
     mesh, faces = make_mesh(section_of(path, h), failed)
-    return [*_lines(mesh, faces), *(f"remark: {problem.found}; {problem.cure}" for problem in failed.values())], mesh
+    return [*_lines(mesh, faces), *(f"remark: {problem.found}; {problem.cure}" for problem in failed.values())]
 
 
 def section_of(path: Path, h: float | None = None) -> Section:
@@ -55,8 +52,8 @@ def section_of(path: Path, h: float | None = None) -> Section:
     return Section(file=str(path))
 
 
-def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]:
-    """Lines on a configuration, and its mesh: of its scene where it makes one, else of its meshes, and what is wrong.
+def listed(config: Config, run_programs: bool = False) -> list[str]:
+    """Lines on a configuration: of its scene where it makes one, else of its meshes, and what is wrong.
 
     run_programs : whether parts that are programs are started; else these are not there
     Raises InputError: there is no mesh
@@ -64,69 +61,17 @@ def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]
     young = [matter.young for matter in config.matter]
     if config.programs and not run_programs:
         mesh, faces = make_parts(config.parts, run_programs=None)
-        return [*_lines(mesh, faces, young), "", *not_asked(config)], mesh
+        return [*_lines(mesh, faces, young), "", *not_asked(config)]
     try:
         scene = build_scene(config, run_programs=run_programs)
     except InputError as error:
         mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs=run_programs)
         return [*_lines(mesh, faces, young), "", f"no scene yet, {len(error.problems)} problem"
-                f"{'s' if len(error.problems) > 1 else ''} in the input: orchestrator check tells"], mesh
+                f"{'s' if len(error.problems) > 1 else ''} in the input: orchestrator check tells"]
     mesh, first = scene.mesh, np.unique(scene.mesh.volume, return_index=True)[1]
     made_of = (scene.materials[m] for m in scene.cell_material[first])
     matter = {name: f"E {m.young:g}, ν {m.poisson:g}" for name, m in zip(mesh.volumes, made_of)}
-    return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene))], mesh
-
-
-def model_html(mesh: Mesh) -> bytes:
-    """The model as a page that turns, see ``results.figures.interactive``: its named surfaces, or without any its volumes' faces.
-
-    Raises InputError: as there
-    """
-    from orchestrator.results.figures.interactive import model_page
-
-    named = [(name, triangles) for name, triangles in mesh.surfaces.items() if len(triangles)]
-    if not named:
-        faces = faces_of(mesh.cells[:, :4], len(mesh.nodes))
-        outer = faces.outer
-        part = mesh.volume[faces.owner[outer]]
-        named = [(name, faces.triangles[outer[part == v]]) for v, name in enumerate(mesh.volumes)]
-    return model_page(mesh.nodes, named, mesh.source)
-
-
-def graphed(config: Config, run_programs: bool = False) -> Graph:
-    """The graph of a configuration's scene, as much of it as can be read.
-
-    Raises InputError: there is no scene; a part is a program, and programs are not run
-    """
-    if config.programs and not run_programs:
-        raise wrong(("parts",), "a part that is a program, whose joint is not known before it is run", "parts that can be read",
-                    "add --run-programs")
-    from orchestrator.results.answers import reaction_names
-
-    return graph_of(config, build_scene(config, run_programs=run_programs), reaction_names(config)).readable()
-
-
-def show_graph(source: Path, overrides: list[str], target: Path, html: Path | None, run_programs: bool) -> None:
-    """Print the graph of a configuration, and draw it unless ``target`` is -.
-
-    html : a page that is asked for beside it
-    Raises InputError: as ``graphed``; that page; no configuration, or no name of a picture
-    """
-    if source.suffix.lower() not in (".yaml", ".yml"):
-        raise wrong((), f"--graph beside {source.name}", "a configuration: a mesh has neither codes nor laws", "write a YAML file; leave it out")
-    if html is not None:
-        raise wrong((), "--graph beside --html", "one of them", "call inspect twice")
-    if drawn := str(target) != "-":
-        if target.suffix.lower() != ".png":
-            raise wrong((), f"--graph {target}", "a name that ends in .png, or - for the list alone", "name another one")
-        check_there("matplotlib")
-    graph = asked_of(source, overrides, lambda config: graphed(config, run_programs))
-    print(visible("\n".join(graph.lines())))
-    if drawn:
-        from orchestrator.results.figures.graph import draw_graph
-        from orchestrator.written import write_sealed
-
-        write_sealed(target, draw_graph(graph))
+    return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene))]
 
 
 def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:

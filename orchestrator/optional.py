@@ -20,10 +20,6 @@ WANTED = {
     "matplotlib": ("figures", "it draws charts"),
     "pyvista": ("figures", "it draws pictures of meshes and fields"),
     "vtkmodules": ("figures", "it draws, and reads .vtk, .vtu and .pvtu files"),
-    "plotly": ("interactive", "it makes pages that turn"),
-    "pandas": ("tables", "it writes tables as a workbook or as Parquet files"),
-    "openpyxl": ("tables", "pandas writes .xlsx files with it"),
-    "pyarrow": ("tables", "pandas writes .parquet files with it"),
     "mpi4py": ("cluster", "it lets several processes solve one problem"),
 }
 DRAWING = ("matplotlib", "pyvista", "vtkmodules")

@@ -30,7 +30,7 @@ EQUATIONS = 46  # numbered in the paper
 BY_NAME = [path.stem for path in DOCUMENTS]
 # `file.py` `name`, `Class.name` …
 MENTIONED = re.compile(r"`([\w/]+\.py)`((?:(?:, | and | )?`[\w.]+`)*)")
-COMMAND = re.compile(r"(?:^|`| )orchestrator ((?:run|check|report|study|conformance|doctor|inspect|init|schema|sweep|compare|export)\b"
+COMMAND = re.compile(r"(?:^|`| )orchestrator ((?:run|check|report|study|conformance|doctor|inspect|init|schema|sweep|compare)\b"
                      r"[^`\n#…*]*)")
 
 

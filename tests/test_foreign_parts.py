@@ -19,8 +19,6 @@ from orchestrator.inspect import checked
 from orchestrator.registry import FOREIGN
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.figures.interactive import result_page
-from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -303,8 +301,6 @@ def test_two_decks_and_nothing_else(tmp_path):
     assert len(meshio.read(tmp_path / "fields" / "hull_0001.vtu").points) == 20
     drawn = write_figures(ResultsFolder(tmp_path), solution.summary, {}, solution.fields)
     assert "deformed.png" not in [path.name for path in drawn]
-    with pytest.raises(InputError, match="no part to draw"):
-        result_page(solution.fields, "two", Look())
 
 
 def two_decks(folder, kinds, turned, length=2) -> dict:

@@ -56,12 +56,10 @@ def test_the_core_runs_alone_and_the_rest_is_asked_for_by_name(tmp_path):
         refused("cad", lambda: build_scene(config_from({CAD!r})))
         refused("vtu", lambda: read_vtk(pathlib.Path({str(tmp_path / 'mesh.vtu')!r})))
         refused("report", lambda: report({str(tmp_path)!r}))
-        refused("pages", lambda: need("plotly", "graph_objects"))
         done = CliRunner().invoke(app, ["run", {str(tmp_path / 'bar.json')!r}, "--output", {str(tmp_path / 'results')!r}])
         print(json.dumps({{**said, "run": done.exit_code, "printed": " ".join((done.stdout + str(done.exception or '')).split())}}))
         """))
-    for name, extra in (("contact", "fast"), ("graph", "mesh"), ("cad", "mesh"), ("vtu", "figures"), ("report", "figures"),
-                        ("pages", "interactive")):
+    for name, extra in (("contact", "fast"), ("graph", "mesh"), ("cad", "mesh"), ("vtu", "figures"), ("report", "figures")):
         assert f"pip install 'latin-orchestrator[{extra}]'" in said[name], name
     assert said["run"] == 0 and "no figures: matplotlib, pyvista, vtkmodules not installed" in said["printed"], said["printed"]
     assert (tmp_path / "results" / "fields" / "fields.pvd").is_file()

@@ -16,7 +16,6 @@ from orchestrator.results.fingerprint import problem_of
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.written import write_sealed
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.history import HistoryWriter, read_history, write_history
 from orchestrator.results.summary.summary import write_summary
@@ -305,22 +304,3 @@ def test_a_history_of_another_version_says_which_columns_it_lacks_and_what_can_b
 
     problem = the_problem(caught)
     assert HISTORY_COLUMNS[-1] in problem.found and "version that wrote it" in problem.cure
-
-
-@pytest.mark.parametrize("there", ["a solid", "a page that was changed", "a link"])
-def test_a_page_replaces_no_file_but_its_own(tmp_path, there):
-    path = tmp_path / "model.html"
-    for page in (b"<html>1</html>", b"<html>2</html>"):
-        write_sealed(path, page)
-        assert path.read_bytes().startswith(page)
-    if there == "a page that was changed":
-        path.write_bytes(path.read_bytes().replace(b"2", b"3"))
-    elif there == "a solid":
-        path.write_text("ISO-10303-21;")
-    else:
-        path.rename(tmp_path / "other.html")
-        path.symlink_to(tmp_path / "other.html")
-    before = path.read_bytes()
-    with pytest.raises(InputError, match="there already"):
-        write_sealed(path, b"<html>4</html>")
-    assert path.read_bytes() == before

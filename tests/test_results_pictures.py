@@ -20,13 +20,11 @@ from orchestrator.errors import InputError
 from orchestrator.scene.elasticity import von_mises
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.animation import write_animation
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.exaggeration import exaggeration
 from orchestrator.results.figures.flat import laid_flat
 from orchestrator.results.figures.pictures import PALETTE, codes, deformed, interfaces
-from orchestrator.results.figures.interactive import model_page, result_page
 from orchestrator.results.figures.view import Camera, DPI, Look, View
 from orchestrator.results.figures.sheet import compose
 from orchestrator.results.figures.surface import skin
@@ -220,28 +218,6 @@ def test_each_step_has_its_own_scale_on_request_or_one_that_is_given():
         assert (sheet.views[0].limits == (0.0, 50.0)) == (scale == (0.0, 50.0)) and sheet.views[1].extremes[1] > 100
     assert sheet.views[0].mark is not None and deformed(fields, Look(steps=(1, 7))).headings == ["load step 2 of 2"]
     assert "load step 1 not drawn" in deformed(fields, Look(steps=(1,))).caption
-
-
-@pytest.mark.long
-def test_load_steps_as_an_animation(tmp_path, draw):
-    """A frame for each, in the report too; none of a single step."""
-    write_animation(ResultsFolder(tmp_path), case.opened(), Look(), "made_up")
-    with Image.open(tmp_path / "figures" / "steps.gif") as found:
-        frames = [np.asarray(found.convert("RGB"), float) for found.n in range(2) if found.seek(found.n) is None]
-        assert found.n_frames == 2 and np.abs(frames[1] - frames[0]).max() > 50
-    with pytest.raises(InputError, match="one load step"):
-        write_animation(ResultsFolder(tmp_path), case.opened(), Look(steps=(1,)), "made_up")
-
-
-def test_pages_that_turn_need_no_network():
-    graph = pytest.importorskip("plotly")
-    fields = replace(case.fields(), part=case.slices(case.box_mesh(), 3), parts=("left", "middle", "right"))
-    page = result_page(fields, "made_up", Look(units={"length": " mm", "force": " N", "stress": " MPa"})).decode()
-    assert page.count('"type":"mesh3d"') >= 3 and all(f'"name":"{name}"' in page for name in fields.parts) and graph
-    assert "MPa" in page and "peak" in page and not re.search(r"<(script|link)[^>]*(src|href)=.https?:", page)
-    mesh = case.box_mesh()
-    named = model_page(mesh.nodes, [("one", mesh.cells[:4, :3]), ("two", mesh.cells[4:, :3])], "model").decode()
-    assert '"name":"one"' in named and '"name":"two"' in named and '"type":"mesh3d"' in named
 
 
 @pytest.mark.long

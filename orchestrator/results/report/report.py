@@ -16,7 +16,6 @@ from orchestrator.config.method import Method
 from orchestrator.config.model import Figures
 from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
-from orchestrator.results.figures.animation import NAME as ANIMATION, write_animation
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.view import Look
@@ -34,7 +33,6 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
              ("codes.png", "Which code solves what."),
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("jumps.png", "The interfaces whose jump is imposed: pressure."),
-             (ANIMATION, "The load steps, one after another."),
              ("accuracy.png", "Errors over elements, mesh by mesh."),
              ("mesh.png", "The first mesh and the last: sizes of elements, and the error of each."),
              ("probes.png", "Probes over the load steps."),
@@ -64,17 +62,14 @@ def figures_asked(cut: str | None, parts: list[str] | None, view: str | None, st
     return figures or None
 
 
-def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False,
-           animate: bool = False) -> Path:
+def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
 
     directory : a results folder
     figures : how the structure is drawn, as ``output.figures`` in the YAML; None: as the run's configuration says
-    interactive : also write result.html, in which the structure turns
-    animate : also write figures/steps.gif, the load steps one after another, which the report then shows
     Returns path of report.md
     Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
-        drawn is there; a package that draws is not installed; an animation of a single load step, or where VTK cannot draw
+        drawn is there; a package that draws is not installed
     """
     for package in DRAWING:
         check_there(package)
@@ -82,23 +77,12 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     folder = ResultsFolder(directory)
     look = look_of(solution.summary) if figures is None else _look(solution, figures)
     name = str(solution.summary.get("name"))
-    if (interactive or animate) and solution.fields is None:
-        raise wrong((), f"no fields in {solution.directory}", "a run with output.fields: true", "run it again, with fields")
-    if interactive:
-        from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
-
-        folder.write("result.html", result_page(solution.fields, name, look))
-    if animate:
-        try:
-            drawn(write_animation, folder, solution.fields, look, name)
-        except CannotDraw as error:
-            raise wrong((), f"no animation: {error}", "a machine on which VTK can draw", "leave out --animate") from error
     try:
         made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)
     except CannotDraw as error:
         print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
         made = write_figures(folder, solution.summary, solution.history)
-    there = {path.name for path in made} | ({ANIMATION} if animate else set())
+    there = {path.name for path in made}
     pictures = [picture(f"figures/{file}", text) for file, text in _PICTURES if file in there]
     first = _PICTURES[0][0] in there
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
