@@ -146,40 +146,22 @@ def sweep(config: ConfigFile,
 
 
 @command(RESULTS)
-def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")],
-           cut: Annotated[Optional[str], typer.Option(metavar="AXIS=PLACE", help="show the inside, cut at a plane: x=80")] = None,
-           parts: Annotated[Optional[list[str]], typer.Option(help="draw this part alone, shell wildcards allowed (repeatable)")] = None,
-           view: Annotated[Optional[str], typer.Option(metavar="AZIMUTH,ELEVATION", help="degrees to see it from: 30,20")] = None,
-           steps: Annotated[Optional[str], typer.Option(metavar="STEP,…", help="draw these load steps: 1,5")] = None,
-           scale: Annotated[Optional[str], typer.Option(
-               metavar="LOW,HIGH|step", help="stresses at the ends of the colours: 0,165; or ends of each step's own")] = None,
-           ) -> int | None:
+def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> int | None:
     """Draw the figures and a readable report from a results folder."""
-    from orchestrator.results.report.report import figures_asked, report as write
+    from orchestrator.results.report.report import report as write
 
-    write(directory, figures_asked(cut, parts, view, steps, scale))
+    write(directory)
 
 
 @command(RESULTS)
 def compare(one: Annotated[Path, typer.Argument(metavar="A", help="a results folder")],
-            other: Annotated[Path, typer.Argument(metavar="B", help="another one")],
-            tolerance: Annotated[float, typer.Option(min=0.0, help="by how much numbers may differ, relative")] = 1e-9,
-            output: Annotated[Optional[Path], typer.Option(
-                help="a folder for compare.csv, all that was compared, and difference.png")] = None) -> int | None:
-    """Tell whether two results are alike: numbers, tables, fields; exit code 0 or 1."""
-    from orchestrator.results.compare.compare import compare as compared
+            other: Annotated[Path, typer.Argument(metavar="B", help="another one")]) -> int | None:
+    """Show two results side by side; exit code 0 where they are equal to within the errors they tell, else 1."""
+    from orchestrator.results.compare import compare as compared
 
-    found = compared(one, other, tolerance)
-    print(visible("\n".join([f"A {one}, B {other}", *found.lines()])))
-    if output is not None:
-        from orchestrator.results.compare.picture import draw_difference
-        from orchestrator.results.folder import ResultsFolder
-
-        folder = ResultsFolder(output)
-        found.write(folder)
-        if why := draw_difference(folder, one, other):
-            print(visible(f"no picture: {why}"))
-    return NOT_CONVERGED if found.beyond else CONVERGED
+    found = compared(one, other)
+    print(visible("\n".join([f"A {one}, B {other}", "", *found.lines()])))
+    return NOT_CONVERGED if found.different else CONVERGED
 
 
 @command(REST)

@@ -22,10 +22,8 @@ from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
-from orchestrator.results.ranks import Piece
 from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
-from orchestrator.results.whole import tell
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
@@ -129,7 +127,8 @@ def follow(team: Team) -> int:
     pieces, ranks = [], Ranks(team, whole=False)
     while (given := team.share(None)) is not None:
         if isinstance(given, int):  # which of them is written
-            _written(pieces[given], config)
+            if config.output.fields:
+                write_piece(pieces[given])
             pieces = []
         elif isinstance(given, tuple):
             config, reference = given
@@ -138,12 +137,7 @@ def follow(team: Team) -> int:
             pieces.append(solve(config, scene, reference=reference, ranks=ranks))
             if given == "solve and estimate":
                 pieces[0].estimate(False)  # as the judge has it
-                _written(pieces.pop(), config)
+                piece = pieces.pop()
+                if config.output.fields:
+                    write_piece(piece)
     return CONVERGED
-
-
-def _written(piece: Piece, config: Config) -> None:
-    if config.output.fields:
-        write_piece(piece)
-    elif config.output.figures and piece.team.share(None):  # drawn from a file of rank 0's
-        tell(piece)

@@ -146,9 +146,6 @@ BAD = {
     "solver that is not there": ({"extra": "blackbox: {code: none.py}"}, "none.py"),
     # output
     "folder of 5000 letters": ({"output": "output: {directory: " + "a" * 5000 + ", figures: false}"}, "folder"),
-    "a step that is not there": ({"output": "output: {figures: {steps: [1, 7]}}"}, "load step 7"),
-    "a scale that falls": ({"output": "output: {figures: {scale: [5, 1]}}"}, "a scale from 5 to 1"),
-    "half a scale": ({"output": "output: {figures: {scale: [5]}}"}, "figures"),
     "fields maybe": ({"output": "output: {fields: maybe, figures: false}"}, "true or false"),
 }
 

@@ -130,7 +130,7 @@ def test_pages_are_made_of_every_document(tmp_path):
 
 def test_the_gallery_has_every_configuration_and_tutorial():
     """With what each says of itself, and a picture that is small; none of what is there no more."""
-    rows = re.findall(r"^\| !\[(\w+)\]\((pictures/gallery/\w+\.png)\) \| (.*?) \|", gallery.PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    rows = re.findall(r"^!\[(\w+)\]\((pictures/gallery/\w+\.png)\)\n\n(.*)\n", gallery.PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
     wanted = {path.stem: gallery.told(path) for path in gallery.configurations()} | {
         path.stem: gallery.title(path) for path in gallery.tutorials()}
     assert {name: text for name, _, text in rows} == wanted and all(wanted.values()), "orchestrator study gallery --resume"

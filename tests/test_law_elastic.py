@@ -229,8 +229,8 @@ def test_from_the_configuration_to_the_report(tmp_path):
 def test_its_colours_have_its_names():
     """Of all that there may be, those that are drawn."""
     found = converged(bars(springs(), output={"fields": True}))
-    shown = interfaces(found.fields)
-    assert found.fields.interfaces.kind_names.tolist() == ["bonded", "sprung", "taut", "slack"] and shown.scales[0].names == ["sprung"]
+    shown = interfaces(found.fields, found.summary)
+    assert found.fields.interfaces.kind_names.tolist() == ["bonded", "sprung", "taut", "slack"] and shown.kinds == ["sprung"]
 
 
 WRONG = {

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from orchestrator import build_scene, config_from
-from orchestrator.results.figures.view import Look
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.gmsh_session import leave_out
 from orchestrator.scene.mesh.cad import Sizing, sizes_of
@@ -23,7 +22,6 @@ def test_a_name_means_itself_alone(one, other):
     assert matching(one, both) == [one] and matching(other, both) == [other] and matching("*", both) == both
     assert leave_out("bolt.stp", both, [one], both) == [0]
     assert sizes_of(both, {"*": 1.0, one: 2.0}) == {other: Sizing(1.0), one: Sizing(2.0)}
-    assert list(Look(parts=(one,)).chosen(tuple(both), np.array([0, 1, 1]), 3)) == [1, 2]
     laws = Laws([config_from(bar(interfaces=[{"law": "contact", "between": [one, "c"]}])).interfaces[0]], [*both, "c"])
     assert laws.between([one], ["c"]) == 0 and laws.between([other], ["c"]) == -1
 

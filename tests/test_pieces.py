@@ -18,13 +18,13 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.setup import Part
 from orchestrator.method.stopping.estimators import estimator_of
-from orchestrator.results import rows
+from orchestrator.results import whole
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields, write_piece
 from orchestrator.results.ranks import Piece
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.rows import BLOCK
+from orchestrator.results.whole import BLOCK
 from orchestrator.results.whole import arrays
 from orchestrator.scene.build import build_scene
 
@@ -67,7 +67,7 @@ MANY = {"blackbox": {"element": "P2"}, "loads": [{"body_force": [1e3, 0, 2e3]}]}
     late("contact on ten nodes", {}, 2, 700), ("contact on ten nodes", {}, 4, 1), ("perfect", MANY, 3, BLOCK), late("perfect", MANY, 2, 700),
     late("perfect", MANY, 4, 1)])
 def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatch):
-    monkeypatch.setattr(rows, "BLOCK", block)
+    monkeypatch.setattr(whole, "BLOCK", block)
     scene = build_scene(config_from({"name": "pieces", **CASES[case], **more}))
     rng = np.random.default_rng(0)
 

@@ -15,8 +15,7 @@ from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 from quick import late, quick
 
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.results.figures import surface
-from orchestrator.results.figures.pictures import deformed
+from orchestrator.results.figures.pictures import deformed, outer_surface
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
@@ -261,19 +260,17 @@ def test_field_files(tmp_path):
     np.testing.assert_allclose(grid.cell_data["stress"], fields.stress(0), rtol=1e-12)
 
 
-def test_pictures_show_every_node_of_the_surface(tmp_path):
-    found = solved(reference=False, **P2)
-    mesh = found.scene.mesh
-    triangles, cell = surface.outer_faces(mesh.nodes, mesh.cells)
-    linear = surface.outer_faces(mesh.nodes, mesh.cells[:, :4])[0]
-    assert len(triangles) == 4 * len(linear) and (mesh.cells[cell][:, None] == triangles[:, :, None]).any(axis=2).all()
-    assert set(triangles.flat) > set(linear.flat)
-    whole, quarters = (area_vectors(mesh.nodes, some) for some in (linear, triangles))
-    outward = mesh.nodes[triangles].mean(axis=1) - mesh.nodes[mesh.cells[cell]].mean(axis=1)
-    assert (np.einsum("ij,ij->i", outward, quarters) > 0).all()
-    assert close(np.abs(quarters).sum(axis=0), np.abs(whole).sum(axis=0), 1e-12)
-    drawn = deformed(fields_of(found)).views[0]
-    assert np.isfinite(drawn.values).all() and len(drawn.triangles) == len(triangles)
+def test_pictures_show_every_node_of_the_surface():
+    found = fields_of(solved(reference=False, **P2))
+    surface = outer_surface(found, np.arange(len(found.cells)))
+    nodes, triangles = np.asarray(surface.points), surface.regular_faces
+    extent = np.ptp(nodes, axis=0)
+    quarters = area_vectors(nodes, triangles)
+    assert np.linalg.norm(quarters, axis=1).sum() == pytest.approx(2 * (extent.prod() / extent).sum())
+    assert len(triangles) % 4 == 0 and (np.einsum("ij,ij->i", nodes[triangles].mean(axis=1) - nodes.mean(axis=0), quarters) > 0).all()
+    assert {tuple(p) for p in nodes.round(9)} >= {tuple(p) for p in found.nodes[found.nodes[:, 0] == found.nodes[:, 0].min()].round(9)}
+    shape, = deformed(found, {}).surfaces
+    assert np.isfinite(shape["colour"]).all() and len(shape.regular_faces) == len(triangles)
 
 
 # --- contact ----------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from orchestrator.blackbox.start import key_of
 from orchestrator.blackbox.models import body_model
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError
-from orchestrator.results.compare.compare import compare
+from orchestrator.results.compare import compare
 from orchestrator.results.solution import Solution
 from orchestrator.scene.build import build_scene
 from orchestrator.sweep.variants import variants_of
@@ -69,8 +69,8 @@ def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, lo
     once = Counter(loads)
     assert call("run", path, "--set", "interfaces.0.friction=0.4", "--output", tmp_path / "alone").exit_code == 0
     assert loads - once == once  # a second one has asked for nothing
-    found = compare(tmp_path / "alone", folder / "friction=0.4", tolerance=0.0)
-    assert not found.beyond and max(d.share for d in found.found) == 0.0
+    found = compare(tmp_path / "alone", folder / "friction=0.4")
+    assert not found.different and max(row.difference for row in found.rows) == 0.0
     rows = table(folder)
     assert [row["interfaces.0.friction"] for row in rows] == ["0.1", "0.4"] and (folder / "sweep.png").is_file()
     alone = Solution.read(tmp_path / "alone").summary
@@ -87,7 +87,8 @@ def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
     loads.clear()
     assert call("run", path, "--set", "materials.0.young=2e5", "--output", tmp_path / "alone").exit_code == 0
     assert {name: 2 * count for name, count in loads.items()} == twice
-    assert not compare(tmp_path / "alone", tmp_path / "sweep" / "young=200000", tolerance=0.0).beyond
+    found = compare(tmp_path / "alone", tmp_path / "sweep" / "young=200000")
+    assert not found.different and max(row.difference for row in found.rows) == 0.0
 
 
 @pytest.mark.long

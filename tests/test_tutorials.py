@@ -18,7 +18,7 @@ from test_mpi import ALLOWED, MPIEXEC
 from yaml_case import call
 
 from benchmarks.kit.tutorials import followed
-from orchestrator.results.compare.compare import compare as compared
+from orchestrator.results.compare import compare as compared
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("*.md")), ROOT / "docs" / "porting.md"]
@@ -74,7 +74,7 @@ def test_every_cell_of_the_notebook(tmp_path, monkeypatch):
             compare(f"cell {number}", shown, printed.getvalue())
             told += bool(shown)
     assert told >= 5 and (tmp_path / "push.png").is_file()
-    assert not compared("results/python", "results/python").beyond
+    assert not compared("results/python", "results/python").different
 
 
 def output_of(command: str) -> str:

@@ -1,4 +1,4 @@
-"""The gallery: every configuration and tutorial is run, and told in a row of docs/gallery.md, with a small picture."""
+"""The gallery: every configuration and tutorial is run, and told in a section of docs/gallery.md, with a small picture."""
 
 from __future__ import annotations
 
@@ -21,31 +21,27 @@ from benchmarks.kit.study import Study
 from benchmarks.kit.tutorials import followed
 from orchestrator import BlackBoxError, Solution
 from orchestrator.results.figures.artist import drawn
-from orchestrator.results.figures.figures import look_of
-from orchestrator.results.figures.pictures import deformed
+from orchestrator.results.figures.pictures import deformed, draw
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "pictures" / "gallery"
-WIDTH = 2.0  # of a picture, in inches of 160 dots
+WIDTH = 320  # dots of a picture
 # Of each tutorial, the results that are drawn.
 DRAWN = {"1_own_mesh": "plate", "2_assembly": "bracket_contact", "3_bolts": "bracket_bolted", "4_own_solver": "bar", "5_cluster": "one",
          "6_python": "python", "7_lap_joint": "lap"}
 _HEAD = """# Gallery
 
 Every configuration that is shipped, and every tutorial: what it shows, how to run it, what it takes. Displacements are drawn larger than
-they are, colours are von Mises stress, where none is known the size of the displacement; grey is not known.
+they are, colours go from zero to the peak of von Mises stress, where none is known of the displacement; grey is not known.
 `orchestrator study gallery` runs all of them and writes this page. Seconds are CPU's, of all processes from start to end, on the
-machine of [measured](measured.md): other work beside changes them little. A dash is a run that was left out (`--set skip=[NAME]`).
-
-| | what it shows | run it | dofs | CPU seconds |
-|---|---|---|---:|---:|
+machine of [measured](measured.md): other work beside changes them little. Runs that were left out (`--set skip=[NAME]`) have none.
 """
 
 
 class Settings(Keys):
     """What may be set of the study."""
 
-    skip: list[str] = []  # configurations that are not run: their numbers are dashes, their pictures stay as they are
+    skip: list[str] = []  # configurations that are not run: they have no numbers, their pictures stay as they are
 
 
 def run(study: Study, settings: Settings = Settings()) -> None:
@@ -63,7 +59,7 @@ def run(study: Study, settings: Settings = Settings()) -> None:
         row = study.kept(path.stem, {"text": path.read_text(encoding="utf-8")}, lambda: _tutorial(study, path))
         study.note(row, f"{path.stem}: {row['dofs']:,} dofs, {row['seconds']:.1f} s")
         lines.append(_line(path.stem, title(path), f"[tutorial](tutorials/{path.name})", row))
-    PAGE.write_text(_HEAD + "\n".join(lines) + "\n", encoding="utf-8")
+    PAGE.write_text(_HEAD + "\n".join(["", *lines]), encoding="utf-8")
 
 
 def configurations() -> list[Path]:
@@ -94,8 +90,8 @@ def title(path: Path) -> str:
 
 
 def _line(name: str, what: str, how: str, row: Mapping[str, Any] | None) -> str:
-    numbers = "– | –" if row is None else f"{row['dofs']:,} | {row['seconds']:.1f}"
-    return f"| ![{name}](pictures/gallery/{name}.png) | {what} | {how} | {numbers} |"
+    numbers = "" if row is None else f": {row['dofs']:,} dofs, {row['seconds']:.1f} CPU seconds"
+    return f"## {name}\n\n![{name}](pictures/gallery/{name}.png)\n\n{what}\n\n{how}{numbers}\n"
 
 
 def _configuration(study: Study, path: Path) -> dict[str, Any]:
@@ -136,9 +132,8 @@ def thumbnail(folder: Path) -> bytes:
     """PNG of the load step with the largest stress, without scale and words."""
     from PIL import Image
 
-    from orchestrator.results.figures.sheet import draw
-
     solution, buffer = Solution.read(folder), io.BytesIO()
-    view = max(deformed(solution.fields, look_of(solution.summary)).views, key=lambda view: np.nanmax(view.values))
-    Image.fromarray(draw(view, WIDTH)).quantize(256, Image.Quantize.MAXCOVERAGE).save(buffer, "PNG", optimize=True)
+    picture = deformed(solution.fields, solution.summary)
+    largest = int(np.argmax([np.nanmax(surface["colour"]) for surface in picture.surfaces]))
+    Image.fromarray(draw(picture, largest, WIDTH)).quantize(256, Image.Quantize.MAXCOVERAGE).save(buffer, "PNG", optimize=True)
     return buffer.getvalue()

@@ -27,7 +27,6 @@ from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.figures.meshes import FIRST, keep_first
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import print_summary
@@ -94,8 +93,7 @@ class _Refinement:
                 self.tolerance = Tolerance(error=self.passes.tolerance)
             set_aside_again(folder)
         else:
-            for name in (PASSES, FIRST):
-                (self.path / name).unlink(missing_ok=True)
+            (self.path / PASSES).unlink(missing_ok=True)
             drop(folder)
         while True:
             self.since = time.perf_counter()
@@ -186,8 +184,6 @@ class _Refinement:
         cells = found.cells / (share or 1.0)
         if solution.piece is not None:
             solution.piece.estimate(True, replace(found, cells=cells))
-        if len(self.passes.done) == 1 and self.config.output.figures:
-            keep_first(self.path, mesh.nodes, mesh.cells, cells.max(axis=0))
         judged = replace(solution, summary=summary, fields=solution.fields.with_error(cells))
         return judged if self.means.judge is None else self.means.judge(judged)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from orchestrator.config.base import Name, Names, Part, Vector, either
+from orchestrator.config.base import Name, Part, Vector
 from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
 from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
@@ -32,48 +32,12 @@ class Units(Part):
         return known.get((self.force, self.length), f"{self.force}/{self.length}²")
 
 
-class Cut(Part):
-    """A plane that is cut along: what is in front of it, seen from the eye, is left out."""
-
-    plane: Literal["x", "y", "z"] = Field(description="axis normal to the plane")
-    at: float = Field(description="coordinate of the plane along that axis")
-
-
-class Eye(Part):
-    """The point from which the structure is seen."""
-
-    azimuth: float = Field(description="degrees around z, from x towards y")
-    elevation: Annotated[float, Field(ge=-90, le=90)] = Field(description="degrees above the plane of x and y")
-
-
-Ends = either(Literal["step"], Annotated[list[float], Field(min_length=2, max_length=2)], lambda value: isinstance(value, str),
-              "step, or two numbers: [low, high]")
-
-
-class Figures(Part):
-    """Pictures of the structure."""
-
-    cut: Cut | None = Field(None, description="{plane, at}: shows the inside; none: the surface")
-    parts: Names | None = Field(None, description="names of the volumes that are drawn, shell wildcards allowed; none: all")
-    view: Eye | None = Field(None, description="{azimuth, elevation}; none: from the front, right and above")
-    steps: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] | None = Field(None, description=(
-        "load steps that are drawn, from 1; none: the most deformed one, where interfaces may open evenly many"))
-    scale: Ends | None = Field(None, description=(
-        "[low, high], stresses at the ends of the colours; step: each load step has ends of its own; none: one scale for all"))
-
-
-Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)),
-               "true or false, or a mapping with cut, parts, view, steps, scale")
-
-
 class Output(Part):
     directory: Name | None = Field(None, description="results folder; none: results/<name>")
     fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: Drawn = Field(True, description=(
-        "draw the figures, as they are what most people look at first; or how: {cut, parts, view, steps, scale}"))
+    figures: bool = Field(True, description="draw the figures, as they are what most people look at first")
     probes: list[Probe] = Field([], description=(
-        "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv, "
-        "figures"))
+        "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv"))
     certified: list[Force] = Field([], description=(
         "forces with the intervals that the energy error leaves: reactions, bolts, sections (of bonded interfaces), resultants (of "
         "others); none, as each costs a few answers of the code"))

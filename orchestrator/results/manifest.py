@@ -27,7 +27,7 @@ CHECKPOINT = r"checkpoint/(iteration-\d{6,}-\d+of\d+\.npz|reserve-\d+|problem\.j
 # Names that a run writes under; programs that are parts have folders of their own beside.
 RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
            r"|fields/((step|interface)_\d{4,}(_\d+)?\.p?vtu|(fields|interfaces)\.pvd)"
-           r"|figures/(convergence|time|probes|paths|deformed|interfaces|jumps|codes)\.png"
+           r"|figures/(convergence|time|deformed|interfaces)\.png"
            rf"|{CHECKPOINT})")
 
 

@@ -6,34 +6,31 @@ import json
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
-from orchestrator.folders import temporary
-from orchestrator.method.events import Finished, Iteration, Subscriber
+from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.checkpoint import (
     NAME as CHECKPOINT, PROBLEM, VERSION, begun, load_checkpoint, saved)
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.npz import NAME, write_npz
 from orchestrator.results.figures.artist import Artist, CannotDraw, no_figures
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.keeping import CheckpointWriter
-from orchestrator.results.ranks import Piece
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.content import note_time, problem_size
 from orchestrator.results.summary.summary import versions, write_summary
-from orchestrator.results.whole import arrays
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
 GO_ON = "To go on: the same command with --resume."
+IN_PIECES = "no pictures of the structure: of several ranks they are drawn from fields.npz, which output.fields: false leaves out"
 
 
 class Record(Subscriber):
@@ -61,9 +58,8 @@ class Record(Subscriber):
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
-        self._opens = not scene.bonded  # asked for when the scene has been set aside
         self._last: Iteration | None = None
-        self._artist, self._begun, self._left = artist, False, ExitStack()
+        self._artist = artist
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
@@ -83,12 +79,13 @@ class Record(Subscriber):
             self._history.complete()
             with self.watch("output"):
                 if self._config.output.figures:
-                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
+                    apart = solution.piece is not None and not self._config.output.fields
+                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures(), *[IN_PIECES] * apart]
                 if solution.piece is None:
                     self._draw(summary, solution.fields)
                 solution.write_results(self._folder, solution.piece)
                 if solution.piece is not None:
-                    self._draw(summary, self._drawn_from(solution.piece))
+                    self._draw(summary, self._folder.path if self._config.output.fields else None)
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
@@ -105,44 +102,22 @@ class Record(Subscriber):
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
 
-    def _drawn_from(self, piece: Piece) -> Path | None:
-        """The folder of a file with the fields that ranks have pieces of: the results', or one that goes with this."""
-        output = self._config.output
-        if output.fields:
-            return self._folder.path
-        if not output.figures or not piece.team.share(self._artist is not None):
-            return None
-        folder = self._left.enter_context(temporary())
-        write_npz(folder / NAME, arrays(piece))
-        return folder
-
     def _draw(self, summary: dict[str, object], fields: Fields | Path | None) -> None:
         """Have figures drawn, where they are wanted, as ``write_figures`` does."""
         if self._artist:
             note_time(summary, self.watch)
-            history = {} if self._begun else read_history(self._folder.path)
-            self._artist.begin(write_figures, self._folder, summary, history, fields)
+            self._artist.begin(write_figures, self._folder, summary, read_history(self._folder.path), fields)
 
     def _summarise(self, summary: dict[str, object]) -> None:
         note_time(summary, self.watch)
         write_summary(self._folder, summary)
 
     def close(self) -> None:
-        """Closes the history, and removes what pictures alone are drawn from."""
-        self._left.close()
+        """Close the history."""
         self._history.close()
 
     def iteration(self, event: Iteration) -> None:
         self._last = event.without_state()
-
-    def finished(self, event: Finished) -> None:
-        """Have the convergence drawn while the fields are computed."""
-        if self._artist and self._last and self._history.whole:
-            self._begun = True
-            known = {"name": self._config.name, "converged": event.converged, "tolerance": self._last.tolerance,
-                     "config": self._config.complete(),
-                     "status_counts": {} if self._opens else None}
-            self._artist.begin(write_figures, self._folder, known, read_history(self._folder.path))
 
     def failed(self, error: BaseException) -> None:
         self._left_off("interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {_first_line(error)}")
@@ -160,6 +135,7 @@ class Record(Subscriber):
 
 def _first_line(error: BaseException) -> str:
     return "interrupted" if isinstance(error, KeyboardInterrupt) else (str(error).splitlines() or [type(error).__name__])[0]
+
 
 @contextmanager
 def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:

@@ -11,7 +11,7 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.scene.body import Body, Meshed
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, moving_as_one, prescribe, resolve_boundary
-from orchestrator.scene.conditions.selection import assign_codes, cells_loaded, check_figures
+from orchestrator.scene.conditions.selection import assign_codes, cells_loaded
 from orchestrator.scene.conditions.ground import held_rows, within_free
 from orchestrator.scene.conditions.finder import OVER_FACES, Finder
 from orchestrator.scene.conditions.rigid import check_held
@@ -159,16 +159,13 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
-    """The probes, and whether what figures are to show is there; of a piece of a mesh those over faces and across sections, in subdomains that
-    are all there."""
+    """The probes; of a piece of a mesh those over faces and across sections, in subdomains that are all there."""
     mesh, asked = plain.mesh, config.output.named_probes
     subdomain = cut.partition.subdomain[: len(mesh.cells)]  # tools and grounds come after
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
     finder = Finder(mesh, plain.faces, subdomain, bodies, joints.interfaces, problems)
     if mesh.within is not None:
         return replace(finder, own=cut.partition.here[subdomain]).find(asked, OVER_FACES)
-    if not isinstance(config.output.figures, bool):
-        check_figures(mesh.nodes, mesh.volumes, config.steps, config.output.figures, ("output", "figures"), problems)
     return finder.find(asked)
 
 

@@ -34,6 +34,7 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
     columns = min(len(names), 3)
     rows = -(-len(names) // columns)
     figure = new_figure(3.6 * columns, 2.9 * rows)
+    figure.set_layout_engine("constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, name in zip(panels, names):
         _panel(axes, name, across, found)
@@ -42,9 +43,8 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
         tidy(axes)
     for axes in panels[len(names):]:
         axes.set_visible(False)
-    if len(_curves(names[0], across, found)) > 1:
+    if len(panels[0].lines) > 1:
         panels[0].legend(fontsize=7.5, frameon=False)
-    figure.subplots_adjust(left=0.27 / columns, right=1 - 0.06 / columns, top=1 - 0.13 / rows, bottom=0.2 / rows, wspace=0.35, hspace=0.5)
     return png(figure)
 
 

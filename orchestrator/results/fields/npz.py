@@ -18,7 +18,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFT
 from orchestrator.written import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY
-from orchestrator.results.rows import Streamed
 from orchestrator.scene.mesh.checks import check_memory
 
 NAME = "fields.npz"
@@ -39,6 +38,26 @@ _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "s
 _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)
               if f.name not in ("own", *SHIFTS, *UNWRITTEN)}
 _OWN = "own_"
+
+
+@dataclass(frozen=True)
+class Streamed:
+    """An array of the whole in C order, block after block, once; all ranks go through it together, and rank 0 alone gets them."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    made: Iterator[np.ndarray]
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return self.made
+
+    def whole(self) -> np.ndarray:
+        """All of it, on rank 0; empty elsewhere."""
+        result, first = np.empty(self.shape, self.dtype), 0
+        for block in self:
+            result.reshape(-1)[first : first + block.size] = block.ravel()
+            first += block.size
+        return result
 
 
 def arrays(written: Fields) -> Iterator[tuple[str, np.ndarray]]:

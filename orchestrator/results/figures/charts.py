@@ -1,9 +1,9 @@
-"""Charts of a run: convergence.png, time.png, probes.png where there are probes at several load steps, and paths.png."""
+"""Charts of a run: convergence.png and time.png."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.plotting import (
-    BLUE, BROWN, COLOURS, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, powers_of_ten, tidy)
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, code_label, jsonable, stage_seconds, units_of
+    BLUE, BROWN, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, tidy)
+from orchestrator.results.summary.summary import BLACKBOX_STAGES, code_label, stage_seconds
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,10 +28,6 @@ _CURVES = [("error_bound", "error bound", "black", "o"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
            ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
            ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
-# of each kind, the components that are drawn: one number says most of a stress or a displacement
-_DRAWN = {"displacement": ("ux", "uy", "uz"), "stress": ("von_mises",), "force": ("fx", "fy", "fz")}
-LATEST = 2  # load steps of a path that are drawn
-_UNIT = {"displacement": "length", "stress": "stress", "force": "force"}
 
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> Figure:
@@ -65,7 +61,6 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
                       bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1})
     axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity", yscale="log")
     axes.xaxis.get_major_locator().set_params(integer=True)
-    powers_of_ten(axes.yaxis)
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
@@ -120,48 +115,4 @@ def time_per_stage(summary: Mapping[str, object]) -> Figure:
     axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
     tidy(axes)
     axes.grid(False, axis="y")
-    return figure
-
-
-def probes_over_steps(summary: Mapping[str, object]) -> Figure | None:
-    """The curves; None where there is a single load step, or nothing to tell."""
-    found = [probe for probe in jsonable(summary.get("probes")) or () if not probe.get("why")]
-    kinds = [kind for kind in _DRAWN if any(probe["of"] == kind for probe in found)]
-    if (summary.get("load_steps") or 1) < 2 or not kinds:
-        return None
-    return _panels(summary, [
-        ("load step", kind, range(1, summary["load_steps"] + 1),
-         [(f"{probe['name']} {name}", probe["values"][name]) for probe in found if probe["of"] == kind for name in _DRAWN[kind]])
-        for kind in kinds])
-
-
-def along_paths(summary: Mapping[str, object]) -> Figure | None:
-    """Values along each path at its last load steps; None where there is no path."""
-    found = jsonable(summary.get("paths")) or []
-    if not found:
-        return None
-    length, panels = units_of(summary)["length"], []
-    for path in found:
-        count = len(next(iter(path["values"].values())))
-        panels.append((f"distance along {path['name']}" + (length and "," + length), path["of"], path["distance"], [
-            (f"{name}, load step {step + 1}" if count > 1 else name, path["values"][name][step])
-            for step in range(count)[-LATEST:] for name in _DRAWN[path["of"]]]))
-    return _panels(summary, panels)
-
-
-def _panels(summary: Mapping[str, object], panels: Sequence[tuple[str, str, Sequence[float], list[tuple[str, Sequence[float]]]]]) -> Figure:
-    """Below each other: what is across, the kind of what is up, places, and curves by name; of curves that are zero none is drawn."""
-    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(panels))
-    for axes, (across, kind, places, curves) in zip(figure.subplots(len(panels), squeeze=False)[:, 0], panels):
-        curves = [(name, values) for name, values in curves if any(values)]
-        for k, (name, values) in enumerate(curves):
-            axes.plot(places, np.array(values, dtype=float), color=COLOURS[k % len(COLOURS)], marker="o", markersize=3, label=name)
-        unit = units[_UNIT[kind]]
-        axes.set(xlabel=across, ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
-        if isinstance(places, range):
-            axes.xaxis.get_major_locator().set_params(integer=True)
-        tidy(axes)
-        if curves:
-            axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.subplots_adjust(left=0.13, right=0.7, top=0.97, bottom=0.18 / len(panels), hspace=0.4)
     return figure

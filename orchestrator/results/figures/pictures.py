@@ -1,200 +1,235 @@
-"""Pictures of the structure: deformed.png with von Mises stress, codes.png coloured by the code that solves each part; interfaces.png
-and jumps.png, where interfaces are laid flat so that inner ones are seen too.
+"""Pictures of the structure: the deformed shape with von Mises stress, and where interfaces are open, stick or slip.
+
+Where neither a display, EGL nor OSMesa is to be had, VTK ends its process with a segmentation fault instead of an error: only a
+process apart from the run may draw here (see ``artist``).
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orchestrator.method.events import COUNTED
-from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures import surface
-from orchestrator.results.figures.exaggeration import exaggeration, largest_displacements, misfit
-from orchestrator.results.figures.flat import laid_flat, shares
-from orchestrator.results.figures.plotting import short, viridis
-from orchestrator.results.figures.sheet import Scale, Sheet
-from orchestrator.results.figures.surface import Skin, drawn_cells, skin
-from orchestrator.results.figures.view import Camera, Look, View, colour_limits, toward_eye
-from orchestrator.results.summary.summary import code_label
-from orchestrator.scene.mesh.geometry import area_vectors, areas
+from orchestrator.results.figures.exaggeration import exaggeration, largest_displacement
+from orchestrator.results.figures.plotting import DPI, new_figure, short
+from orchestrator.results.summary.summary import units_of
 
 if TYPE_CHECKING:
-    from orchestrator.method.delivery.interface_fields import InterfaceFields
+    from matplotlib.colors import Colormap
+    from matplotlib.figure import Figure
+    from pyvista import Plotter, PolyData
 
-_MOST = 6  # pictures of load steps; of more steps, evenly many are shown
-EQUAL = 1e-6  # of the largest: no difference to show
-# blue, orange, green, purple, sky, red: told apart by the colour-blind
-PALETTE = ["#598cbf", "#ed9e40", "#59a673", "#9e73ad", "#8cc7e6", "#cc594d"]
-
-
-def most_deformed(fields: Fields) -> int:
-    """The load step with the largest displacement."""
-    return int(np.argmax(np.abs(fields.displacement).max(axis=(1, 2))))
+WIDTH = 9.0  # of a figure, inches
+UNKNOWN = "#bfbfbf"
+SHARP = 30.0  # degrees by which faces turn at an edge that is drawn
+MARGIN = 1.04
+FLATTEST, TALLEST = 0.25, 0.75  # height of a view over its width
 
 
-def spread(count: int, most: int, largest: int) -> list[int]:
-    """At most ``most`` (3 or more) of ``count`` load steps, first, last and the one of what is ``largest`` among them."""
-    chosen = sorted(set(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()))
-    if largest not in chosen:  # in place of the nearest one between first and last
-        chosen[1 + int(np.abs(np.array(chosen[1:-1]) - largest).argmin())] = largest
-    return sorted(chosen)
+@dataclass(frozen=True)
+class Picture:
+    """One structure at some load steps, seen by one camera, coloured on one scale.
+
+    surfaces, lines : of each load step, coloured by ``colour``, of points or of faces; nan is grey
+    headings : of each load step
+    limits : ends of the scale; palette : its colours
+    kinds : names of the values 0, 1, 2 …; none: values are a quantity
+    label : what the colours say; told : sentences below
+    """
+
+    surfaces: Sequence[PolyData]
+    lines: Sequence[PolyData]
+    headings: Sequence[str]
+    limits: tuple[float, float]
+    palette: Colormap
+    label: str
+    told: Sequence[str]
+    kinds: Sequence[str] = ()
 
 
-def shown_steps(fields: Fields, look: Look) -> list[int]:
-    """The load steps that are drawn: those asked for; else the most deformed one, where interfaces open all or evenly many."""
-    largest = most_deformed(fields)
-    return look.of_steps(fields.steps) or ([largest] if fields.interfaces is None else spread(fields.steps, _MOST, largest))
+def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
+    """Return the deformed surface, colours from zero to the peak of von Mises stress; None where no part has a mesh of ours.
+
+    Where no stress is known, colours are the size of the displacement.
+    """
+    from matplotlib import colormaps
+
+    kept = np.flatnonzero(fields.lame[:, 1] > 0)
+    if not len(kept):
+        return None
+    steps, units, surface = shown_steps(fields, summary), units_of(summary), outer_surface(fields, kept)
+    factor, most = exaggeration(fields, kept, steps), largest_displacement(fields, kept, steps)
+    stress = [fields.nodal.von_mises(step) for step in steps]
+    known = bool(np.isfinite(stress).any())
+    peak = float(np.nanmax(stress)) if known else most
+    node, place = fields.nodal.split[0], surface["place"]
+    moved = []
+    for step, values in zip(steps, stress):
+        u = fields.opened.displacement[step][node[place]]
+        moved.append(surface.copy())
+        moved[-1].points = surface.points + factor * u
+        moved[-1]["colour"] = values[place] if known else np.linalg.norm(u, axis=1)
+    name, unit = ("von Mises stress", units["stress"]) if known else ("displacement", units["length"])
+    told = [f"displacements × {factor:g}", f"largest displacement {short(most)}{units['length']}",
+            f"peak {name} {short(peak)}{unit}", *["grey: stress not known"] * bool(known and np.isnan(stress).any())]
+    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, peak or 1.0), colormaps["viridis"],
+                   name + (unit and "," + unit), told)
 
 
-def omitted(fields: Fields, steps: Sequence[int]) -> list[str]:
-    """Words of the caption where load steps are not drawn."""
-    left = [str(step + 1) for step in range(fields.steps) if step not in steps]
-    return [f"load step{'s' * (len(left) > 1)} {', '.join(left) if len(left) <= 8 else f'{left[0]} … {left[-1]}'} not drawn"] * bool(left)
+def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
+    """Return the interfaces' faces, without the bodies, coloured by status; None where all interfaces are perfect.
+
+    The status of a node fills its share of the faces around it. Lines are the edges of the undeformed bodies.
+    """
+    import pyvista
+    from matplotlib.colors import ListedColormap
+
+    i = fields.interfaces
+    if i is None or not len(i.triangles):
+        return None
+    steps = shown_steps(fields, summary)
+    shown = np.flatnonzero(np.isin(i.kinds, i.status[steps]))
+    corners = shares(fields.nodes[i.nodes][i.triangles]).reshape(-1, 3)
+    faces = pyvista.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+    drawn = []
+    for step in steps:
+        drawn.append(faces.copy())
+        kind = np.searchsorted(i.kinds[shown], i.status[step])
+        drawn[-1].cell_data["colour"] = np.repeat(kind[i.triangles].ravel(), 2).astype(float)
+    lines = edges(outer_surface(fields, np.arange(len(fields.cells))))
+    names, last = i.kind_names[shown].tolist(), i.status[steps[-1]]
+    counts = [f"{name}: {int((last == kind).sum())}" for kind, name in zip(i.kinds[shown], names)]
+    told = [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed",
+            f"nodes at load step {steps[-1] + 1}: {', '.join(counts)}"]
+    return Picture(drawn, [lines] * len(steps), headings(fields, steps), (-0.5, len(shown) - 0.5),
+                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told, names)
+
+
+def shown_steps(fields: Fields, summary: Mapping[str, Any]) -> list[int]:
+    """Return the load step of the peak stress, and where interfaces may open the first, the middle and the last one too."""
+    peak = summary.get("peak_stress") or {}
+    largest = peak["load_step"] - 1 if "load_step" in peak else int(np.abs(fields.displacement).max(axis=(1, 2)).argmax())
+    others = [] if fields.interfaces is None else np.linspace(0, fields.steps - 1, 3).astype(int).tolist()
+    return sorted({largest, *others})
 
 
 def headings(fields: Fields, steps: Sequence[int]) -> list[str]:
-    """Above the pictures of load steps."""
+    """Return what stands above each view."""
     return [f"load step {step + 1} of {fields.steps}" if fields.steps > 1 else "" for step in steps]
 
 
-def deformed(fields: Fields, look: Look = Look()) -> Sheet | None:
-    """The deformed surface at ``shown_steps``: one camera, one exaggeration, one colour scale; bodies apart where interfaces opened.
+def outer_surface(fields: Fields, kept: np.ndarray) -> PolyData:
+    """Return the outer faces of cells (k,) int, each subdomain's by itself; ``place`` of a point is its index in ``Nodal.split``."""
+    import pyvista
 
-    Colours are those of von Mises stress, where none is known of the size of the displacement. None where there is no part to draw
-    that has a mesh of ours.
+    node, cells = fields.nodal.split
+    kind = {4: pyvista.CellType.TETRA, 10: pyvista.CellType.QUADRATIC_TETRA}[cells.shape[1]]
+    grid = pyvista.UnstructuredGrid({kind: cells[kept].astype(np.int64)}, np.asarray(fields.opened.nodes[node], float))
+    grid.point_data["place"], grid.cell_data["subdomain"] = np.arange(len(node)), fields.subdomain[kept]
+    outer = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=1, pass_pointid=False, pass_cellid=False)
+    key = np.asarray(outer["place"], np.int64)[outer.regular_faces] + len(node) * np.asarray(outer["subdomain"], np.int64)[:, None]
+    own, corners = np.unique(key, return_inverse=True)
+    surface = pyvista.PolyData.from_regular_faces(grid.points[own % len(node)], corners.reshape(-1, 3))
+    surface["place"] = own % len(node)
+    return surface
+
+
+def edges(surface: PolyData) -> PolyData:
+    """Return the edges where faces turn sharply, and the borders of subdomains."""
+    return surface.extract_feature_edges(SHARP, non_manifold_edges=False, manifold_edges=False)
+
+
+def shares(corners: np.ndarray) -> np.ndarray:
+    """Return of triangles (m, 3, 3) what is nearest to each corner, in two triangles: (m, 3, 2, 3, 3)."""
+    middle, centre = 0.5 * (corners + corners[:, [1, 2, 0]]), np.broadcast_to(corners.mean(axis=1)[:, None], corners.shape)
+    return np.stack([np.stack([corners, middle, centre], axis=2),
+                     np.stack([corners, centre, middle[:, [2, 0, 1]]], axis=2)], axis=2)
+
+
+@cache
+def _window() -> Plotter:
+    """Return a window that is never shown, for all pictures of this process: to open it takes longer than to draw."""
+    import pyvista
+
+    if not os.environ.get("DISPLAY"):  # otherwise VTK tries X first and complains
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    plotter = pyvista.Plotter(off_screen=True, lighting="none", window_size=(16, 16), theme=pyvista.themes.DocumentTheme())
+    plotter.enable_anti_aliasing("msaa", multi_samples=8)
+    plotter.add_light(pyvista.Light(light_type="headlight"))
+    plotter.enable_parallel_projection()
+    plotter.show(auto_close=False)
+    return plotter
+
+
+def draw(picture: Picture, step: int, width: int) -> np.ndarray:
+    """Return (rows, width, 3) uint8, the view of one of the load steps."""
+    plotter, light = _window(), not picture.kinds
+    focus, toward, up, extent = _camera(np.concatenate([shape.points for shape in (*picture.surfaces, *picture.lines)]))
+    plotter.clear_actors()
+    plotter.render_window.SetSize(width, round(width * extent[1] / extent[0]))
+    plotter.add_mesh(picture.surfaces[step], scalars="colour", cmap=picture.palette, clim=picture.limits, nan_color=UNKNOWN,
+                     interpolate_before_map=True, show_scalar_bar=False, lighting=light, ambient=0.75 if light else 1.0,
+                     diffuse=0.3 * light, reset_camera=False, render=False)
+    if picture.lines[step].n_points:
+        actor = plotter.add_mesh(picture.lines[step], color="black", opacity=0.45, lighting=False, line_width=max(1.0, width / 900),
+                                 reset_camera=False, render=False)
+        actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
+        actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
+    plotter.camera.position, plotter.camera.focal_point, plotter.camera.up = focus + extent.max() * toward, focus, up
+    plotter.camera.parallel_scale = 0.5 * extent[1]
+    plotter.reset_camera_clipping_range()
+    plotter.render()
+    return plotter.screenshot(return_img=True)
+
+
+def _camera(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the middle of the view (3,), unit vectors to the eye and upward (3,), width and height of what holds points (n, 3).
+
+    It looks from the front, the right and above; slender bodies lie across the picture.
     """
-    if not len(drawn_cells(fields, look)):
-        return None
-    steps, units = shown_steps(fields, look), look.units
-    factor, toward = exaggeration(fields, steps), toward_eye(fields.nodes) if look.direction is None else look.direction
-    seen = skin(fields, steps, look, toward)
-    moved = {step: seen.points + factor * seen.displacement[step] for step in steps}
-    own = toward if look.cut is not None or look.direction is not None else None
-    camera = Camera.framing(np.concatenate([*moved.values(), seen.outline.reshape(-1, 3)]), own)
-    peaks = [peak[1] for peak in seen.peaks.values() if peak is not None]
-    values = seen.stress if peaks else {step: np.linalg.norm(u, axis=1) for step, u in seen.displacement.items()}
-    limits = limits_at(seen, values, steps, look.scale)
-    views = [View(moved[step], seen.triangles, values[step], camera, *limits[step], moved[step][seen.lines], seen.outline,
-                  closed=look.cut is None, mark=_mark(seen, step, factor, moved[step], camera)) for step in steps]
-    flat, count, largest = camera.height < 0.45 * camera.width, len(steps), short(max(largest_displacements(fields, steps)))
-    apart = misfit(fields, steps, factor)
-    told = [f"displacements drawn × {factor:g}", f"largest displacement {largest}{units['length']}",
-            f"largest von Mises stress {short(max(peaks))}{units['stress']}" if peaks else "stress not known",
-            *["grey: stress not known"] * bool(peaks and any(np.isnan(found).any() for found in values.values())),
-            *[f"faces that touch drawn up to {short(apart)}{units['length']} apart"] * (apart > 0),
-            *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else []), *omitted(fields, steps)]
-    name, unit = ("von Mises stress", units["stress"]) if peaks else ("displacement", units["length"])
-    return Sheet(views, headings(fields, steps), 1 if count == 1 else 2 if flat or count in (2, 4) else 3,
-                 [Scale(view, name + (unit and "," + unit)) for view in (views if look.scale == "step" else views[:1])], told)
+    span = np.ptp(points, axis=0)
+    slender = np.sort(span)[2] > 3 * np.sort(span)[1]
+    toward = [(0.45, -1.0, 0.45), (1.0, -0.45, 0.45), (0.7, -1.0, 0.3)][int(span.argmax())] if slender else (0.75, -1.0, 0.6)
+    toward = np.array(toward) / np.linalg.norm(toward)
+    right = np.cross([0.0, 0.0, 1.0], toward)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(toward, right), toward])
+    low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+    width, height = MARGIN * np.maximum((high - low)[:2], 1e-9 * span.max())
+    ratio = min(max(height / width, FLATTEST), TALLEST)
+    return 0.5 * (low + high) @ axes, toward, axes[1], np.array([max(width, height / ratio), max(height, width * ratio)])
 
 
-def limits_at(seen: Skin, values: Mapping[int, np.ndarray], steps: Sequence[int],
-              scale: tuple[float, float] | str | None) -> dict[int, tuple[tuple[float, float], tuple[float, float]]]:
-    """Per load step the ends of its colours and the lowest and highest value: of all steps together, unless each has its own.
+def compose(picture: Picture, title: str) -> Figure:
+    """Return the figure: views below each other or in two columns, the scale and what is told below."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.patches import Patch
 
-    Each point of the surface stands for its share of it, see ``colour_limits``.
-    """
-    area = areas(seen.points, seen.triangles)
-    weight = np.bincount(seen.triangles.ravel(), np.repeat(area / 3, 3), minlength=len(seen.points))
-    if scale == "step":
-        return {step: colour_limits(values[step], weight) for step in steps}
-    ends, extremes = colour_limits(np.concatenate([values[step] for step in steps]), np.tile(weight, len(steps)))
-    inside = [seen.peaks[step][1] for step in steps if seen.peaks[step] is not None]  # a peak that is not on the surface counts too
-    return dict.fromkeys(steps, (ends if scale is None else scale, (extremes[0], max(extremes[1], *inside, extremes[1]))))
-
-
-def _mark(seen: Skin, step: int, factor: float, points: np.ndarray, camera: Camera) -> tuple[np.ndarray, float, bool] | None:
-    """Place of the largest stress; faces turned to the eye are taken for visible. None of a stress that is zero, or everywhere the same."""
-    most = max((peak[1] for peak in seen.peaks.values() if peak is not None), default=0.0)
-    if seen.peaks[step] is None or not seen.peaks[step][1] > EQUAL * most or np.nanmin(seen.stress[step]) > (1 - EQUAL) * most:
-        return None
-    (place, displacement), value = seen.peaks[step]
-    at = place + factor * displacement
-    near = np.linalg.norm(points - at, axis=1) <= 1e-9 * max(camera.width, camera.height)
-    around = seen.triangles[near[seen.triangles].any(axis=1)]
-    return at, value, bool((area_vectors(points, around) @ camera.toward > 0).any())
-
-
-def codes(fields: Fields, summary: Mapping[str, object]) -> Sheet | None:
-    """The structure as it was before it deformed, coloured by code; None where there is one code."""
-    from matplotlib.colors import ListedColormap
-
-    entries, cells = summary.get("codes") or [], drawn_cells(fields, Look())
-    if len(entries) < 2 or not len(cells):
-        return None
-    of_subdomain = np.zeros(int(fields.subdomain.max()) + 1)
-    for number, entry in enumerate(entries):
-        of_subdomain[entry["subdomains"]] = number
-    faces, cell = surface.outer_faces(fields.opened.nodes, fields.opened.cells)
-    nodes = fields.opened.nodes
-    points = nodes[faces].reshape(-1, 3)  # none shared: no colours between those of the codes
-    view = View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(of_subdomain[fields.subdomain[cell]], 3), Camera.framing(points),
-                (-0.5, len(entries) - 0.5), lines=nodes[surface.edges(nodes, faces, fields.subdomain[cell])],
-                palette=ListedColormap([PALETTE[k % len(PALETTE)] for k in range(len(entries))]))
-    return Sheet([view], [""], 1, [Scale(view, "which code solves what", list(map(code_label, entries)))], ["not deformed"])
-
-
-_MOST_STEPS, _MOST_FACES = 3, 9  # load steps and interfaces that are drawn, status beside pressure; of more steps, evenly many
-
-
-def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sheet | None:
-    """Status and pressure of the interfaces, laid flat, at each load step; None where there are none.
-
-    Those whose jump is imposed, whatever force it takes, have another scale, and tension: of them and of the others only one kind
-    is drawn, unless there is no other. Of many, those that carry most. A node's status fills its share of the triangles. Where all
-    of a triangle's nodes are open, pressure is grey.
-
-    imposed : whether those are meant; then there must be others too
-    """
-    from matplotlib.colors import ListedColormap
-
-    every = _chosen(fields.interfaces, imposed)
-    if every is None:
-        return None
-    unit, force = look.units["stress"], np.add.reduceat(np.abs(every.pressure) * every.areas, every.offsets[:-1], axis=1).max(axis=0)
-    first = np.argsort(-force, kind="stable")[:_MOST_FACES]  # those that never carry anything only where none does
-    i = every.some(np.sort(first[force[first] > EQUAL * force.max()] if force.any() else first))
-    steps = look.of_steps(fields.steps) or spread(fields.steps, _MOST_STEPS, int((np.abs(i.pressure) * i.areas).sum(axis=1).argmax()))
-    flat = laid_flat(fields.nodes, i, look.units["length"])
-    camera = Camera.framing(flat.frame, np.array([0.0, 0.0, 1.0]), 0.01)
-    shared = {"camera": camera, "lines": flat.rims, "shaded": False}
-    # at corners of triangles, nan where open
-    parted = np.isin(i.status, i.kinds[i.kind_names == COUNTED[0]])[steps][:, i.triangles].all(axis=2)
-    pressure = np.where(parted[:, :, None], np.nan, (-i.pressure if imposed else i.pressure)[steps][:, i.triangles])
-    area = np.bincount(i.triangles.ravel(), np.ones(i.triangles.size), minlength=len(i.nodes))  # a node counts once
-    weight = (i.area / np.maximum(area, 1.0))[i.triangles]
-    (low, high), extremes = colour_limits(pressure.ravel(), np.tile(weight.ravel(), len(steps)))
-    name, ends = "tension" if imposed else "pressure", (min(low, 0.0), max(high, 0.0))
-    pieces, corners = shares(flat.corners).reshape(-1, 3), flat.corners.reshape(-1, 3)
-    pushed = [View(corners, np.arange(len(corners)).reshape(-1, 3), values.ravel(), limits=ends, extremes=extremes, palette=viridis(),
-                   names=flat.names * (k == 0), **shared) for k, values in enumerate(pressure)]
-    count, most = len(every.names), np.linalg.norm(every.friction_traction, axis=2).max(initial=0.0)
-    most = most if most > EQUAL * np.abs(every.pressure).max(initial=0.0) else 0.0  # what rounding leaves beside the pressure is none
-    told = [f"{count} interface{'s' * (count != 1)}" + " whose jump is imposed" * imposed,
-            *[f"drawn: the {len(i.names)} that carry most"] * (count > len(i.names)),
-            f"largest {name} {short(float((-every.pressure if imposed else every.pressure).max()))}{unit}",
-            f"largest tangential traction {short(most)}{unit}",
-            *["grey: open"] * bool(np.isnan(pressure).any()), *omitted(fields, steps)]
-    scale = Scale(pushed[0], name + (unit and "," + unit))
-    if imposed:  # tightened, then locked: nothing to see
-        return Sheet(pushed, headings(fields, steps), min(len(steps), 2), [scale], told)
-    present = np.flatnonzero(np.isin(i.kinds, i.status[steps]))
-    palette = ListedColormap(i.kind_colours[present].tolist())
-    kind = np.searchsorted(i.kinds[present], i.status[steps])[:, i.triangles].reshape(len(steps), -1).astype(float)
-    held = [View(pieces, np.arange(len(pieces)).reshape(-1, 3), np.repeat(status, 6), limits=(-0.5, palette.N - 0.5), palette=palette,
-                 **shared) for status in kind]
-    return Sheet([view for both in zip(held, pushed) for view in both], [text for text in headings(fields, steps) for _ in range(2)], 2,
-                 [Scale(held[0], "status", i.kind_names[present].tolist()), scale], told)
-
-
-def _chosen(i: InterfaceFields | None, imposed: bool) -> InterfaceFields | None:
-    if i is None:
-        return None
-    given = np.array([law in LAWS and LAWS[law].as_one for law in i.laws])
-    if given.any() and not given.all():
-        return i.some(np.flatnonzero(given == imposed))
-    return None if imposed else i
+    count, columns = len(picture.surfaces), min(2, len(picture.surfaces))
+    views = [draw(picture, step, int(WIDTH / columns * DPI)) for step in range(count)]
+    rows = -(-count // columns)
+    figure = new_figure(WIDTH, rows * (WIDTH / columns * views[0].shape[0] / views[0].shape[1] + 0.3) + 1.3)
+    figure.set_layout_engine("constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels:
+        axes.axis("off")
+    for axes, view, heading in zip(panels, views, picture.headings):
+        axes.imshow(view)
+        axes.set_title(heading, fontsize=9)
+    figure.suptitle(title + "\n", fontsize=12)
+    figure.text(0.5, 1 - 0.42 / figure.get_figheight(), "   ·   ".join(picture.told), ha="center", va="bottom", fontsize=8.5)
+    if picture.kinds:
+        colours = picture.palette(range(len(picture.kinds)))
+        figure.legend(handles=[Patch(color=colour, label=name) for colour, name in zip(colours, picture.kinds)], title=picture.label,
+                      fontsize=8.5, frameon=False, loc="outside lower center", ncols=len(picture.kinds))
+    else:
+        bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette), ax=panels.tolist(), location="bottom",
+                              shrink=0.6, aspect=40, label=picture.label)
+        bar.set_ticks(np.linspace(*picture.limits, 5), labels=[short(value) for value in np.linspace(*picture.limits, 5)])
+    return figure

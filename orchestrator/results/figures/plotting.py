@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import io
-import math
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 _COMPRESSION = 4  # of 9: a twentieth to a third larger than with the usual 6, in half the time
@@ -19,7 +17,6 @@ GREY = "0.35"
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BROWN, OLIVE)
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -42,24 +39,10 @@ def _without_strangers_settings() -> None:
         matplotlib.rcdefaults()
 
 
-def viridis() -> Colormap:
-    """The colours of quantities: readable in grey and by the colour-blind."""
-    from matplotlib import colormaps
-
-    return colormaps["viridis"]
-
-
 def short(value: float) -> str:
     """Three digits, without powers of ten where engineers write none: 1,250, 0.0214, 3.1e-07."""
     text = f"{value:.3g}"
     return f"{float(text):,.0f}" if 1e3 <= abs(value) < 1e7 else text
-
-
-def powers_of_ten(axis: object) -> None:
-    """Label a logarithmic axis with plain text, 10⁻⁶: matplotlib's own labels are formulas, which take .15 s to set."""
-    from matplotlib.ticker import FuncFormatter
-
-    axis.set_major_formatter(FuncFormatter(lambda x, _: "10" + f"{round(math.log10(x))}".translate(_SUPERSCRIPTS)))
 
 
 def tidy(axes: object) -> None:

@@ -29,7 +29,7 @@ strong { background: #fff0c2; color: #7a2e00; padding: .1rem .4rem; border-left:
 _MARKS = re.compile(r"[\\`|]|\*(?=\S)|_(?!\w)|&(?=#?\w+;)|\](?=[(\[:])")
 
 
-_FIGURE = re.compile(r"(?:figures/)?\w[\w.-]*\.(png|gif)")
+_FIGURE = re.compile(r"(?:figures/)?\w[\w.-]*\.png")
 
 
 class Marked(str):
@@ -76,7 +76,7 @@ def picture(path: str, text: str) -> str:
 
 
 def page(markdown: str, folder: Path, title: str) -> str:
-    """One HTML file of a document in Markdown, with its pictures (PNG and GIF, read from ``folder``) inside."""
+    """One HTML file of a document in Markdown, with its pictures (PNG, read from ``folder``) inside."""
     from markdown_it import MarkdownIt  # no more than a report needs it
 
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -87,7 +87,7 @@ def page(markdown: str, folder: Path, title: str) -> str:
             part.attrs["src"] = ""
             continue
         data = base64.b64encode((folder / part.attrs["src"]).read_bytes()).decode()
-        part.attrs["src"] = f"data:image/{found[1]};base64,{data}"
+        part.attrs["src"] = f"data:image/png;base64,{data}"
     body = parser.renderer.render(blocks, parser.options, {})
     body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'

@@ -8,77 +8,40 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import ValidationError
 from ruamel.yaml import YAML
 
-from orchestrator.config.explain import explained
 from orchestrator.config.method import Method
-from orchestrator.config.model import Figures
-from orchestrator.errors import InputError, Problems, wrong
 from orchestrator.optional import check_there, DRAWING
 from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.figures import look_of, write_figures
-from orchestrator.results.figures.view import Look
+from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import Marked, heading, page, picture, plain, section, table
 from orchestrator.results.report.tables import tables
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.results.summary.summary import units_of
 from orchestrator.results.summary.verdict import verdict
-from orchestrator.scene.conditions.selection import check_figures
 
-_PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: sharp edges and borders of the "
-                              "subdomains; grey: the undeformed outline."),
-             ("codes.png", "Which code solves what."),
-             ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
-             ("jumps.png", "The interfaces whose jump is imposed: pressure."),
-             ("accuracy.png", "Errors over elements, mesh by mesh."),
-             ("mesh.png", "The first mesh and the last: sizes of elements, and the error of each."),
-             ("probes.png", "Probes over the load steps."),
-             ("paths.png", "Values along paths, at the last load steps; all of them are in paths.csv."),
+_PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; lines: sharp edges and borders of the subdomains."),
+             ("interfaces.png", "The interfaces that are not perfect: where they are open, stick or slip."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
-def figures_asked(cut: str | None, parts: list[str] | None, view: str | None, steps: str | None, scale: str | None) -> dict[str, object] | None:
-    """``output.figures`` as options say; None where they say nothing."""
-    def numbers(text: str, kind: type, *names: str) -> object:
-        found = [kind(number) for number in text.split(",")]
-        if names and len(found) != len(names):
-            raise ValueError
-        return dict(zip(names, found)) if names else found
-
-    readers = {"cut": (cut, lambda text: {"plane": text.partition("=")[0], "at": float(text.partition("=")[2])}, "--cut x=80"),
-               "view": (view, lambda text: numbers(text, float, "azimuth", "elevation"), "--view 30,20"),
-               "steps": (steps, lambda text: numbers(text, int), "--steps 1,5"),
-               "scale": (scale, lambda text: text if text == "step" else numbers(text, float), "--scale 0,165 or --scale step")}
-    figures: dict[str, object] = {"parts": parts} if parts else {}
-    for name, (text, read, example) in readers.items():
-        try:
-            figures |= {} if text is None else {name: read(text)}
-        except ValueError:
-            raise wrong((), f"--{name} {text}", "numbers", f"write {example}") from None
-    return figures or None
-
-
-def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None) -> Path:
+def report(directory: str | os.PathLike[str]) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
 
     directory : a results folder
-    figures : how the structure is drawn, as ``output.figures`` in the YAML; None: as the run's configuration says
     Returns path of report.md
-    Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
-        drawn is there; a package that draws is not installed
+    Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; a package that draws
+        is not installed
     """
     for package in DRAWING:
         check_there(package)
     solution = Solution.read(directory)
     folder = ResultsFolder(directory)
-    look = look_of(solution.summary) if figures is None else _look(solution, figures)
     name = str(solution.summary.get("name"))
     try:
-        made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)
+        made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields)
     except CannotDraw as error:
         print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
         made = write_figures(folder, solution.summary, solution.history)
@@ -90,19 +53,6 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
     folder.write("report.html", page(text, folder.path, name))
     return folder.write("report.md", text)
-
-
-def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
-    """The look that is asked for, where there is something to show."""
-    try:
-        asked = Figures.model_validate(figures)
-    except ValidationError as error:
-        raise InputError(explained(error, figures, Figures)) from error
-    if solution.fields is not None:
-        problems = Problems()
-        check_figures(solution.fields.nodes, list(solution.fields.parts), solution.fields.steps, asked, (), problems)
-        problems.raise_if_any()
-    return Look.of(asked.model_dump(exclude_none=True), units_of(solution.summary))
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:

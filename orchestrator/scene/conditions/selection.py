@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
-from orchestrator.config.model import Figures
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
@@ -203,27 +202,3 @@ def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
     """Names of a subdomain: its own name and, if it lies in one volume, that volume's."""
     inside = np.unique(mesh.volume[subdomain.cells])
     return [subdomain.name] + ([mesh.volumes[inside[0]]] if len(inside) == 1 else [])
-
-
-def check_figures(nodes: np.ndarray, volumes: list[str], count: int, figures: Figures, path: KeyPath, problems: Problems) -> None:
-    """Parts and load steps that are drawn exist, a cut leaves something on either side, a scale grows.
-
-    nodes : (n, 3); volumes : names of the parts; count : load steps that there are
-    path : of ``figures`` in the YAML
-    """
-    for step in figures.steps or ():
-        if step > count:
-            problems.add((*path, "steps"), f"load step {step}", f"one of the {count} that there are, from 1", "leave it out")
-    if isinstance(figures.scale, list) and figures.scale[0] >= figures.scale[1]:
-        problems.add((*path, "scale"), f"a scale from {figures.scale[0]:g} to {figures.scale[1]:g}", "[low, high], the lower end first",
-                     "exchange them")
-    for name in figures.parts or ():
-        if not matching(name, volumes):
-            problems.add((*path, "parts"), f"no volume is called {name!r}", "names of volumes, shell wildcards allowed",
-                         suggestion(name, volumes, "volume"))
-    if (cut := figures.cut) is not None:
-        along = nodes[:, "xyz".index(cut.plane)]
-        if not along.min() < cut.at < along.max():
-            problems.add((*path, "cut", "at"), f"{cut.plane} = {cut.at:g}, which cuts nothing", f"a plane through the model, "
-                         f"which spans {cut.plane} from {along.min():.6g} to {along.max():.6g}",
-                         f"take at: {(along.min() + along.max()) / 2:.6g} for its middle")
