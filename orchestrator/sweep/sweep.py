@@ -28,7 +28,7 @@ from orchestrator.results.summary.summary import numbers_of, read_summary, units
 from orchestrator.results.record import GO_ON
 from orchestrator.run import Means, Ranks
 from orchestrator.scene.body import Meshed
-from orchestrator.sweep.table import Screen, write_table
+from orchestrator.sweep.table import Screen, drawn, write_table
 from orchestrator.sweep.variants import Variant
 from orchestrator.timing import Stopwatch
 
@@ -143,8 +143,6 @@ class Sweep:
 
     def _draw(self) -> None:
         """The picture, where what draws is installed."""
-        from orchestrator.sweep.picture import drawn  # with it comes matplotlib
-
         if absent("matplotlib"):
             return
         found = [(variant.values, self.outcomes[variant.name].numbers) for variant in self.variants]
