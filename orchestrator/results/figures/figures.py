@@ -15,22 +15,35 @@ from orchestrator.results.figures.plotting import png
 from orchestrator.results.folder import ResultsFolder
 
 
-def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
-                  fields: Fields | Path | None = None) -> list[Path]:
-    """Draw a run, as far as it is known; pictures of the structure in a process apart (see ``artist``).
+def write_figures(
+    folder: ResultsFolder,
+    summary: Mapping[str, object],
+    history: Mapping[str, np.ndarray],
+    fields: Fields | Path | None = None,
+) -> list[Path]:
+    """Draw a run, as far as it is known; the structure in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
-    fields : for deformed.png and interfaces.png, or the folder whose fields.npz has them; None: charts alone
+    fields : of the structure, or the folder whose fields.npz has them; None: charts alone
     Returns paths of the figures written
     """
     if isinstance(fields, Path):
         fields = read_npz(fields)
-    made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
-            "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None}
+    made = {
+        "convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
+        "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None,
+    }
     if fields is not None and fields.steps and len(fields.cells):
         shown = {"deformed": deformed(fields, summary), "interfaces": interfaces(fields, summary)}
-        made |= {name: picture and compose(picture, str(summary.get("name") or "")) for name, picture in shown.items()}
-    return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in made.items() if figure is not None]
+        made |= {
+            name: picture and compose(picture, str(summary.get("name") or ""))
+            for name, picture in shown.items()
+        }
+    return [
+        folder.write(f"figures/{name}.png", png(figure))
+        for name, figure in made.items()
+        if figure is not None
+    ]
 
 
 def warm_up() -> None:
