@@ -13,7 +13,7 @@ from yaml_case import call
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.monitors.mesh_error import LEAST
-from orchestrator.method.stopping.estimators import estimator_of
+from orchestrator.method.stopping.element_problems import estimator_of
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -17,7 +17,7 @@ from orchestrator.errors import InputError
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.setup import Part
-from orchestrator.method.stopping.estimators import estimator_of
+from orchestrator.method.stopping.element_problems import estimator_of
 from orchestrator.results import whole
 from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields

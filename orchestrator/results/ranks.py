@@ -14,9 +14,8 @@ from orchestrator.method.checkpoint import Numbers
 from orchestrator.method.delivery.recovery import Parts, at_nodes
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
-from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.estimators import kind_of
-from orchestrator.method.stopping.leaps import leaping, leaps
+from orchestrator.method.stopping.discretisation import Estimate, leaping, leaps
+from orchestrator.method.stopping.element_problems import kind_of
 from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.results.extremes import Extremes, extremes

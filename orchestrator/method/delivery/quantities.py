@@ -13,7 +13,7 @@ from orchestrator.method.delivery.dual import solve_duals
 from orchestrator.method.delivery.flux import Carrier, Measured
 from orchestrator.method.delivery.recovery import of_all
 from orchestrator.method.delivery.wanted import RESULTANT, Wanted
-from orchestrator.method.stopping.estimators import estimator_of
+from orchestrator.method.stopping.element_problems import estimator_of
 from orchestrator.method.stopping.quantity import Quantity, errors
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.copies import Copies
