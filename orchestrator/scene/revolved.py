@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import cross
+from orchestrator.svd import svd
 
 FEWEST = 12  # nodes; a torus has seven unknowns
 STEPS = 8
@@ -95,7 +96,7 @@ def through(points: np.ndarray) -> tuple[np.ndarray, float]:
 def cylinder(points: np.ndarray, axis: np.ndarray) -> Revolved:
     """The cylinder that points (n, 3) fit best, from about its axis (3,) on."""
     middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    x, across = (points - middle) / size, np.linalg.svd(axis[None])[2][1:]
+    x, across = (points - middle) / size, svd(axis[None])[2][1:]
     centre, radius = through(x @ across.T)
     found = Revolved(centre @ across, axis, np.array([radius]), _cylinder).fitted(x)
     return replace(found, centre=middle + size * found.centre, numbers=size * found.numbers)

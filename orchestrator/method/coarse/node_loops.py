@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.svd import svd
 
 HELD, NONE = -1, -2  # in place of a number: prescribed; neither side is free
 RANK = 1e-9  # singular value of rows of 0, 1 and −1 that is none
@@ -118,5 +119,5 @@ def _states(label: np.ndarray) -> np.ndarray:
         pair, component = np.nonzero(label[:, side] >= 0)
         np.add.at(rows, (label[pair, side, component], pair, component), sign)
     nothing = np.eye(3 * m)[(label == NONE).all(axis=1).reshape(-1)]
-    size, vectors = np.linalg.svd(np.vstack([rows.reshape(len(rows), -1), nothing]))[1:]
+    size, vectors = svd(np.vstack([rows.reshape(len(rows), -1), nothing]))[1:]
     return vectors[int((size > RANK).sum()):].T.reshape(m, 3, -1)

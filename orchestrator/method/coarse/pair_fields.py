@@ -23,6 +23,7 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.kernels import carried, changed, slopes, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.interface import ends_of
+from orchestrator.svd import svd
 
 EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
@@ -61,7 +62,7 @@ class PairFields:
         """From T and L (P, 3, 2n)."""
         width, bounds, phi, A = T.shape[2], pairs.bounds, [np.zeros(0)], [np.zeros((0, T.shape[2]))]  # none of no interface
         for a, b in zip(bounds[:-1], bounds[1:]):
-            shapes, size, mixed = np.linalg.svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
+            shapes, size, mixed = svd(T[a:b].reshape(b - a, 3 * width), full_matrices=False)
             kept = int((size > EXACT * size.max(initial=0.0)).sum())
             phi.append(shapes[:, :kept].ravel())
             A.append((size[:kept, None] * mixed[:kept]).reshape(-1, 3, width).swapaxes(0, 1).reshape(-1, width))

@@ -17,6 +17,7 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Scene
+from orchestrator.svd import svd
 
 DROP = 1e-8  # singular values below this fraction of the largest are dependent fields
 # Interfaces from which the rigid motions alone serve better than all affine fields. Iterations grow by 0 to 3 of some twenty; set-up has
@@ -78,7 +79,7 @@ def independent(basis: np.ndarray) -> np.ndarray:
     """(d, m') orthonormal columns that span those of (d, m)."""
     if not basis.size:
         return np.zeros((basis.shape[0], 0))
-    left, singular, _ = np.linalg.svd(basis, full_matrices=False)
+    left, singular, _ = svd(basis, full_matrices=False)
     return left[:, singular > DROP * singular[0]]
 
 

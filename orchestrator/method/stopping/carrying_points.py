@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.laws.points import Carries
 from orchestrator.scene.conditions.rigid import RIGID
+from orchestrator.svd import svd
 
 ALIKE = 9  # digits to which normals on a plane are the same
 DEPENDENT = 1e-10  # singular value over the largest, below which a row follows from others
@@ -65,7 +66,7 @@ class Reach(Carries):
             if len(each) <= 4:
                 continue
             moved = self.J[each].reshape(len(each), -1)
-            place, size, _ = np.linalg.svd(moved - moved.mean(axis=0), full_matrices=False)
+            place, size, _ = svd(moved - moved.mean(axis=0), full_matrices=False)
             if (size > DEPENDENT * np.linalg.norm(moved)).sum() == 2:  # J is linear in the points' places
                 kept[each] = False
                 kept[each[ConvexHull(place[:, :2] * size[:2]).vertices]] = True

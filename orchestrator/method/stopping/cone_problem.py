@@ -40,6 +40,7 @@ from scipy.sparse.csgraph import connected_components
 from orchestrator.method.stopping.carrying_points import DEPENDENT, Reach
 from orchestrator.optional import Late
 from orchestrator.scene.conditions.rigid import RIGID
+from orchestrator.svd import svd
 
 clarabel = Late("clarabel")
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits
@@ -172,7 +173,7 @@ class _Cones:
             moves = np.flatnonzero(reach.motions[:, :, chosen].any(axis=(1, 2)))
             given = -np.einsum("icp,mcp->pim", reach.directions[:, :, chosen], reach.motions[moves][:, :, chosen])
             own = (across[chosen] * self.there[chosen, None]).reshape(-1, self.columns.shape[1])
-            _, size, turned = np.linalg.svd(np.linalg.qr(np.hstack([own, given.reshape(len(own), -1)]), mode="r"))
+            _, size, turned = svd(np.linalg.qr(np.hstack([own, given.reshape(len(own), -1)]), mode="r"))
             turned = turned[: len(size)][size > DEPENDENT * size.max(initial=0.0)]
             columns = np.r_[self.columns[chosen[0]], self.moving + len(works) + np.arange(len(moves))]
             works += reach.works[moves, chosen[0]].tolist()

@@ -18,6 +18,7 @@ from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
 from orchestrator.scene.interface import Interface
+from orchestrator.svd import svd
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits
 
@@ -95,7 +96,7 @@ def residual(direction: np.ndarray, value: np.ndarray, group: np.ndarray) -> np.
     at = np.repeat(np.arange(len(names)), count), place
     matrix, right = np.zeros((len(names), count.max(), direction.shape[1])), np.zeros((len(names), count.max(), len(value)))
     matrix[at], right[at] = direction[order], value[:, order].T
-    span, values, _ = np.linalg.svd(matrix, full_matrices=False)
+    span, values, _ = svd(matrix, full_matrices=False)
     span = span * (values > DEPENDENT * values[:, :1])[:, None, :]
     result = np.empty_like(value)
     result[:, order] = (right - span @ (span.transpose(0, 2, 1) @ right))[at].T

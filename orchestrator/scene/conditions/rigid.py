@@ -11,6 +11,7 @@ from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.svd import svd
 
 RIGID = 6  # motions of a rigid body
 # Motions that move the prescribed components by less than this share of the body's size count as free.
@@ -159,14 +160,14 @@ def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Seq
                     rows[-1][:, columns[i]] = sign * moved @ left[i]
         free = null_space(np.concatenate(rows))
         for i in chosen:
-            own, values, _ = np.linalg.svd(left[i] @ free[columns[i]], full_matrices=False)
+            own, values, _ = svd(left[i] @ free[columns[i]], full_matrices=False)
             left[i] = own[:, values > np.sqrt(HELD)]
 
 
 def null_space(rows: np.ndarray) -> np.ndarray:
     """(m, r) orthonormal, what rows (n, m) of entries of order one send to zero."""
     # The triangular factor has the singular values of the tall matrix.
-    _, values, turned = np.linalg.svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows, full_matrices=True)
+    _, values, turned = svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows, full_matrices=True)
     values = np.r_[values, np.zeros(rows.shape[1] - len(values))]
     return turned[values <= HELD * np.sqrt(len(rows))].T
 

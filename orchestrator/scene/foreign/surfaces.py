@@ -14,6 +14,7 @@ from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
+from orchestrator.svd import svd
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
@@ -58,8 +59,8 @@ def between_nodes(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, n
     and how many times as large they are as the smallest at their corners, in the mean; none between points on a line."""
     from scipy.spatial import Delaunay  # for joints without faces alone
 
-    flat = points @ np.linalg.svd(normal[None])[2][1:].T
-    if len(points) < 3 or np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[1] <= PLANE * size_of(points):
+    flat = points @ svd(normal[None])[2][1:].T
+    if len(points) < 3 or svd(flat - flat.mean(axis=0), full_matrices=False)[1][1] <= PLANE * size_of(points):
         return np.empty((0, 3), int), np.empty(0), np.empty(0)
     triangles = Delaunay(flat).simplices.astype(int)
     signed = area_vectors(points, triangles) @ normal

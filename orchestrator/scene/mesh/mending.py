@@ -11,6 +11,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.svd import svd
 
 # How good tets (m, 4) of nodes (n, 3) are: below 1 they are bad, without volume not above 0.
 Fitness = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -184,7 +185,7 @@ class Stars:
                    if pair[1] < len(self.nodes) and self.region[one] != self.region[other] and not (bend and max(one, other) < self.real)]
         if not between:
             return np.eye(3)
-        _, lengths, axes = np.linalg.svd(facet_normals(self.nodes, np.array(between))[0])
+        _, lengths, axes = svd(facet_normals(self.nodes, np.array(between))[0])
         free = axes[int(np.sum(lengths > IN_PLANE * lengths[0])):].T
         return np.where(np.abs(free) < ROUNDING, 0.0, free)  # so that what lies on a side of a box stays on it exactly
 
