@@ -19,7 +19,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.foreign.joints import not_asked
 from orchestrator.scene.inspection import (
-    pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
+    bolt_table, pair_table, pairs_of_mesh, pairs_of_scene, surface_table, surfaces_of, units_remark, volume_table, volumes_of)
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
@@ -71,7 +71,7 @@ def listed(config: Config, run_programs: bool = False) -> list[str]:
     mesh, first = scene.mesh, np.unique(scene.mesh.volume, return_index=True)[1]
     made_of = (scene.materials[m] for m in scene.cell_material[first])
     matter = {name: f"E {m.young:g}, ν {m.poisson:g}" for name, m in zip(mesh.volumes, made_of)}
-    return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene))]
+    return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene)), *bolt_table(scene)]
 
 
 def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:
@@ -102,7 +102,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     lines = [f"OK: {scene!r}", *unsaid]
     if scene.element is not None:
         lines.append(f"element: {scene.element}")
-    lines += _pairs(scene, config)
+    lines += [*_pairs(scene, config), *bolt_table(scene)]
     gaps = [beside.gap for beside in scene.near.values() if beside.gap]
     lines += [f"gap: {sentence}" for sentence in gaps[:PAIRS]] + [f"… and {len(gaps) - PAIRS} gaps more"] * (len(gaps) > PAIRS)
     return lines + [f"warning: {sentence}" for sentence in [*scene_cautions(scene), *stabilisation_cautions(config.method)]]

@@ -12,6 +12,8 @@ from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import INSIDE, unique_names
+from orchestrator.scene.shanks import across_shank, ends_beside
+from orchestrator.scene.threads import auto_cut, threads_of
 
 # Half the yield limit of bolts of class 8.8, N/mm²: what a first pretension may put on the shank's section.
 STRESS = 320.0
@@ -19,6 +21,8 @@ STRESS = 320.0
 FARTHER = 1.3
 # Of what friction holds the pull that is proposed, in so many equal steps: it slips within the last ones.
 PULL, STEPS, FRICTION = 1.2, 4, 0.15
+# An axis is one of the coordinates' whose cosine with it is off 1 by less: files have as many digits.
+STRAIGHT = 1e-6
 
 
 @dataclass
@@ -26,6 +30,7 @@ class Proposal:
     """Proposal for a mesh of several volumes.
 
     roles : name of a volume → a better one, where it is a bolt or a nut; new_names : those of them that are taken
+    cuts : of each bolt, as the configuration has them
     """
 
     mesh: Mesh
@@ -34,6 +39,7 @@ class Proposal:
     bolts: list[Bolt]
     pairs: int
     roles: dict[str, str]
+    cuts: list[str] = field(default_factory=list)
     new_names: dict[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -48,7 +54,8 @@ class Proposal:
             for volume, what in ((bolt.volume, f"bolt_{number}"), *((nut, f"nut_{number}" + "b" * k) for k, nut in enumerate(bolt.nuts))):
                 inside, sign, _ = mesh.volumes[volume].rpartition(INSIDE)
                 roles[mesh.volumes[volume]] = f"{inside}{sign}{what}"
-        return cls(mesh, found, touching, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles)
+        return cls(mesh, found, touching, clamps, sum(row.meshes != ROOM for row in pairs_of_mesh(mesh, faces)), roles,
+                   [_cut(mesh, faces, bolt) for bolt in clamps])
 
     def renamed(self, new_names: dict[str, str]) -> Mesh:
         """The mesh with other names of volumes, and of their surfaces, which are told from now on."""
@@ -93,7 +100,7 @@ class Proposal:
         force = [float(size * np.sign(normal[axis])) if k == axis else 0 for k in range(3)]
         rest = ", ".join("null" if k == axis else "0" for k in range(3))
         names = [json.dumps(self.mesh.volumes[bolt.volume]) for bolt in self.bolts]
-        lines = "\n".join(f"  - {{on: {name}, force: {self.force:g}, history: tighten}}" for name in names)
+        lines = "\n".join(f"  - {{on: {name}, force: {self.force:g}, history: tighten{cut}}}" for name, cut in zip(names, self.cuts))
         return f"""boundary:                           # EDIT: what is held and what acts
   - {{on: {one}, displacement: [0, 0, 0]}}      # the lowest plane surface; null leaves a component free
   - {{on: {other}, resultant: {{force: [{', '.join(f'{x:g}' for x in force)}]}}, history: pull}}     # EDIT: the force
@@ -103,7 +110,7 @@ histories:                          # a factor per load step: tighten, then pull
   tighten: [{', '.join('1' for _ in range(STEPS + 1))}]
   pull:    [{', '.join(f'{k / STEPS:g}' for k in range(STEPS + 1))}]
 
-bolts:                              # EDIT: the force; the cut is across the shank, see docs/bolts.md
+bolts:                              # EDIT: the force; the cut is across the shank, between head and thread
 {lines}
 """
 
@@ -135,3 +142,19 @@ interfaces:                         # {count} on each other
             names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
             text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}   # a press fit\n"
         return text
+
+
+def _cut(mesh: Mesh, faces: Faces, bolt: Bolt) -> str:
+    """The cut of a bolt between its head and what its thread is bonded to, as a key of its entry; empty where it has no round shank."""
+    own = np.flatnonzero(mesh.volume == bolt.volume)
+    shank = across_shank(mesh, faces, own)
+    if shank is None:
+        return ""
+    held = {mesh.volumes[fit.hole.volume] for fit in bolt.threads}
+    threads = threads_of(mesh, faces, own, shank, held.__contains__)
+    point = auto_cut(mesh, own, shank, threads, ends_beside(mesh, faces, own, shank))
+    axis = int(np.abs(shank.axis).argmax())
+    if abs(shank.axis[axis]) > 1 - STRAIGHT:
+        return f", cut: {{plane: {'xyz'[axis]}, at: {point[axis]:.4g}}}"
+    plane, at = (", ".join(f"{x:.4g}" for x in vector) for vector in (shank.axis, point))
+    return f", cut: {{plane: [{plane}], at: [{at}]}}"

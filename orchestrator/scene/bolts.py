@@ -11,10 +11,12 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, pieces
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
-from orchestrator.scene.shanks import Shank, Shanks, across_shank, away_from_joints, elsewhere, ends_beside
+from orchestrator.scene.shanks import Shank, Shanks, across_shank, along_shank, elsewhere, ends_beside
+from orchestrator.scene.threads import auto_cut, bonds, free_stretch, Thread, threads_of, within
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 
@@ -53,15 +55,21 @@ class Plane:
     ahead: np.ndarray
 
 
-def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], problems: Problems) -> tuple[Partition, list[BoltCut]]:
+def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, config: Any,
+              problems: Problems) -> tuple[Partition, list[BoltCut]]:
     """Cuts the subdomains that a bolt's plane runs through.
+
+    config : whose ``bolts`` and ``interfaces`` are asked for
 
     Returns the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
     """
-    own = {i: bolt_cells(mesh, bolt) for i, bolt in enumerate(bolts)}
+    own = {i: bolt_cells(mesh, bolt) for i, bolt in enumerate(config.bolts)}
     shanks = {i: across_shank(mesh, faces, cells) for i, cells in own.items() if len(cells)}
-    beside = {i: ends_beside(mesh, faces, own[i], shank) for i, shank in shanks.items() if shank is not None}
-    made = planes(mesh, faces, partition, bolts, Shanks(shanks, beside), problems)
+    round_ones = {i: shank for i, shank in shanks.items() if shank is not None}
+    beside = {i: ends_beside(mesh, faces, own[i], shank) for i, shank in round_ones.items()}
+    threads = {i: threads_of(mesh, faces, own[i], shank, bonds(config.interfaces, mesh.volumes, config.bolts[i].on))
+               for i, shank in round_ones.items()}
+    made = planes(mesh, faces, partition, config.bolts, Shanks(shanks, beside, threads), problems)
     return cut_at(made, faces, partition, problems)[:2]
 
 
@@ -81,9 +89,17 @@ def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
         here = np.ones(len(mesh.cells), dtype=bool) if partition.here is None else partition.here[partition.subdomain]
         if partition.here is not None and not here[bolt_cells(mesh, bolt)].any():
             continue  # another rank's
-        shank, ends = shanks.of.get(i), shanks.beside.get(i)
-        if found := _plane(mesh, partition, bolt, (shank, ends), [plane.name for plane in made], wrong):
+        shank, ends, threads = shanks.of.get(i), shanks.beside.get(i), shanks.threads.get(i, ())
+        if found := _plane(mesh, partition, bolt, (shank, ends, threads), [plane.name for plane in made], wrong):
             name, own, axis, point = found
+            if bonded := _in_thread(mesh, own, shank, threads, axis, point):
+                thread, better = bonded
+                if better:
+                    wrong("cut", f"a plane through {name} where it is bonded to {thread.part}, which takes its force off before the head",
+                          "a plane between the head and the thread", f"leave cut out, or move it to {better}")
+                    continue
+                problems.warnings.append(f"{name} is bonded to {thread.part} at its cut, and has no free stretch between head and thread: "
+                                         f"the force is taken off by {thread.part}, and does not arrive under the head")
             if bolt.cut != "auto" and (better := elsewhere(mesh, own, (shank, ends), axis, point)):
                 problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
                                          f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
@@ -132,11 +148,24 @@ def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: 
     return cut, cuts, keys
 
 
-def _plane(mesh: Mesh, partition: Partition, bolt: Any, around: tuple[Shank | None, np.ndarray | None], known: list[str],
+def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequence[Thread], axis: np.ndarray,
+               point: np.ndarray) -> tuple[Thread, str] | None:
+    """The thread that a plane across a shank is within, and a better place in words, if there is one; None where it is in no thread."""
+    if shank is None or not along_shank(shank, axis):
+        return None
+    thread = within(threads, float((point - shank.middle) @ shank.axis))
+    if thread is None:
+        return None
+    free = free_stretch(mesh, own, shank, threads)
+    return thread, "" if free is None else format_point(shank.middle + sum(free) / 2 * shank.axis)
+
+
+def _plane(mesh: Mesh, partition: Partition, bolt: Any,
+           around: tuple[Shank | None, np.ndarray | None, Sequence[Thread]], known: list[str],
            wrong: Callable[..., None]) -> tuple[str, np.ndarray, np.ndarray, np.ndarray] | None:
     """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is wrong with it, which is told.
 
-    around : the bolt's shank, and where other parts end beside it; known : names of the volumes that other entries cut
+    around : the bolt's shank, where other parts end beside it, and its threads; known : names of the volumes that other entries cut
     """
     names = matching(bolt.on, mesh.volumes)
     if not names:
@@ -147,14 +176,14 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any, around: tuple[Shank | No
     if name in known:
         return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
     own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
-    shank, ends = around
+    shank, ends, threads = around
     if bolt.cut != "auto":
         axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     elif shank is None:
         return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
                      "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
     else:
-        axis, point = shank.axis, shank.middle + away_from_joints(mesh, own, shank, ends) * shank.axis
+        axis, point = shank.axis, auto_cut(mesh, own, shank, threads, ends)
     ahead = ahead_of(mesh, own, axis, point)
     if mesh.within is None and (ahead.all() or not ahead.any()):
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis

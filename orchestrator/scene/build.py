@@ -88,7 +88,7 @@ def _divided(config: Config, body: Body, problems: Problems) -> Cut:
         # Body forces name volumes: they can be judged on the undivided mesh.
         partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
     if config.bolts and not failed and body.partition is None:
-        partition, cuts = cut_bolts(mesh, body.faces, partition, config.bolts, problems)
+        partition, cuts = cut_bolts(mesh, body.faces, partition, config, problems)
     return Cut(partition, split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes)), cuts, failed)
 
 

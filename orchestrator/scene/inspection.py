@@ -233,6 +233,12 @@ def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
     return lines + ([f"… and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else [])
 
 
+def bolt_table(scene: Scene) -> list[str]:
+    """Lines on bolts: where each is cut, and across which axis."""
+    return columns(("bolt", "cut at", "across"), [(bolt.name, _point(bolt.point), _point(bolt.axis)) for bolt in scene.bolts
+                                                  ]) if scene.bolts else []
+
+
 def columns(heads: Sequence[str], rows: list[tuple[str, ...]]) -> list[str]:
     """A table as lines, below its heads."""
     widths = [max(map(len, column)) for column in zip(heads, *rows)]

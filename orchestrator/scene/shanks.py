@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,10 +40,12 @@ class Shank:
 
 @dataclass(frozen=True)
 class Shanks:
-    """Bolts' shanks, None of one without any, and where other parts end beside them (k,), by the places of their entries."""
+    """Bolts' shanks, None of one without any, where other parts end beside them (k,), and ``threads.Thread``, by the places of their
+    entries."""
 
     of: Mapping[int, Shank | None]
     beside: Mapping[int, np.ndarray]
+    threads: Mapping[int, Sequence[Any]]
 
 
 def ends_beside(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank) -> np.ndarray:
@@ -55,18 +58,21 @@ def ends_beside(mesh: Mesh, faces: Faces, own: np.ndarray, shank: Shank) -> np.n
     return along[beside & (np.ptp(along, axis=1) < FLAT * shank.radius)].mean(axis=1)
 
 
-def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray, at: float = 0.0) -> float:
+def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray, at: float = 0.0,
+                     stretch: tuple[float, float] | None = None) -> float:
     """Place of the cut along the axis, from a shank's middle: at ``at``, unless that is nearer than an element to where other parts end.
 
     A cut zigzags along the mesh's faces. Where it crosses the plane at which two plates meet, pieces of contact are left with hardly a
     node. It then goes to the nearest place amid a plate that has room for it; nowhere where none has.
 
-    own : cells of the bolt; ends : of ``ends_beside``
+    own : cells of the bolt; ends : of ``ends_beside``; stretch : lowest and highest place; None: of the shank
     """
+    low, high = (-shank.length / 2, shank.length / 2) if stretch is None else stretch
+    at = at if low <= at <= high else (low + high) / 2
     corners = (mesh.nodes[mesh.cells[own, :4]] - shank.middle) @ shank.axis
     size = float(np.median(np.ptp(corners, axis=1)))
-    ends = np.r_[-shank.length / 2, ends, shank.length / 2]
-    ends = np.unique(ends[np.abs(ends) <= shank.length / 2])
+    ends = np.r_[low, ends, high]
+    ends = np.unique(ends[(ends >= low) & (ends <= high)])
     if np.abs(ends - at).min() > size:
         return at
     places = (ends[1:] + ends[:-1]) / 2
@@ -75,10 +81,15 @@ def away_from_joints(mesh: Mesh, own: np.ndarray, shank: Shank, ends: np.ndarray
     return float(places[far <= far.min() + FLAT * shank.radius].max()) if len(places) else at
 
 
+def along_shank(shank: Shank, axis: np.ndarray) -> bool:
+    """Whether an axis (3,) is the shank's."""
+    return bool(abs(shank.axis @ axis) >= 1 - ACROSS**2)
+
+
 def elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarray | None], axis: np.ndarray, point: np.ndarray) -> str:
     """A better place for a cut that crosses planes at which other parts end; empty where there is none, or no need."""
     shank, ends = around
-    if shank is None or abs(shank.axis @ axis) < 1 - ACROSS**2:
+    if shank is None or not along_shank(shank, axis):
         return ""
     at = float((point - shank.middle) @ shank.axis)
     better = away_from_joints(mesh, own, shank, ends, at)

@@ -127,8 +127,8 @@ class _Surfaces:
 
 
 def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultants, team: Team) -> list[dict[str, object]] | None:
-    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, and per load step the following; on
-    rank 0, of all ranks' interfaces
+    """Per bolt its name, the interface at its cut, its axis, which leads from side 1 to side 2, a point of its cut, and per load step the
+    following; on rank 0, of all ranks' interfaces
 
     - force, positive where it is pulled: that of side 2 on side 1 along the axis
     - shear, across the axis; bending and torsion, moments about the middle of the section where its plane cuts it
@@ -146,6 +146,7 @@ def bolt_forces(scene: Scene, interfaces: InterfaceFields, resultants: Resultant
             along, turning = force @ bolt.axis, moment @ bolt.axis
             told[number] = {
                 "name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
+                "cut": bolt.point.tolist(),
                 "force": (interfaces.resultant[:, k] @ bolt.axis).tolist(),
                 "shear": np.linalg.norm(force - along[:, None] * bolt.axis, axis=1).tolist(),
                 "bending": np.linalg.norm(moment - turning[:, None] * bolt.axis, axis=1).tolist(), "torsion": turning.tolist(),

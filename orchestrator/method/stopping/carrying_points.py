@@ -25,7 +25,6 @@ class Reach(Carries):
     ends : (P, 2) int, which bodies these are
     group : (P,) int, the interface that each is on
     normal : (3, P)
-    apart : (P,) how far the sides are apart, over how far bodies may move; counts in ``at_pressures`` alone
     the others as ``Carries`` has them
     """
 
@@ -40,7 +39,7 @@ class Reach(Carries):
         more = RIGID - len(carries.motions)
         return cls(carries.directions, carries.side, carries.limit, carries.friction,
                    np.pad(carries.motions, ((0, more), (0, 0), (0, 0))), np.pad(carries.works, ((0, more), (0, 0))),
-                   np.zeros(len(J)), J, ends, group, normal)
+                   carries.apart, J, ends, group, normal)
 
     @classmethod
     def joined(cls, parts: Sequence[Reach]) -> Reach:
@@ -59,7 +58,7 @@ class Reach(Carries):
         """
         from scipy.spatial import ConvexHull  # for this alone
 
-        cone, kept = (self.side != 0) & (self.limit == 0) & (self.apart == 0), np.ones(len(self.J), dtype=bool)
+        cone, kept = (self.side != 0) & (self.limit == 0), np.ones(len(self.J), dtype=bool)
         key = np.round(np.column_stack([self.group, self.side, self.friction, self.normal.T]), ALIKE)
         _, alike = np.unique(key[cone], axis=0, return_inverse=True)
         for each in np.split(np.flatnonzero(cone)[np.argsort(alike, kind="stable")], np.cumsum(np.bincount(alike))[:-1]):
@@ -72,9 +71,15 @@ class Reach(Carries):
                 kept[each[ConvexHull(place[:, :2] * size[:2]).vertices]] = True
         return self.some(kept)
 
-    def at_pressures(self, push: np.ndarray, apart: np.ndarray) -> Reach:
-        """The same with the friction that forces push (P,) ≥ 0 along the normals allow, whatever pushes beyond them.
+    def at_pressures(self, push: np.ndarray, opened: np.ndarray, way: np.ndarray) -> Reach:
+        """Return the same with the friction that forces push (P,) ≥ 0 along the normals allow, whatever pushes beyond them.
 
-        apart : (P,) ≥ 0, how far sides are apart now, over how far the bodies may move
+        opened, way : (P,) how far sides are apart now, and how far bodies may move. A gap within that may close: it is
+            taken for closed, one beyond it carries nothing. Where nothing of an interface touches yet, pressures are
+            still to come, and friction with them.
         """
-        return replace(self, limit=self.limit + self.friction * push, friction=np.zeros_like(push), apart=apart)
+        touching = np.isin(self.group, self.group[push > 0])
+        friction = np.where(touching, 0.0, self.friction)
+        near = (push > 0) | (opened <= way) | (self.side == 0)
+        limit = self.limit + np.where(touching, self.friction * push, 0.0)
+        return replace(self, limit=limit, friction=friction).some(near)

@@ -15,8 +15,7 @@ loads do more work in it than anything resists, whatever the pressures. Both are
 
 whose value is the least force that balance lacks. Gaps count as closed and pressures as large as one likes, so that the forces are
 more than the laws allow: where there are none the scene has no solution, in small displacements; where there are, elasticity may
-not bring them about. ``Reach.at_pressures`` asks for less: friction is what pressures that are known allow, and open gaps are closed
-only by bodies that go as far, −s n·d ≥ −g/r where |y_b| = 1 stands for the way r.
+not bring them about. ``Reach.at_pressures`` asks for less: friction is what pressures that are known allow.
 
 How far the loads may go from L₀ to L is the least Σ c |d_x| − L₀·y of all such motions with (L − L₀)·y = 1, if the loads are
 balanced there: they are not where L₀ is not, and L takes back what L₀ was too large by.
@@ -150,9 +149,7 @@ class _Cones:
                       [clarabel.ZeroConeT(sum(b.shape[0] for b in bonds))])
         one_sided, pushes, flat = -reach.side[:, None] * along, reach.side != 0, ~reach.directions[2].any(axis=0)
         smooth = np.flatnonzero(pushes & (reach.friction == 0))
-        smooth, open_ = smooth[reach.apart[smooth] == 0], smooth[reach.apart[smooth] > 0]
         self._add(self._matrix(one_sided[smooth], smooth), [clarabel.NonnegativeConeT(len(smooth))] if len(smooth) else [])
-        self.gaps = self._matrix(one_sided[open_], open_), reach.apart[open_]
         for width in (2, 3):
             rough = np.flatnonzero(pushes & (reach.friction > 0) & (flat == (width == 2)))
             rubbed = reach.friction[rough, None, None] * across[rough, :width]
@@ -204,11 +201,10 @@ class _Cones:
         ball = sp.csr_array((np.ones(self.bodies), (rows, np.arange(self.bodies))), shape=(self.bodies + count, len(self.cost)))
         radius = np.zeros(self.bodies + count)
         radius[:: RIGID + 1] = 1.0
-        rows, apart = self.gaps
         share = sp.csr_array(np.ones((self.shared, 1)) * (np.arange(len(self.cost)) == self.bodies))
-        one_sided = [clarabel.NonnegativeConeT(n) for n in (self.shared, len(apart)) if n]
-        x = self._solved(self.cost - np.pad(L, (0, len(self.cost) - len(L))), sp.vstack([-share, rows, ball]),
-                         np.r_[np.ones(self.shared), apart, radius], one_sided + [clarabel.SecondOrderConeT(RIGID + 1)] * count)
+        most = [clarabel.NonnegativeConeT(self.shared)] if self.shared else []
+        x = self._solved(self.cost - np.pad(L, (0, len(self.cost) - len(L))), sp.vstack([-share, ball]),
+                         np.r_[np.ones(self.shared), radius], most + [clarabel.SecondOrderConeT(RIGID + 1)] * count)
         return (0.0, None) if x is None else (float(L @ x[: len(L)] - self.cost @ x), x[: self.bodies])
 
     def carried(self, L0: np.ndarray, more: np.ndarray) -> tuple[float, np.ndarray | None]:
@@ -222,7 +218,7 @@ class _Cones:
         return (np.nan, None) if y is None or lacking > LEAST else (share, motion)
 
     def farthest(self, L0: np.ndarray, more: np.ndarray) -> tuple[float, np.ndarray | None]:
-        """The largest α for which L₀ + α ``more`` is balanced, and the motion there; nan where there is none. Open gaps stay open."""
+        """The largest α for which L₀ + α ``more`` is balanced, and the motion there; nan where there is none."""
         rest = len(self.cost) - len(L0)
         x = self._solved(self.cost - np.pad(L0, (0, rest)), sp.csr_array(np.pad(more, (0, rest))[None]), -np.ones(1),
                          [clarabel.ZeroConeT(1)])

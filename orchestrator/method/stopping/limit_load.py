@@ -120,25 +120,22 @@ class LimitLoads:
         ends = self.bodies.body[ends_of(pairs.interfaces)]
         counts = np.diff(pairs.bounds)
         ends, group = np.repeat(ends, counts, axis=0), np.repeat([i.index for i in pairs.interfaces], counts).astype(int)
-        apart = [np.zeros(0)]
         parts = [Reach.of(J[:0], ends[:0], group[:0], np.zeros((3, 0)), Carries.anything(0))]
         for at, carries in pairs.carries(before, number):
             parts.append(Reach.of(J[at], ends[at], group[at], pairs.points.normal[:, at], carries))
-            apart.append(carries.apart)
-        reach = Reach.joined(parts)
-        if state is not None:
-            force, jump = state
-            push, opened = -pairs.points.along(force), np.concatenate(apart) + pairs.points.along(jump)
-            way = 2 * DISPLACEMENT * self.bodies.size[ends].max(axis=1)
-            reach = reach.at_pressures(np.maximum(push, 0.0), np.where(push > 0, 0.0, np.maximum(opened, 0.0) / way))
-        return reach.some(pairs.mine)
+        reach = Reach.joined(parts).some(pairs.mine)
+        if state is None:
+            return reach
+        push, opened = -pairs.points.along(state[0])[pairs.mine], pairs.points.along(state[1])[pairs.mine]
+        way = 2 * DISPLACEMENT * self.bodies.size[reach.ends].max(axis=1)
+        return reach.at_pressures(np.maximum(push, 0.0), reach.apart + opened, way)
 
     def __call__(self, pairs: Pairs, before: History, number: float,
                  state: tuple[np.ndarray, np.ndarray] | None = None) -> LimitLoad | None:
         """The limit load of a load step ``number`` of the scene, from 0, or a part of one; None where there are forces that balance all.
 
         pairs : those that are not perfect, as they meet now; before : what the load steps before have left
-        state : forces and jumps (3, P) whose friction and whose gaps count; None: any pressure, and no gap
+        state : forces and jumps (3, P) whose friction and whose gaps count, see ``Reach.at_pressures``; None: any pressure, and no gap
         """
         parts, found = self.team.gather(self.reach(pairs, before, number, state).extremes()), None
         if parts is not None:

@@ -115,6 +115,8 @@ def _answers(summary: Mapping[str, object], folder: Path) -> Iterator[Table]:
 
 def _contact(summary: Mapping[str, object]) -> Iterator[Table]:
     """Bolts, faces in contact, how many node pairs are open, stick, slip."""
+    yield Table("Cuts of bolts", ("bolt", "cut at", "across"),
+                [(bolt["name"], bolt["cut"], bolt["axis"]) for bolt in summary.get("bolts") or () if bolt.get("cut")])
     yield Table("Bolts", ("bolt", "load step", *OF_BOLTS, "state"), [
         (bolt["name"], step, *carried) for bolt in summary.get("bolts") or () for step, carried in enumerate(
             zip(*(bolt.get(key) or [None] * len(bolt["force"]) for key in (*OF_BOLTS, "state"))), 1)],

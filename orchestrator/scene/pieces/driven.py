@@ -6,7 +6,6 @@ rigid tool that is pushed is one body, whose layer the ranks of all that it may 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,21 +20,27 @@ from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.pieces.piece import Piece
 from orchestrator.scene.shanks import across_shank, ends_beside, Shanks
+from orchestrator.scene.threads import bonds, threads_of
 from orchestrator.scene.tools.motion import Rigid
 from orchestrator.scene.tools.touching import may_touch
 
 
-def cut(piece: Piece, bolts: Sequence[Any], team: Team) -> Piece | None:
+def cut(piece: Piece, config: Any, team: Team) -> Piece | None:
     """A piece with the bolts cut that it has cells of; None, on all ranks, where something is wrong with one, or where the place of its cut
-    hangs on cells of several. All ranks ask together."""
+    hangs on cells of several. All ranks ask together; of ``config`` its ``bolts`` and ``interfaces``."""
+    bolts = config.bolts
     mesh, faces, partition, number, problems = piece.mesh, piece.faces, piece.partition, piece.cell_number, Problems()
     own, here = [bolt_cells(mesh, bolt) for bolt in bolts], partition.here[partition.subdomain]
     shanks = {i: across_shank(mesh, faces, cells, here[cells], team, piece.number) for i, cells in enumerate(own)}
-    ends = team.all_gather({i: np.unique(ends_beside(mesh, faces, own[i], shank)) for i, shank in shanks.items() if shank is not None})
+    round_ones = {i: shank for i, shank in shanks.items() if shank is not None}
+    ends = team.all_gather({i: np.unique(ends_beside(mesh, faces, own[i], shank)) for i, shank in round_ones.items()})
     beside = {i: np.concatenate([told[i] for told in ends]) for i in ends[0]}
+    bonded = team.all_gather({i: threads_of(mesh, faces, own[i], shank, bonds(config.interfaces, mesh.volumes, bolts[i].on))
+                              for i, shank in round_ones.items()})
+    threads = {i: [thread for told in bonded for thread in told[i]] for i in bonded[0]}
     found: dict[int, list[Plane]] = {}
     for told in team.all_gather([_told(piece, plane, here[plane.own]) for plane in
-                                 planes(mesh, faces, partition, bolts, Shanks(shanks, beside), problems)]):
+                                 planes(mesh, faces, partition, bolts, Shanks(shanks, beside, threads), problems)]):
         for plane in told:
             found.setdefault(plane.index, []).append(plane)
     known = [len(same) == 1 or bolts[i].cut != "auto" for i, same in found.items() if sum(plane.ahead for plane in same).all()]

@@ -108,7 +108,7 @@ def _pieces(config: Config, source: Dealt, mine: np.ndarray, team: Team) -> tupl
         piece, nodes = made.pop().of_element(config.codes[0].element, config.matter, extent.nodes, team)
         made, extent = [piece], replace(extent, nodes=nodes)
         del piece
-    return [cut(made.pop(), config.bolts, team) if made[0] is not None and config.bolts else made[0]], extent
+    return [cut(made.pop(), config, team) if made[0] is not None and config.bolts else made[0]], extent
 
 
 @dataclass
