@@ -90,15 +90,17 @@ def test_every_kind_of_law_has_its_limit():
 
 def test_friction_of_pressures_that_are_there():
     """Whatever presses, friction is that of the pressures; an open gap holds nothing that is not near it."""
-    pressed = standing(Carries.pressed(UP, 0.3)).at_pressures(np.full(4, 0.25), np.zeros(4))
+    pressed = standing(Carries.pressed(UP, 0.3)).at_pressures(np.full(4, 0.25), np.zeros(4), np.ones(4))
     assert motion(pressed, load(0.299, 0, -7.0)) is None
     assert motion(pressed, load(0.6, 0, -7.0), load(0, 0, -7.0)).factor == pytest.approx(0.5, rel=1e-6)
     points, normal = np.vstack([CORNERS, [[0.5, 0.0, 0.0]]]), np.column_stack([UP, [-1.0, 0.0, 0.0]])
     for apart, held in ((0.01, True), (1.5, False)):  # a stop in the way, of what may move by 1
         beside = standing(Carries.pressed(normal, 0.3), normal, points).at_pressures(
-            np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart])
-        found = motion(beside, load(0.6, 0, -1.0))
-        assert (found.lacking < 0.02 if held else found.lacking > 0.1), apart
+            np.r_[np.full(4, 0.25), 0.0], np.r_[np.zeros(4), apart], np.ones(5))
+        assert (motion(beside, load(0.6, 0, -1.0)) is None) == held, apart
+    above = standing(Carries.pressed(UP, 0.3))  # nothing touches yet: it may land, and friction will hold it
+    assert motion(above.at_pressures(np.zeros(4), np.full(4, 0.5), np.ones(4)), load(0.29, 0, -1.0)) is None
+    assert motion(above.at_pressures(np.zeros(4), np.full(4, 1.5), np.ones(4)), load(0.29, 0, -1.0)) is not None
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])

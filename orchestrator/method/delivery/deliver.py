@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
+from orchestrator.method.delivery.checks import checked
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful
@@ -110,6 +111,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if lawful is not None:
         parts, f, taken = lawful.parts, lawful.f, lawful.taken
     resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
+    if iterated.converged and contact is not None:
+        iterated = _checked(d, iterated, interfaces, resultants)
     if lawful is not None and wanted:
         with watch("bound"):
             known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants, through)
@@ -122,6 +125,15 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
                      reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [],
                      carried=through, intervals=known, moved=moved, tools=tools, passed=None if gathered else passing(d.scene, ours, d.space.team))
+
+
+def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:
+    """The same, not converged where what is delivered cannot be."""
+    known = [x for x in (iterated.bound.relative, iterated.last.law_residual) if np.isfinite(x)]
+    found = checked(d.scene, own_interfaces(d), interfaces, resultants, max(known, default=0.0), d.space.team)
+    if not found:
+        return iterated
+    return replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")
 
 
 def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:

@@ -1,0 +1,182 @@
+"""Checks of what is delivered, that know nothing of how it was found: forces of interfaces, and true surfaces, alone.
+
+A rigid motion m(x) = v + ω × x moves a plane, a cylinder or a sphere in itself. Where both sides of an interface are moved so by one
+motion, pressures do no work in it, wherever they act, and friction resists it by at most Σ μ p A |m|. So what the interface hands over,
+force F and moment M about the same point, obeys
+
+    |F·v + M·ω| ≤ Σ μ p A |m|
+
+of all its common motions: a frictionless press fit carries no torque, a plane nothing across its normal. The motion that is asked for is
+that which F and M are along. Normals are those of the surfaces, from all their nodes; those that the forces were found with are not asked.
+
+A bolt's cut is to clamp: what goes back, on the other side of it, into the very part that its thread is bonded to never arrives under the
+head.
+
+What the run says of its error, over what all interfaces carry, is what a check may be off by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.delivery.balance import Resultants
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.parallel.team import Team
+from orchestrator.scene.conditions.rigid import motions_about, size_of
+from orchestrator.scene.interface import Interface
+from orchestrator.scene.mesh.geometry import facet_normals
+from orchestrator.scene.model import PlacedBolt, Scene
+from orchestrator.scene.shapes import Shape, shape_of
+from orchestrator.svd import svd
+
+# Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
+ALIKE = 1e-4
+# Facets whose normals have a smaller cosine with an axis are around it.
+AROUND = 0.05
+
+
+@dataclass(frozen=True)
+class HandedOver:
+    """What one interface hands over in the motion of its surfaces that its force and moment are along, T load steps.
+
+    name : of the interface; kind : of its surface
+    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|; size : (T,) Σ p A |m|, |m| ≤ 1
+    """
+
+    name: str
+    kind: str
+    power: np.ndarray
+    capacity: np.ndarray
+    size: np.ndarray
+
+
+def motions_of(shape: Shape, about: np.ndarray, size: float) -> np.ndarray:
+    """Return (k, 6) orthonormal motions that move a surface in itself: v and ω · ``size`` about a point (3,)."""
+    if shape.kind == "curved" or shape.through is None:
+        return np.zeros((0, 6))
+    centre, turns = (shape.through - about) / size, np.eye(3)
+    if shape.kind != "sphere":
+        turns = shape.direction[None] / np.linalg.norm(shape.direction)
+    if shape.kind == "plane":  # about any axis along the normal: the one through the point will do
+        across = svd(turns)[2][1:]
+        return np.vstack([np.hstack([across, np.zeros((2, 3))]), np.hstack([np.zeros((1, 3)), turns])])
+    rows = np.hstack([-np.cross(turns, centre), turns])  # ω × (x − c)
+    if shape.kind == "cylinder":
+        rows = np.vstack([rows, np.hstack([turns, np.zeros((1, 3))])])
+    return np.linalg.qr(rows.T)[0].T
+
+
+def common(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Return (k, 6) orthonormal motions that both of (a, 6) and (b, 6) have."""
+    if not (len(one) and len(two)):
+        return np.zeros((0, 6))
+    turned, cosine, _ = svd(one @ two.T)
+    return (turned.T @ one)[: len(cosine)][cosine > 1 - ALIKE**2]
+
+
+def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None, resultants: Resultants,
+            off: float, team: Team) -> list[str]:
+    """Return sentences on what cannot be, the worst first, the same on all ranks, which ask together.
+
+    interfaces, fields : this rank's that are not perfect, and what is delivered of them
+    off : relative error of forces that the run tells
+    """
+    if fields is None:
+        return []
+    own = [handed_over(scene, i, fields, at, resultants) for i, (_, at) in zip(interfaces, fields.each()) if i.law.slips]
+    push = (np.maximum(fields.pressure, 0.0) * fields.areas).T
+    most = np.zeros((len(interfaces) + 1, fields.steps))
+    for k, (_, at) in enumerate(fields.each()):
+        most[k] = push[at].sum(axis=0)
+    told = team.gather(([one for one in own if one is not None], most.max(axis=0), _around(scene, team)))
+    found = None
+    if told is not None:
+        pushes, around = np.max([most for _, most, _ in told], axis=0), set().union(*(each for *_, each in told))
+        said = [*beyond_friction([one for each, *_ in told for one in each], off, pushes),
+                *(each for bolt in scene.bolts for each in back_into_thread(scene, bolt, around, resultants, off))]
+        found = [sentence for _, sentence in sorted(said, reverse=True)]
+    return team.share(found)
+
+
+def _around(scene: Scene, team: Team) -> set[int]:
+    """Numbers of this rank's perfect interfaces all of whose faces are around the axis of a bolt that they hold."""
+    axes = {e: bolt.axis for bolt in scene.bolts for e in bolt.interface.subdomains}
+    found = set()
+    for i in scene.interfaces:
+        for axis in (axes[e] for e in i.subdomains if e in axes and i.law.perfect and len(i.nodes[0])):
+            normals, each = facet_normals(scene.side_points(i, 0), i.triangles[:, :3])
+            found |= {i.index} if (np.abs(normals[each > 0] @ axis) < AROUND).all() else set()
+    return found
+
+
+def surface(scene: Scene, i: Interface, side: int) -> Shape:
+    """Return the shape of one side of an interface, a rigid tool's as it is made."""
+    points = scene.side_points(i, side)
+    if not side or i.tool is None:
+        return shape_of(points, i.triangles_on(side)[:, :3])
+    normal = i.tool.at(np.zeros(6), points)[1]
+    flat = (np.abs(normal - normal[0]) < ALIKE).all()
+    return Shape("plane", normal[0], None, points[0]) if flat else Shape("curved")
+
+
+def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
+                resultants: Resultants) -> HandedOver | None:
+    """Return what an interface with Coulomb's friction hands over; None where no motion moves both its sides in themselves.
+
+    fields : whose nodes ``own`` are this interface's
+    """
+    about, points = resultants.centre[i.index], scene.side_points(i, 0)
+    size = size_of(points)
+    shapes = [surface(scene, i, side) for side in (0, 1)]
+    motions = common(*(motions_of(shape, about, size) for shape in shapes))
+    if not len(motions):
+        return None
+    wrench = np.hstack([resultants.force[:, i.index], resultants.moment[:, i.index] / size])
+    along = (wrench @ motions.T) @ motions
+    moved = np.abs(np.einsum("nck,tk->tnc", motions_about(fields.points[0, own], about, size), along))
+    way = np.linalg.norm(moved, axis=2)
+    most = way.max(axis=1, initial=0.0)
+    most = np.where(most > 0, most, 1.0)
+    push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
+    worth = (push * way).sum(axis=1) / most
+    return HandedOver(i.name, shapes[0].kind, (wrench * along).sum(axis=1) / most, float(i.law.friction) * worth, worth)
+
+
+def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray) -> Iterator[tuple[float, str]]:
+    """Yield how far beyond what is possible interfaces are, and a sentence on each.
+
+    off : relative error of forces; pushes : (T,) the largest Σ p A of an interface
+    """
+    for one in found:
+        left = one.power - one.capacity - off * (one.size + pushes)
+        step = int(np.argmax(left))
+        if left[step] > 0:
+            what = "friction can hold there" if one.capacity[step] > 0 else "a surface without friction can"
+            yield left[step], (f"{one.name} hands over {one.power[step]:.4g} along its {one.kind} at load step {step + 1}, where "
+                               f"{one.capacity[step]:.4g} is all that {what}")
+
+
+def back_into_thread(scene: Scene, bolt: PlacedBolt, around: set[int], resultants: Resultants,
+                     off: float) -> Iterator[tuple[float, str]]:
+    """Yield, and say, what of a bolt's force goes back into the part that its thread is bonded to.
+
+    around : numbers of perfect interfaces all of whose faces are around the bolt's axis
+    """
+    taken = {}
+    for half, e in enumerate(bolt.interface.subdomains):
+        for i in scene.interfaces:
+            if e in i.subdomains and i.index in around:
+                other = i.subdomains[1 - i.subdomains.index(e)]
+                sign = 1.0 if i.subdomains[0] == e else -1.0
+                part = scene.subdomains[other].body
+                taken.setdefault(part, np.zeros((2, scene.steps)))[half] += sign * (resultants.force[:, i.index] @ bolt.axis)
+    force = np.abs(resultants.force[:, bolt.interface.index] @ bolt.axis)
+    for part, (one, two) in taken.items():
+        back = np.where(one * two < 0, np.minimum(np.abs(one), np.abs(two)), 0.0)
+        step = int(np.argmax(back - off * force))
+        if back[step] > off * force[step]:
+            yield back[step], (f"of {force[step]:.5g} at the cut of {bolt.name} {back[step]:.5g} goes back into {part}, to which it is bonded on "
+                               f"either side of the cut, at load step {step + 1}, and does not clamp: move the cut between head and thread")
