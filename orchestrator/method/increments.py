@@ -78,6 +78,7 @@ class _Run:
         self.path: list[dict[str, Any]] = list(known[-1].notes["path"]) if known else []
         self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(d, method), proportional(d)
         self.ended: list[Iterated] = []
+        self.shares: dict[int, float] = {}  # load step, from 1 → share of it that pressures on the way to it can carry
         self.begun: int | None = None  # iterations of earlier runs
         self.lost: list[Any] = []
         self.done = start.iteration, start.sweeps
@@ -91,7 +92,8 @@ class _Run:
         view, first = self._view(number, increment, several), self.state[steps].copy()
         # a load step may unload: what its residuals are relative to is what the scene was told in all of them
         told_all = LengthScale(self.d).told if several and not self.d.all_perfect else 0.0
-        latin = Latin(view, self.method, monitors_of(Case(view, self.method, self.numbers[steps], told_all, self.given)), self.watch)
+        given = {**self.given, "settled": self._settled(), "shares": self.shares}
+        latin = Latin(view, self.method, monitors_of(Case(view, self.method, self.numbers[steps], told_all, given)), self.watch)
         if number < len(start.ended):
             result = ended(latin, start.ended[number])
         else:
@@ -116,6 +118,11 @@ class _Run:
         self._pass(number, result.converged, result.stop_reason)
         if self.d.following is not None:
             self.d = self.d.paired_as(latin.problem)
+
+    def _settled(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces and jumps (3, P) that the last increment which has converged has ended with."""
+        last = next((x.local for x in reversed(self.ended) if x.converged), None)
+        return None if last is None or last.lawful is None else (last.lawful[-1], last.jump[-1])
 
     def _left(self, number: int) -> int:
         """Number of increments that follow."""

@@ -8,8 +8,9 @@ for two things that change what is asked for again: sides that are paired anew, 
 
 Where forces of some pressures would do, springs may still carry what friction at the pressures that are there does not: a shaft that
 is pulled out of a ring presses no more for being pulled. All else has settled then, and the motion is looked for with that friction.
-It counts once weaker springs have shown the same: what springs carry where bodies are still on their way is no sign of a limit. Of
-load steps that are solved together it shows no more than that they are to be solved one by one (``increments``).
+It counts once weaker springs have shown the same: what springs carry where bodies are still on their way is no sign of a limit. Where
+nothing settles, as bodies fly off, pressures are those of the last load that was carried, and it counts once bodies have been far for
+``PATIENCE`` iterations. Of load steps that are solved together it shows no more than that they are to be solved one by one (``increments``).
 
 What supports prescribe always goes on, but bodies may make way for it that no force of the laws holds: what is pressed there carries
 nothing, and springs alone say where it goes. Where solves of the coarse contact problem find no rest that is looked for, and told. It ends a
@@ -27,10 +28,12 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
+from orchestrator.method.halving import LEAST
 from orchestrator.method.monitors.ending import HELD, ROUNDING
 from orchestrator.method.stopping.limit_load import BodyMotion, LimitLoad, LimitLoads
 
 LIMIT = "limit load"
+PATIENCE = 20  # iterations that a body is far away in, before which it may come back
 OFTEN = 50  # iterations after which it is looked for whatever is seen: most runs have ended by then
 
 
@@ -42,12 +45,17 @@ class LimitLoadMonitor(Monitor):
     limits : what has been found
     way : load step of the scene, from 0 → bodies that make way there for what is prescribed; None: some force resists it
     unsolved : solves of the coarse problem that had ended before their tolerance
+    settled : forces and jumps (3, P) that the last load which was carried has ended with; None: there is none
+    far : iterations in a row in which bodies have been far away
+    shares : load step, from 1 → share of it that was carried by the pressures at which that was asked last, for all monitors of a run
     """
 
     name = "limit_load"
 
-    def __init__(self, loads: LimitLoads):
+    def __init__(self, loads: LimitLoads, settled: tuple[np.ndarray, np.ndarray] | None = None,
+                 shares: dict[int, float] | None = None):
         self.loads, self.limits, self.known, self.shown, self.meeting = loads, [], {}, 0.0, None
+        self.settled, self.far, self.shares = settled, 0, {} if shares is None else shares
         self.way: dict[float, LimitLoad | None] = {}
         self.unsolved = 0
 
@@ -56,7 +64,7 @@ class LimitLoadMonitor(Monitor):
         if case.problem.all_perfect:
             return None
         loads = LimitLoads(case.problem)
-        return cls(loads) if loads.loose else None
+        return cls(loads, case.given.get("settled"), case.given.get("shares")) if loads.loose else None
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, pairs = now.verdict, now.problem.local.pairs
@@ -68,16 +76,20 @@ class LimitLoadMonitor(Monitor):
         held = now.held
         still = now.measures.residual <= ROUNDING and not verdict.met
         ends = verdict.met or held or now.last or still
+        lost = far = np.flatnonzero((verdict.lengths.excess > 1).any(axis=0))
+        self.far = self.far + 1 if len(far) else 0
         if ends or now.number % OFTEN == 0:
             lost = [t for t in range(now.problem.steps) if still or self.missing(now, t) > value]
-        else:
-            lost = np.flatnonzero((verdict.lengths.excess > 1).any(axis=0))
         self.limits = [found for t in lost if (found := self.at_any_pressure(now, t)) is not None]
         if held and not self.limits:
             self.limits = self.at_pressures(now, lost)
             if self.shown and now.problem.path_dependent:  # what is there may be what no way leads to
                 self.limits = []
                 return Verdict(False, HELD, led=True)
+        if not self.limits and not verdict.met and self.far >= PATIENCE:
+            self.limits = self.at_settled_pressures(now, far)
+            if self.limits:
+                return Verdict(False, LIMIT, led=self.changing(self.limits[0]))
         told, restless = self.restless(now)
         if not self.limits and not verdict.met and (now.last or held or (restless and now.number % OFTEN == 0)):
             self.limits = [way for t in range(now.problem.steps) if (way := self.making_way(now, t)) is not None]
@@ -129,12 +141,27 @@ class LimitLoadMonitor(Monitor):
         again, self.shown = bool(found) and springs < self.shown, max(springs, self.shown) if found else 0.0
         return found if again else []
 
+    def at_settled_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
+        """The limit loads of load steps with the friction of the pressures that the load before has ended with."""
+        local, found = now.problem.local, []
+        for t in steps:
+            before = self.settled if t == 0 else (now.local.lawful[t - 1], now.local.jump[t - 1])
+            limit = None if before is None else self.loads(local.pairs, local.before, local.pairs.numbers[t], before)
+            found += [] if limit is None else [limit]
+        return found
+
+    def changing(self, limit: LimitLoad) -> bool:
+        """Whether what has been carried since has changed the share of a load step that is, by more than halving it tells."""
+        share = np.nan if limit.factor is None else limit.factor
+        before, self.shares[limit.load_step] = self.shares.get(limit.load_step, np.nan), share
+        return not abs(share - before) <= LEAST
+
     def state(self) -> dict[str, Any]:
-        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown, "unsolved": self.unsolved}
+        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown, "unsolved": self.unsolved, "far": self.far}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.limits = [LimitLoad(**limit | {"motions": [BodyMotion(**motion) for motion in limit["motions"]]}) for limit in state["limits"]]
-        self.shown, self.unsolved = state["shown"], state["unsolved"]
+        self.shown, self.unsolved, self.far = state["shown"], state["unsolved"], state["far"]
         return problem
 
     def found(self, problem: Decomposition) -> list[LimitLoad]:

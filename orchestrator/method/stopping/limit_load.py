@@ -56,7 +56,7 @@ class LimitLoad:
     motions : of the bodies, the farthest first, in which loads do more work than anything resists
     lacking : force that balance lacks at least, over the largest load on a body
     factor : share, 0 to 1, of what this load step adds that is carried; None where the loads of the load step before are not carried
-        either, and where that is not known, as where pressures change on the way
+        either, and where that is not known
     pressures : friction was taken at the pressures of the run's last state; else at any
     prescribed : no load, but what supports prescribe drives the bodies, and no force resists it: it carries nothing
     """
@@ -188,5 +188,5 @@ class LimitLoads:
         chosen = [b for b in np.argsort(-way, kind="stable") if way[b] > TAKES_PART]
         motions = [BodyMotion(self.bodies.names[b], (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist()) for b in chosen]
         whole = math.ceil(number)
-        factor = None if pressures or np.isnan(found.factor) else found.factor * (1 - (whole - number))
+        factor = None if np.isnan(found.factor) else found.factor * (1 - (whole - number))
         return LimitLoad(whole + 1, motions, found.lacking, factor, pressures)
