@@ -95,6 +95,7 @@ def part_of(d: Decomposition, part: Increment, before: History | None, bound: Bo
     if certificate is not None:
         certificate.pairs, certificate.stage = _at(certificate.pairs, step, share), stage
         certificate.external = partway(d.certificate.external, step, share)[None]
+        certificate.pushed = partway(d.certificate.pushed, step, share)[None]
     return replace(view, stage=stage, local=local, coarse=coarse, certificate=certificate)
 
 

@@ -33,7 +33,7 @@ from orchestrator.method.linear.stage import LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
 from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
-from orchestrator.method.stopping.certificate import Certificate
+from orchestrator.method.stopping.certificate import Certificate, pushed
 from orchestrator.method.stopping.convexity import check_convex
 from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import ALONE, Team
@@ -152,7 +152,8 @@ class _SetUp:
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
         if certified:
             check_convex(pairs, space.team)
-        certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness, *self._freedom(modes), stage) if certified else None
+        certificate = Certificate(make_pairs(scene, space, direction.whole), stiffness, *self._freedom(modes), stage,
+                                  pushed(own, modes)) if certified else None
         for judge in filter(None, (bound, certificate)):
             judge.floor = floor
         return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following,

@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import Parts, on_boundary
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.certificate import Certificate
+from orchestrator.method.stopping.certificate import Certificate, pushed
 from orchestrator.method.stopping.judged import Judged, judged
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 
@@ -66,7 +66,8 @@ def certificate_of(d: Decomposition) -> Certificate:
     from orchestrator.method.interface.pairing import make_pairs
 
     pairs = make_pairs(d.scene, d.space, d.stage.direction.whole)
-    return Certificate(pairs, d.bound.stiffness, [m[t] for m, t in zip(d.made.modes, d.made.traces)], d.bound.external, d.stage)
+    return Certificate(pairs, d.bound.stiffness, [m[t] for m, t in zip(d.made.modes, d.made.traces)], d.bound.external, d.stage,
+                       pushed(d.own, d.made.modes))
 
 
 def _answers(d: Decomposition, at: Judged) -> tuple[list[np.ndarray], np.ndarray]:

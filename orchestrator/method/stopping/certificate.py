@@ -42,6 +42,8 @@ from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import Dual, Enough, dual_energy
 from orchestrator.method.stopping.friction import guarantee
 from orchestrator.method.stopping.softest import BesideRigid, softest
+from orchestrator.scene.conditions.rigid import RIGID
+from orchestrator.scene.model import Subdomain
 
 USEFUL = 2.0  # E over the error asked for, up to which it is found: how far the law residual has to fall follows from it
 
@@ -127,18 +129,22 @@ class Certificate:
     stiffness : (B, B) of the subdomains on their boundary dofs
     modes : per own subdomain (boundary dofs, r) rigid motions that its supports leave
     external : (T, B) external nodal forces on the boundary dofs
+    pushed : per own subdomain (T, r) what all external forces on it do in these motions
     stage : linear stage of these load steps
     before : what the load step before the first one has left, and the largest energy norm until then
 
     floor : relative energy error of the subdomains' own matrices, where their digits are few
     """
 
-    def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage):
+    def __init__(self, pairs: Pairs, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray, stage: LinearStage,
+                 pushed: list[np.ndarray]):
         self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
         self.space, self.before, self.reached, self.floor = stage.space, History.none(len(pairs)), 0.0, 0.0
         self.forces = AdmissibleForces(stage.direction, pairs, modes)
         self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, _per_node(stiffness.diagonal(), self.space)))
         self.beside = BesideRigid(stage, self.forces.u)
+        self.pushed = np.zeros((len(external), RIGID, 0)) if not pushed else np.stack(
+            [own @ R for own, R in zip(pushed, self.forces.R)], axis=2)[:, :, self.beside.of.subdomains]
         softness = cache(partial(softest, stage, self.beside))  # made once, for all load steps
         imposed = np.repeat([i.law.imposed for i in pairs.interfaces], np.diff(pairs.bounds))
         work, = self.space.team.sum(float(pairs.points.stiff_n[pairs.mine] @ imposed[pairs.mine] ** 2))
@@ -149,7 +155,7 @@ class Certificate:
     def batch(self, steps: slice | np.ndarray, stage: LinearStage, earlier: Certified | None) -> Certificate:
         """The certificate of some load steps; ``earlier``: what those before have ended with."""
         part = copy(self)
-        part.pairs, part.external, part.stage = self.pairs.batch(steps), self.external[steps], stage
+        part.pairs, part.external, part.stage, part.pushed = self.pairs.batch(steps), self.external[steps], stage, self.pushed[steps]
         if earlier is not None:
             part.before, part.reached = earlier.pair.before[-1], earlier.size
         return part
@@ -168,7 +174,10 @@ class Certificate:
         useful = USEFUL * asked
         pair = self.pair(fields)
         delta = pair.delta
-        h, (a2, energy) = self.change(fields, pair.forces), moved_energy(self.stage, self.stiffness, self.external, fields, delta)
+        # rigid motions do no work on forces in balance: what rounding leaves of that, of a body that is far, is more than its energy
+        h = self.beside.balanced(self.change(fields, pair.forces))
+        a2, energy = moved_energy(self.stage, self.stiffness, self.external, fields, delta)
+        energy = energy - self.beside.rigid_work(fields.u - self.stage.loading.carried, self.pushed, self.space.loads(fields.f))
         a2, energy, rest = self.space.team.sum(a2, energy, a2 - 2 * dots(delta, h) + 2 * pair.gap)
         size = max(self.stage.loading.size(energy), self.reached, self.imposed)
         a = relative(_largest(a2), size)
@@ -180,7 +189,7 @@ class Certificate:
         met = max(size / (1 + 1 / asked) - self.floor * size, 0.0) / times_at_most if np.isfinite(asked) else 0.0
         # what rounding leaves of resultants has no energy
         enough = Enough((ROUNDING * size) ** 2, met=met**2)
-        dual = dual_energy(self.stage, self.beside.balanced(h), rest, enough, reached, self.softness())
+        dual = dual_energy(self.stage, h, rest, enough, reached, self.softness())
         known = replace(known, sweeps=(self.stage.blackbox.solved - solved) / len(h))
         if reached.least > useful:
             return replace(known, least=reached.least)
@@ -216,6 +225,11 @@ class Certificate:
         *columns, answers = zip(*found)
         predicted, delta, moved, jump, gap, unbalanced, broken = map(np.array, columns)
         return Pair(list(answers), predicted, delta, moved, jump, gap, before, unbalanced, broken)
+
+
+def pushed(own: Sequence[Subdomain], modes: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Per subdomain (T, r) what its external forces do in motions (3n_E, r)."""
+    return [s.loads.reshape(len(s.loads), -1) @ m for s, m in zip(own, modes)]
 
 
 def _largest(squares: np.ndarray) -> float:

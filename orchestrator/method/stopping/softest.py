@@ -43,9 +43,20 @@ class BesideRigid:
         """(…, B) forces without resultants."""
         return h - self._part(self.rigid, self.carried, h)
 
-    def _part(self, measured: np.ndarray, given: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def rigid_work(self, x: np.ndarray, pushed: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """(T,) work that forces do in the rigid motions of fields x (T, B).
+
+        pushed : (T, 6, S) what some forces do in ``rigid``, of each subdomain with boundary dofs; h : (T, B) the others
+        """
+        acting = pushed + np.stack([self.of.sums(one * h) for one in self.rigid], axis=-2)
+        return np.einsum("tis,tis->t", self._share(self.carried, x), acting)
+
+    def _share(self, measured: np.ndarray, x: np.ndarray) -> np.ndarray:
         share = np.stack([self.of.sums(one * x) for one in measured], axis=-2)
-        share = np.einsum("sij,...js->...is", self.inverse, share)
+        return np.einsum("sij,...js->...is", self.inverse, share)
+
+    def _part(self, measured: np.ndarray, given: np.ndarray, x: np.ndarray) -> np.ndarray:
+        share = self._share(measured, x)
         return sum(one * self.of.spread(share[..., i, :]) for i, one in enumerate(given))
 
 
