@@ -34,8 +34,8 @@ from orchestrator.svd import svd
 
 # Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
 ALIKE = 1e-4
-# Facets whose normals have a smaller cosine with an axis are around it.
-AROUND = 0.05
+# Facets whose normals have a smaller cosine with an axis look more away from it than along it.
+AROUND = np.sqrt(0.5)
 
 
 @dataclass(frozen=True)
@@ -155,8 +155,8 @@ def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray)
         step = int(np.argmax(left))
         if left[step] > 0:
             what = "friction can hold there" if one.capacity[step] > 0 else "a surface without friction can"
-            yield left[step], (f"{one.name} hands over {one.power[step]:.4g} along its {one.kind} at load step {step + 1}, where "
-                               f"{one.capacity[step]:.4g} is all that {what}")
+            yield left[step], (f"{one.name} hands over {one.power[step]:.4g} along its {one.kind} (of a moment: over its arm) at "
+                               f"load step {step + 1}, where {one.capacity[step]:.4g} is all that {what}")
 
 
 def back_into_thread(scene: Scene, bolt: PlacedBolt, around: set[int], resultants: Resultants,

@@ -11,7 +11,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.checks import checked
-from orchestrator.method.delivery.guards import failed_guards, with_noise
+from orchestrator.method.delivery.guards import failed_guards, told_error, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
@@ -129,8 +129,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
 
 def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:
     """The same, not converged where what is delivered cannot be."""
-    known = [x for x in (iterated.bound.relative, iterated.last.law_residual) if np.isfinite(x)]
-    found = checked(d.scene, own_interfaces(d), interfaces, resultants, max(known, default=0.0), d.space.team)
+    found = checked(d.scene, own_interfaces(d), interfaces, resultants, told_error(iterated), d.space.team)
     if not found:
         return iterated
     return replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")

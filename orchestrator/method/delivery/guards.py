@@ -33,7 +33,7 @@ from orchestrator.method.stopping.law_residuals import Lengths
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it
 WORK = 1e-5  # relative difference of the two external works
-LAWS = 100.0  # a node's violation, or a body's imbalance, over the law residual or error that the run claims
+LAWS = 100.0  # a node's violation, or that of bonded bodies' balance, over the law residual or error that the run claims
 BEYOND = 10.0  # noise of answers over the tolerance, with contact
 ROUNDING = 1e-9
 
@@ -51,7 +51,8 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     found = _works(d, iterated, parts, inside)
     length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.shown] for i in own_interfaces(d)])
     allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
-    unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), allowed, lawful)
+    off = allowed if d.all_perfect else max(told_error(iterated), ROUNDING)
+    unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), off, lawful)
     share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
     if not d.all_perfect and share > BEYOND * max(iterated.last.target[1], ROUNDING):  # where all are, it is part of the bound
         found.append(f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
@@ -59,6 +60,12 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     if interfaces is not None:
         found += _laws(d, interfaces, length, lengths, allowed)
     return found + unbalanced
+
+
+def told_error(iterated: Iterated) -> float:
+    """Return the relative error that a run with contact tells: of energy where that is known, and of its laws."""
+    known = [x for x in (iterated.bound.relative, iterated.last.law_residual) if np.isfinite(x)]
+    return max(known, default=0.0)
 
 
 def works(d: Decomposition, iterated: Iterated, parts: Parts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

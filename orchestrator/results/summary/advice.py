@@ -188,6 +188,11 @@ def code(run: Stopped) -> Iterator[str]:
     yield f"answers of a code that are inexact or contradictory: orchestrator conformance {others[0] if others else 'CODE'}"
 
 
+def surfaces(run: Stopped) -> Iterator[str]:
+    """Forces that the true surfaces cannot carry, or that do not clamp."""
+    yield "forces are not what surfaces and friction allow: smaller elements on curved faces that slide, or loads that friction can hold"
+
+
 # first word or words of ``stop_reason`` → where the causes are, the likeliest first
 CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "max_iterations": [how_far, halving, settings, matter, shape, contact],
@@ -196,6 +201,7 @@ CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "held by stabilisation alone": [springs, halving],
     "stagnated at rounding": [rounding, settings, matter, code],
     "error bound stands still": [standing],
+    "check": [surfaces],
     "guard": [code, settings, contact],
 }
 

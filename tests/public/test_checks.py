@@ -1,0 +1,82 @@
+"""Checks of what is delivered: round fits without friction carry no torque, bolts clamp what is under their heads."""
+
+import re
+
+import gmsh
+import numpy as np
+import pytest
+from helpers import bricks, call, HELD, run, STEEL, stopped, written
+
+FORCE = 16000.0
+
+
+def ring(low: float, high: float, height: float, around: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a ring about z of elements ``around`` its circle."""
+    def bent(x: np.ndarray) -> np.ndarray:
+        angle = 2 * np.pi * x[:, 1]
+        return np.column_stack([x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]])
+
+    nodes, tets = bricks([high - low, 1.0, height], [2, around, 1], lambda x: bent(x + [low, 0, 0]))
+    _, first, merged = np.unique(np.round(nodes, 6), axis=0, return_index=True, return_inverse=True)
+    return nodes[first], merged.ravel()[tets]
+
+
+def pressed(path, friction: float, torque: float, element: str) -> dict:
+    """Return a ring pressed onto another one, which is held, and turned."""
+    mesh = written(path, shaft=ring(10, 20, 20, 14), hub=ring(20, 40, 20, 18))
+    return {"name": "fit", "mesh": mesh, "subdomains": "groups", "materials": [STEEL], "blackbox": {"element": element, "workers": 1},
+            "boundary": [{"on": {"box": [[-10.1, -10.1, -1], [10.1, 10.1, 21]]}, "part": "shaft", "displacement": HELD},
+                         {"on": {"plane": "z", "at": 20}, "part": "hub", "resultant": {"moment": [0, 0, torque]}, "history": "turn"}],
+            "histories": {"turn": [0, 1]}, "method": {"tolerance": {"error": 1e-3}},
+            "interfaces": [{"between": ["hub", "shaft"], "law": "contact", "friction": friction, "gap": -0.02}]}
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_no_round_fit_without_friction_carries_a_torque(tmp_path, element):
+    solution = stopped(pressed(tmp_path / "fit.msh", 0.0, 2e5, element))
+    assert not solution.converged and solution.stop_reason.startswith(("limit load", "check: "))
+
+
+@pytest.fixture(scope="module")
+def screwed(tmp_path_factory):
+    """Return the path of a configuration by ``init`` of a plate that a bolt holds on a block with a thread."""
+    folder = tmp_path_factory.mktemp("screwed")
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Verbosity", 0)
+    o = gmsh.model.occ
+    o.cut([(3, o.addBox(-15, -15, -16, 30, 30, 16))], [(3, o.addCylinder(0, 0, -16, 0, 0, 16, 4))])
+    o.cut([(3, o.addBox(-12, -12, 0, 24, 24, 10))], [(3, o.addCylinder(0, 0, 0, 0, 0, 10, 4.5))])
+    o.fuse([(3, o.addCylinder(0, 0, -16, 0, 0, 26, 4))], [(3, o.addCylinder(0, 0, 10, 0, 0, 6, 6.5))])
+    o.synchronize()
+    gmsh.write(str(folder / "screwed.step"))
+    gmsh.finalize()
+    assert call("init", folder / "screwed.yaml", folder / "screwed.step").code == 0
+    text = (folder / "screwed.yaml").read_text()
+    text = re.sub(r", h: {[^}]*}", ", h: {curvature: 8, max: 8}", text)
+    text = re.sub(r"  - {on: \"bolt_1:\d\".*\n", "", text)  # tightened alone
+    text = re.sub(r"(tighten|pull): +\[.*\n", r"\1: [1]\n", text).replace("element: auto", "element: P1, workers: 1")
+    (folder / "screwed.yaml").write_text(text)
+    return folder / "screwed.yaml"
+
+
+def test_init_writes_a_cut_between_head_and_thread(screwed):
+    at = re.search(r"force: 16000, .*cut: {plane: z, at: ([-\d.]+)}", screwed.read_text())
+    assert at and 0 < float(at[1]) < 10
+
+
+def test_what_a_cut_carries_arrives_under_the_head(screwed, tmp_path):
+    text = screwed.read_text()
+    auto = screwed.with_name("auto.yaml")
+    auto.write_text(re.sub(r", cut: {[^}]*}", "", text))
+    done = call("check", auto)
+    assert done.code == 0 and (place := re.search(r"bolt_1 +\(0, 0, ([-\d.]+)\)", done.out)) and 0 < float(place[1]) < 10
+    summary = run(auto, tmp_path / "out")
+    head, = (face for face in summary["contact_faces"] if face["kind"] == "head")
+    assert head["normal"][0] == pytest.approx(FORCE, rel=1e-4) and 0 < summary["bolts"][0]["cut"][2] < 10
+
+
+def test_a_cut_within_the_thread_is_refused_or_found_out(screwed, tmp_path):
+    done = call("check", screwed, "--set", "bolts.0.cut={plane: z, at: -8}")
+    assert done.code == 2 and "bonded to solid_1" in done.out + done.err
+    summary = run(screwed, tmp_path / "out", "bolts.0.cut={plane: [0.1, 0, 1], at: [0, 0, -8]}", code=1)
+    assert summary["stop_reason"].startswith("check: of 16000 at the cut of bolt_1")
