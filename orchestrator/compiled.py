@@ -11,6 +11,7 @@ questions to the codes their cores have nothing else to do.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import re
@@ -18,7 +19,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cache, cached_property
 from importlib.metadata import version
 from itertools import count
@@ -45,9 +46,13 @@ class Compiled:
     def _machine(self) -> Callable[..., Any]:
         numba = need("numba")
         numba.core.config.CACHE_DIR = str(kept_in())
-        with suppress(RuntimeError):  # no place for a cache
-            return numba.njit(nogil=True, cache=True, fastmath=SUMS)(self.function)
-        return numba.njit(nogil=True, fastmath=SUMS)(self.function)
+        try:
+            machine = numba.njit(nogil=True, cache=True, fastmath=SUMS)(self.function)
+        except RuntimeError:  # no place for a cache
+            return numba.njit(nogil=True, fastmath=SUMS)(self.function)
+        name = f"{self.function.__module__}.{self.function.__name__}"
+        machine.compile = _alone(machine.compile, name)
+        return machine
 
     def __call__(self, *arguments):
         if not self.called:
@@ -60,6 +65,19 @@ class Compiled:
 
 
 compiled = Compiled  # the decorator
+
+
+def _alone(compile_: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """``compile_``, by one process at a time: two that compile a function for other types would
+    keep both under one name, and the next one would load machine code for the wrong types."""
+    def alone(signature):
+        with ExitStack() as stack:
+            with suppress(OSError):  # nothing is kept where no file can be locked
+                kept_in().mkdir(parents=True, exist_ok=True)
+                lock = stack.enter_context(open(kept_in() / f"{name}.lock", "w"))
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            return compile_(signature)
+    return alone
 
 
 def kept_in() -> Path:

@@ -1,9 +1,11 @@
 """Linear algebra of the coarse contact problem: elimination front after front, and what is compiled."""
 
 import ast
+import fcntl
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ import orchestrator
 from orchestrator.method.coarse import elimination, layout, rigid_first
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.compiled import LOOPS, compiled, made_of
+from orchestrator.compiled import LOOPS, compiled, kept_in, made_of
 
 @pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
@@ -159,6 +161,25 @@ def test_machine_code_is_that_of_all_loops_as_they_are_written(tmp_path):
         (tmp_path / f"{name}.py").write_text(text)
         made.append(made_of.__wrapped__(tmp_path))
     assert made[1] == made[2] and made[4] == made[5] and len(set(made)) == 4
+
+
+def _doubled(values):
+    return 2 * values
+
+
+def test_one_process_compiles_a_loop_at_a_time(tmp_path, monkeypatch):
+    """Another one that compiles it too, for other types perhaps, is waited for."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    kept_in().mkdir()
+    loop, done = compiled(_doubled), []
+    waits = threading.Thread(target=lambda: done.append(loop(3)))
+    with open(kept_in() / f"{__name__}._doubled.lock", "w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        waits.start()
+        waits.join(2)
+        assert waits.is_alive() and not done
+    waits.join()
+    assert done == [6] and loop(np.ones(2)).tolist() == [2, 2]
 
 
 def test_loops_take_nothing_from_modules_without_any():

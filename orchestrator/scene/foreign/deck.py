@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.config.mesh import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem, wrong
-from orchestrator.scene.foreign.surfaces import holes
+from orchestrator.scene.foreign.surfaces import forgotten, holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
 from orchestrator.scene.mesh.inp_cards import (Inclusion, Model, Row, cards, cards_of_a_model,
@@ -74,7 +74,9 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     joint = np.concatenate([j for own in joint for j in own])[owner]
     quadratic = any(table.shape[1] in (6, 8) for table in flat)
     for i, own in enumerate(part.joints):
-        remarks += holes(points, triangles[joint == i], quadratic, f"{name}/{own}")
+        own = f"{name}/{own}"
+        remarks += forgotten(deck.outer_faces, members[i], deck.ids, deck.points, own) or \
+            holes(points, triangles[joint == i], quadratic, own)
     for kind, options, rows in deck.cards:
         if kind == "TRANSFORM" and np.isin(ids, deck.nodes_of(options.get("NSET", ""), path)).any():
             rows[0].fail(f"*TRANSFORM on nodes of a joint of '{name}': forces would be turned and displacements not",

@@ -26,6 +26,12 @@ UNEVEN, VOID = 1.6, 3.5
 # Cosine between the normals of two faces beside each other below which they lie on each other: edges sharper than 18° are none.
 FOLDED = -0.95
 HOLE = 8  # edges up to which a hole looks like a missing face
+# Share of a plane's faces up to which area between nodes that none of them covers is odd: what is
+# larger is meant. Below the second it is rounding. Planes with less than LARGE of a joint's area
+# are passed over.
+ODD, NONE, LARGE = 0.2, 1e-6, 0.1
+SMOOTH = 0.5  # cosine between normals of faces above which no edge is between them
+NAMED = 6  # nodes
 
 
 def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> tuple[list[np.ndarray], list[str]]:
@@ -103,6 +109,70 @@ def holes(points: np.ndarray, triangles: np.ndarray, quadratic: bool, name: str)
     """Return a sentence for each small hole in a surface of triangles (k, 3), of faces with nodes in the middle of edges perhaps."""
     return [f"faces of {name!r} leave a hole of {len(loop)} edges at {format_point(points[loop].mean(axis=0))}: are faces missing?"
             for loop in _inner_borders(triangles) if len(loop) <= HOLE * (1 + quadratic)]
+
+
+def bare(points: np.ndarray, triangles: np.ndarray, others: np.ndarray, name: str) -> list[str]:
+    """Return a sentence for each plane where a joint's faces leave out a little between nodes.
+
+    points : (n, 3); triangles : (k, 3), its faces; others : (m, 3), the part's nodes on no face
+    """
+    found, vectors = [], area_vectors(points, triangles)
+    area, centres = np.linalg.norm(vectors, axis=1), points[triangles].mean(axis=1)
+    near = PLANE * size_of(points)
+    left = np.ones(len(area), dtype=bool)
+    for at in np.argsort(-area, kind="stable")[: int(4 / LARGE)]:
+        normal, origin = vectors[at] / area[at], centres[at]
+        own = left & (vectors @ normal > (1 - PLANE) * area)
+        own &= np.abs((centres - origin) @ normal) <= near
+        left &= ~own
+        covered = area[own].sum()
+        if not own.any() or covered < LARGE * area.sum():
+            continue
+        beside = others[np.abs((others - origin) @ normal) <= near]
+        every = np.vstack([points[np.unique(triangles[own])], beside])
+        made, between, larger = between_nodes(every, normal)
+        even = larger <= 2 * UNEVEN
+        missing = between[even].sum() - covered
+        if NONE * covered < missing <= ODD * covered:
+            moment = between[even] @ every[made[even]].mean(axis=1) - area[own] @ centres[own]
+            found.append(f"faces of {name!r} cover {covered:.4g} of area, and {missing:.2g} between "
+                         f"nodes beside them, about {format_point(moment / missing)}, is on none: "
+                         "are faces missing?")
+    return found
+
+
+def forgotten(faces: list[np.ndarray], own: np.ndarray, ids: np.ndarray, points: np.ndarray,
+              name: str) -> list[str]:
+    """Return a sentence on nodes that a joint's set seems to have forgotten, or none.
+
+    These are the only ones that faces going on smoothly from the joint's lack, all round them.
+
+    faces : tables (f, 3, 4, 6 or 8), numbers of nodes of all outer faces, corners first
+    own : numbers of the set's nodes; ids : (n,) ascending, points : (n, 3), all nodes
+    """
+    rows, of_joint, of_single = [], np.zeros((len(ids), 3)), np.zeros((len(ids), 3))
+    for table in faces:
+        at, lost = np.searchsorted(ids, table), ~np.isin(table, own)
+        x, whole = points[at[:, : 4 if table.shape[1] in (4, 8) else 3]], ~lost.any(axis=1)
+        normal = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True) + np.finfo(float).tiny
+        np.add.at(of_joint, at[whole], normal[whole, None])
+        rows.append((at, lost, normal))
+    smooth = SMOOTH * np.linalg.norm(of_joint, axis=1)
+    for at, lost, normal in rows:
+        goes_on = (np.einsum("fx,fcx->fc", normal, of_joint[at]) > smooth[at]).any(axis=1)
+        row, column = np.nonzero(lost & (goes_on & (lost.sum(axis=1) == 1))[:, None])
+        np.add.at(of_single, at[row, column], normal[row])
+    length = np.linalg.norm(of_single, axis=1)
+    told = length > 0
+    for at, lost, normal in rows:
+        ends = lost & (lost.sum(axis=1) > 1)[:, None]
+        ends &= np.einsum("fx,fcx->fc", normal, of_single[at]) > SMOOTH * length[at]
+        told[at[ends]] = False  # faces beyond the joint's end
+    gone = ids[told].tolist()
+    named = ", ".join(map(str, gone[:NAMED])) + (" …" if len(gone) > NAMED else "")
+    return [f"{name}: faces beside its own have all other nodes in its set, but not {named}: are "
+            "these forgotten?"] if gone else []
 
 
 def _inner_borders(triangles: np.ndarray) -> list[np.ndarray]:

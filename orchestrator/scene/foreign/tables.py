@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
-from orchestrator.scene.foreign.surfaces import check_surface, holes, of_plane
+from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
 
 
@@ -41,7 +41,9 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     triangles, owner, face = cut_in_triangles([place[table] for table in faces], points[kept], path, f"'{name}'")
     if part.facets is not None:
         check_surface(ids[kept], points[kept], triangles, (*path, "facets"), name)
-        remarks = holes(points[kept], triangles, quadratic, name)
+        others = np.delete(points, kept[np.unique(triangles)], axis=0)
+        remarks = bare(points[kept], triangles, others, name) or \
+            holes(points[kept], triangles, quadratic, name)
     of_face = [own[table] for table in faces]
     mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
                   for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)
