@@ -279,7 +279,7 @@ class Monolithic:
         for i in scene.interfaces:
             if i.mortar is not None:
                 self._operators(i, count, rows, columns, values, found, diagonal)
-                self._at_steps(i, i.mortar.points, 1.0, np.ones((len(i.mortar), 3), bool), gaps, jumps)
+                self._at_steps(i, i.mortar.points, 1.0, i.mortar.live, gaps, jumps)
                 bounds.append(slice(count, count + len(i.mortar)))
                 count += len(i.mortar)
                 continue
@@ -324,9 +324,10 @@ class Monolithic:
             columns.append(dofs[entries.col])
             values.append(sign * entries.data)
             weights = abs(matrix)
-            stiffness.append(((weights @ diagonal[dofs]) / weights.sum(axis=1)).reshape(-1, 3).mean(axis=1))
+            mean = (weights @ diagonal[dofs]) / np.maximum(weights.sum(axis=1), 1e-300)
+            stiffness.append(mean.reshape(-1, 3).mean(axis=1))
         n, contact = len(m), law.name == "contact"
-        found["free"].append(np.ones((n, 3), bool))
+        found["free"].append(m.live)
         found["normal"].append(m.normal)
         found["gap"].append(law.gap[m.points] if contact else np.zeros(n))
         found["friction"].append(np.full(n, getattr(law, "friction", 0.0)))
@@ -373,7 +374,8 @@ def _stiffness(scene: Scene, s: Any) -> sp.csr_array:
 
 
 def normals(scene: Scene, interface: Any) -> np.ndarray:
-    """(n, 3) unit normals out of the first side: a rigid tool's, else the facets' own, weighted by their angle at the node."""
+    """(n, 3) unit normals out of the first side: a rigid tool's, else along the area vectors of the
+    facets around."""
     if interface.tool is not None:
         return interface.normals
     result = np.zeros((len(interface.global_nodes), 3))
@@ -381,9 +383,7 @@ def normals(scene: Scene, interface: Any) -> np.ndarray:
     for corners in interface.triangles[:, :3]:
         for j in range(3):
             at, b, c = corners[j], corners[j - 2], corners[j - 1]
-            u, v = x[b] - x[at], x[c] - x[at]
-            normal = np.cross(u, v)
-            result[at] += normal / np.linalg.norm(normal) * np.arctan2(np.linalg.norm(normal), u @ v)
+            result[at] += np.cross(x[b] - x[at], x[c] - x[at])
     return result / np.maximum(np.linalg.norm(result, axis=1, keepdims=True), 1e-300)
 
 

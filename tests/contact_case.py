@@ -117,8 +117,9 @@ def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
             pair[side][:, interface.traced(side)] = solved.iterated.fields.f[:, own]
         if interface.mortar is not None:
             m = interface.mortar
-            pair = [sla.spsolve(sp.csc_array(m.own.T), m.hats.T @ f.reshape(len(f), -1).T).reshape(len(m), 3, -1).transpose(2, 0, 1)
-                    for f in pair]
+            own = sp.csc_array(m.own.T + sp.diags_array((~m.live).ravel().astype(float)))
+            pair = [sla.spsolve(own, m.hats.T @ f.reshape(len(f), -1).T).reshape(len(m), 3, -1)
+                    .transpose(2, 0, 1) for f in pair]
         result.append((pair[0], pair[1]))
     return result
 

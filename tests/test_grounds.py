@@ -8,12 +8,13 @@ from ring_case import ring
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.interface.pairing import pair_areas
+from orchestrator.method.interface.pairing import geometry_of
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.geometry import node_areas
+from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from benchmarks.kit.calculix_whole import displacements
 
 ELEMENTS = ("P1", "P2")
@@ -43,7 +44,8 @@ def test_a_foundation_is_what_springs_at_the_nodes_are_in_calculix(tmp_path):
                       histories={"any": [1.0, -2.0]})
     scene, n = solution.scene, body(solution)
     interface = scene.interfaces[0]
-    area = node_areas(scene.mesh.nodes[interface.global_nodes], interface.triangles)
+    points = scene.mesh.nodes[interface.global_nodes]
+    area = node_areas(points, interface.triangles, CORNER_SHARES[3])
     lines, element = [], len(scene.mesh.cells)
     for node, a in zip(interface.global_nodes + 1, area):
         for direction, k in ((1, 300.0), (2, 300.0), (3, 1000.0)):
@@ -63,7 +65,7 @@ def test_a_bed_carries_all_there_is_and_sinks_by_its_mean(element):
                       interfaces=[{"law": "contact", "friction": 0.8}], method={"tolerance": {"error": 1e-7}})
     i = solution.scene.interfaces
     ground = next(k for k in i if k.subdomains[1] == 2)
-    area = pair_areas(solution.scene.mesh.nodes[ground.global_nodes], ground)
+    area = geometry_of(solution.scene.mesh.nodes[ground.global_nodes], ground, ground.shares).area
     mean = area @ solution.sides[0][0, ground.nodes[0]]
     assert solution.reactions[0, 0] == pytest.approx([-3, -1, 5], abs=1e-6)
     assert mean == pytest.approx([3 / 300, 1 / 300, -5 / 1000], abs=1e-8)
@@ -112,7 +114,7 @@ def test_a_mean_motion_is_prescribed_while_the_rest_is_loaded_and_free_to_deform
         histories={"h": history})
     ground = solution.scene.interfaces[0]
     points = solution.scene.mesh.nodes[ground.global_nodes]
-    area = pair_areas(points, ground)
+    area = geometry_of(points, ground, ground.shares).area
     R = motions_about(points, np.array(about), 1.0)
     G = np.einsum("n,nci,ncj->ij", area, R, R)
     u = solution.displacement[:, ground.global_nodes]

@@ -125,7 +125,7 @@ def test_balance_of_every_body(pressed, share, found):
     pressure[1, node] += (share - 1) * np.abs(pressure[1]).sum()
     wrong = failed_guards(d, outcome, parts, replace(interfaces, pressure=pressure), lengths)
     assert any("out of balance" in sentence for sentence in wrong) == found
-    both = balance(d, parts, outcome.fields.f, replace(interfaces, pressure=pressure), np.ones(pressure.shape[1]))
+    both = balance(d, parts, outcome.fields.f, replace(interfaces, pressure=pressure))
     assert both.names == ["block 0-0-0", "block 0-0-1"]
     apart = np.abs(both.left).max(axis=0) / both.size.max()
     assert ((apart > 1e-7).any(axis=1) == found).all()

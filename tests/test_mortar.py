@@ -99,7 +99,8 @@ def test_rigid_motions_open_nothing_and_moments_are_opposite(shape, move, held, 
         assert np.abs(f1.sum(axis=0) + f2.sum(axis=0)).max() < 1e-12 * np.abs(f1).sum()
         moments = np.cross(x1, f1).sum(axis=0) + np.cross(x2, f2).sum(axis=0)
         assert np.abs(moments).max() < 1e-12 * np.abs(np.cross(x1, f1)).sum()
-        assert abs(mortar.area.sum() - two.segments.area.sum()) < 1e-12 and mortar.area.min() > 0
+        assert mortar.area.min() > 0 and abs(mortar.area.sum() - two.segments.area.sum()) < (
+            1e-3 if shape is curved else 1e-12)  # of bent faces what is seen along the normals
         if shape is not curved:
             linear = rng.standard_normal((3, 3))
             there_and_here = mortar.second @ (x2 @ linear).ravel() - mortar.first @ (x1 @ linear).ravel()
@@ -108,13 +109,20 @@ def test_rigid_motions_open_nothing_and_moments_are_opposite(shape, move, held, 
 
 
 def test_points_that_are_left_out():
-    """No point where something is prescribed, where interfaces cross, where little is covered; their area goes to others."""
+    """No point where interfaces cross, where a node is prescribed altogether, where little is
+    covered; their area goes to others."""
     two = surfaces(8, 13, move=(0.05, 0, 0))  # the last row of facets is covered by .6, its outer nodes by less
     mortar = mortar_of(two, held=3, crossed=4)
     count = len(two.points[0])
     gone = np.zeros(count, bool)
-    gone[::3] = gone[1::4] = True
-    assert not gone[mortar.points].any() and len(mortar) < count
+    gone[1::4] = True
+    assert not gone[mortar.points].any()
+    assert np.isin(np.flatnonzero(~gone)[::3][:9], mortar.points).all()  # held in one component
+    assert abs(mortar.area.sum() - 0.95) < 1e-12 and mortar.live.all()
+    free = tuple(np.ones((len(x), 3), bool) for x in two.points)
+    free[0][::3] = False
+    mortar = make_mortar(two, free, np.zeros(count, bool))
+    assert not np.isin(np.arange(count)[::3], mortar.points).any()
     assert abs(mortar.area.sum() - 0.95) < 1e-12
     strip = surfaces(8, 13, move=(0.9, 0, 0))  # an eighth of a facet's width: nothing but rims
     assert 0 < len(mortar_of(strip)) and abs(mortar_of(strip).area.sum() - 0.1) < 1e-12
@@ -153,15 +161,20 @@ def test_a_slave_that_is_prescribed_altogether():
     assert "no node of a" in wrong.found and "slave: b" in wrong.cure and wrong.path == ("interfaces", 0)
 
 
-def test_a_slice_of_one_element_is_not_told_to_take_the_other_side():
-    """In plane strain every node of either side is held across: the other one as the slave would carry no more."""
+def test_a_slice_of_one_element_carries():
+    """In plane strain every node of either side is held across: points have the other two
+    components."""
     meshes = {n: {"box": {"size": [1, 1, 0.5], "cells": [c, 1, 1]}} for n, c in (("a", 2), ("b", 3))}
-    held = [{"on": "a/zmin", "displacement": [0, 0, 0]},
+    held = [{"on": "a/zmin", "displacement": [None, 0, 0]}, {"on": "*/xmin", "symmetry": True},
+            {"on": "b/zmax", "pressure": 100.0},
             *({"on": {"plane": "y", "at": y}, "displacement": [None, 0, None]} for y in (0.0, 1.0))]
-    with pytest.raises(InputError) as caught:
-        build_scene(blocks(TWO, meshes, turn=None, held=held))
-    (wrong,) = [problem for problem in caught.value.problems if problem.path == ("interfaces", 0)]
-    assert wrong.cure == "more than one element across, or meshes that match"
+    solved = solve(blocks(TWO, meshes, turn=None, held=held, method={"tolerance": {"error": 1e-9}}))
+    (interface,) = solved.scene.interfaces
+    live = interface.mortar.live
+    assert len(live) == 6 and not live[:, 1].any() and live[:, 2].all()
+    for s, u in zip(solved.scene.subdomains, solved.parts):
+        exact = -100 * (1 - POISSON**2) / YOUNG * solved.scene.mesh.nodes[s.nodes][:, 2]
+        assert solved.converged and np.abs(u[0, :, 2] - exact).max() < 1e-8 * np.abs(exact).max()
 
 
 def test_sagitta_of_a_sphere():

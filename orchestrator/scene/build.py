@@ -21,6 +21,7 @@ from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
+from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.joints import add_behind, add_rigid, Cut, joined, Joints, near_sagittas
 from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
 from orchestrator.scene.names import look_alike
@@ -198,7 +199,8 @@ def _subdomains(config: Config, body: Body, cut: Cut, joints: Joints, held: Held
         made[e].code = made[beside].code
     for i in joints.interfaces:
         for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes) if not i.law.perfect else ()):
-            made[e].contact_area[nodes] += node_areas(mesh.nodes[made[e].nodes[nodes]], i.triangles_on(side))
+            made[e].contact_area[nodes] += node_areas(
+                mesh.nodes[made[e].nodes[nodes]], i.triangles_on(side)[:, :3], CORNER_SHARES[3])
     return made
 
 

@@ -12,7 +12,8 @@ from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.quadratic import QUARTERS
+from orchestrator.scene.mesh.quadratic import (
+    CORNER_SHARES, LUMPED_SHARES, QUARTERS, TRIANGLE_SHARES)
 from orchestrator.scene.tools.motion import Rigid
 
 
@@ -85,8 +86,19 @@ class Interface(FacePatch):
 
     @property
     def amid(self) -> bool:
-        """Whether nodes of six-node faces are paired, and its points are those in the middle of their edges."""
-        return self.paired and self.triangles.shape[1] == 6 and not self.law.as_one
+        """Whether its points are the nodes in the middle of the edges of six-node faces."""
+        return self.triangles.shape[1] == 6 and not self.law.as_one
+
+    @property
+    def shares(self) -> np.ndarray:
+        """(3 or 6,) of a facet's area that a law acts on at each of its nodes."""
+        unpaired = LUMPED_SHARES if self.matching else CORNER_SHARES
+        return (TRIANGLE_SHARES if self.amid else unpaired)[self.triangles.shape[1]]
+
+    @property
+    def shown_shares(self) -> np.ndarray:
+        """(3 or 6,) the same at the nodes that fields are told at."""
+        return (TRIANGLE_SHARES if self.amid else CORNER_SHARES)[self.triangles.shape[1]]
 
     @property
     def shown(self) -> np.ndarray:

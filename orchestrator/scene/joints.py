@@ -74,7 +74,7 @@ def joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], 
     here = np.ones(len(mesh.cells), dtype=bool) if cut.partition.here is None else cut.partition.here[cut.partition.subdomain]
     covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering, here)
     if any(i.surfaces is not None for i in interfaces):
-        stays = matter.held.copy()
+        stays = matter.held.any(axis=1)
         for stand in mesh.foreign:
             stays[stand.nodes] = True
         body.mesh = fitted(mesh, cut.numbering, interfaces, stays)
@@ -98,12 +98,12 @@ def near_sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]
 def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
     """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
     young = np.array([m.young for m in body.materials] or [1.0])[np.maximum(body.material, 0) if body.materials else 0 * body.material]
-    held = np.zeros(len(body.mesh.nodes), dtype=bool)
+    held = np.zeros((len(body.mesh.nodes), 3), dtype=bool)
     for entry in boundary:
         if entry.prescribed and entry.prescribed.fixed.any():
-            held[entry.nodes] = True
+            held[entry.nodes] |= entry.prescribed.fixed
     for stand in body.mesh.foreign:
-        held[stand.nodes] |= stand.held.any(axis=1)
+        held[stand.nodes] |= stand.held
     return Matter(young, held)
 
 

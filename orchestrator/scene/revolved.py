@@ -102,8 +102,10 @@ def cylinder(points: np.ndarray, axis: np.ndarray) -> Revolved:
     return replace(found, centre=middle + size * found.centre, numbers=size * found.numbers)
 
 
-def recognised(x: np.ndarray, normals: np.ndarray, off: float) -> np.ndarray | None:
-    """(n, 3) unit normals at nodes (n, 3) of the surface that they lie on; None where they lie on none, or on a plane.
+def recognised(x: np.ndarray, normals: np.ndarray,
+               off: float) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return the surface that nodes (n, 3) lie on: its unit normals (m, 3), whichever way they
+    look, at points (m, 3); None where they lie on none, or on a plane.
 
     normals : (n, 3) unit, about what they are
     off : how far facets are off their surfaces
@@ -114,9 +116,9 @@ def recognised(x: np.ndarray, normals: np.ndarray, off: float) -> np.ndarray | N
     middle = x.mean(axis=0)
     scaled = (x - middle) / size
     for shape in _first(scaled, normals):
-        distance, found, _ = shape.fitted(scaled).at(scaled)
-        if np.abs(distance).max() <= ON * off / size:
-            return found * np.sign(np.einsum("ni,ni->n", found, normals))[:, None]
+        found = shape.fitted(scaled)
+        if np.abs(found.at(scaled)[0]).max() <= ON * off / size:
+            return lambda points: found.at((points - middle) / size)[1]
     return None
 
 

@@ -27,7 +27,8 @@ from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.flux import Measured, Rim
 from orchestrator.method.delivery.wanted import Wanted
-from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
+from orchestrator.method.delivery.interface_fields import (
+    InterfaceFields, geometry_shown, own_interfaces)
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
 from orchestrator.parallel.team import Team
@@ -165,13 +166,12 @@ class Balance:
     size: np.ndarray  # (T, b) sum of the magnitudes of these forces
 
 
-def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None, length: np.ndarray | None,
+def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None,
             iterated: Iterated | None = None, taken: list[np.ndarray | None] | None = None) -> Balance:
     """All bodies' balance.
 
     parts, f : as recovered, and (T, D) interface forces
     interfaces : fields of this rank's interfaces that are not perfect, if the scene has any
-    length : (N,) what is left of their normals within the components that are free
     iterated : with the pairs of every load step, where sides slide on
     taken : what supports take besides, see ``lawful``
     """
@@ -196,16 +196,19 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
         if s.foreign and s.fixed.any():  # what its supports carry stays inside it
             left[:, body[s.index]] = np.nan
     if interfaces is not None:
-        push = -interfaces.pressure * length * interfaces.area
-        forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
+        at = geometry_shown(d.scene, own_interfaces(d))
+        push = -interfaces.pressure * at.length * interfaces.area
+        forces = push[:, :, None] * at.acting
+        forces = forces + interfaces.friction_traction * interfaces.area[:, None]
         for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
             if i.moving is None:
                 x1, x2 = nodes[interfaces.nodes[own]], nodes[interfaces.others[own]]
                 if i.mortar is not None:  # a point's force is spread over nodes around; a rigid link carries it to a side that is apart
                     at = np.searchsorted(i.shown, i.mortar.points)
-                    x1[at], x2[at] = ((G @ scene.side_points(i, side).ravel()).reshape(-1, 3) for side, G in enumerate(
-                        (i.mortar.first, i.mortar.second)))
-                    x2 = x2 if i.paired else x1
+                    x1[at] = i.mortar.places(i.mortar.first, scene.side_points(i, 0))
+                    x2 = x1.copy()
+                    if i.paired:
+                        x2[at] = i.mortar.places(i.mortar.second, scene.side_points(i, 1))
                 for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
                     add(e, x, sign * forces[:, own])
     for t, i, carried in () if d.following is None else _slid_on(d, iterated):

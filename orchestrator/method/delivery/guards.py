@@ -22,11 +22,12 @@ import numpy as np
 from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
-from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
+from orchestrator.method.delivery.interface_fields import (
+    InterfaceFields, geometry_shown, own_interfaces)
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.recovery import Interior, Parts, interior, repositioned
-from orchestrator.method.interface.pairing import lawful_nodes, pair_normals
-from orchestrator.method.interface.rows import dots, joined, times
+from orchestrator.method.interface.pairing import lawful_nodes
+from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.law_residuals import Lengths
 
@@ -49,10 +50,10 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces
     """
     inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
-    length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.shown] for i in own_interfaces(d)])
+    length = None if interfaces is None else geometry_shown(d.scene, own_interfaces(d)).length
     allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
     off = allowed if d.all_perfect else max(told_error(iterated), ROUNDING)
-    unbalanced = _balances(d, iterated, parts, (interfaces, length, lengths), off, lawful)
+    unbalanced = _balances(d, iterated, parts, (interfaces, lengths), off, lawful)
     share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
     if not d.all_perfect and share > BEYOND * max(iterated.last.target[1], ROUNDING):  # where all are, it is part of the bound
         found.append(f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
@@ -141,13 +142,15 @@ def _works(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior)
     return found
 
 
-def _balances(d: Decomposition, iterated: Iterated, parts: Parts, met: tuple[InterfaceFields | None, np.ndarray | None, Lengths | None],
-              allowed: float, lawful: Lawful | None) -> list[str]:
-    """The body that is farthest from balance, if one is; on rank 0. ``met``: interfaces, length, lengths."""
-    (interfaces, length, lengths), f, taken = met, iterated.fields.f, None
+def _balances(d: Decomposition, iterated: Iterated, parts: Parts,
+              met: tuple[InterfaceFields | None, Lengths | None], allowed: float,
+              lawful: Lawful | None) -> list[str]:
+    """The body that is farthest from balance, if one is; on rank 0. ``met``: interfaces,
+    lengths."""
+    (interfaces, lengths), f, taken = met, iterated.fields.f, None
     if lawful is not None:
         parts, f, taken = lawful.parts, lawful.f, lawful.taken
-    found = balance(d, parts, f, interfaces, length, iterated, taken)
+    found = balance(d, parts, f, interfaces, iterated, taken)
     # where next to nothing acts, forces are what rounding leaves of k w and of K u, or what laws take for rest
     resting, noise = 0.0, np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1)
     if lengths is not None:

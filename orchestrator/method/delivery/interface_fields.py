@@ -8,7 +8,7 @@ stage's. T load steps, N interface nodes, I interfaces.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,12 +16,13 @@ import scipy.sparse as sp
 from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
-from orchestrator.method.interface.pairing import lawful_nodes, pair_normals, point_areas
+from orchestrator.method.interface.pairing import Geometry, geometry_of, lawful_nodes
 from orchestrator.method.interface.rows import joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.judged import Judged
 from orchestrator.parallel.numbering import runs
+from orchestrator.scene.interfaces.mortar.operators import scalar
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.interface import Interface, ends_of
@@ -49,7 +50,10 @@ class Surfaces:
     others: np.ndarray  # (N,) the same on side 2; they differ where the sides share no faces
     triangles: np.ndarray  # (M, 3) int, indices into the N nodes, oriented outward of side 1
     owner: np.ndarray  # (M,) int, the interface of each triangle
-    normal: np.ndarray  # (N, 3) unit, from side 1 to side 2; of the last load step where sides are paired anew as they slide
+    # (N, 3) unit, from side 1 to side 2; of the last load step where sides are paired anew as they
+    # slide. −p A n + A f_t is what acts on side 1 in the components that supports do not hold on
+    # both sides: what they carry of it is theirs
+    normal: np.ndarray
     area: np.ndarray  # (N,) each node's share of its interface; the same
     initial_gap: np.ndarray  # (N,) length, negative for a press fit; of one with a history, at the load step that asks for most
 
@@ -157,9 +161,9 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
     own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
-        normals, lengths = ([x[k] for x in (pair_normals(scene.points(i), i) for i in chosen)] for k in (0, 1))
-        normal, length = at_shown(normals, 3), at_shown(lengths)
-        every[t] = area = at_shown([point_areas(scene.points(i), i) for i in chosen])
+        at = geometry_shown(scene, chosen)
+        normal, acting, length, every[t] = at.normal, at.acting, at.length, at.area
+        area = at.area
         jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
         jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
@@ -168,12 +172,13 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
             result[t, place[own_node]] = found[:, here.mine][:, own_node]
         for end in corner[~own_node].T:  # what acts in the middle of an edge acts on its ends, half on each
             np.add.at(force, (t, end), 0.5 * forces[:, ~own_node])
-        (opening, slip[t]), (push, shear), size = _parted(jump, normal), _parted(force[t], normal), np.where(area > 0, area, np.inf)
+        (opening, slip[t]), (push, shear) = _parted(jump, acting), _parted(force[t], acting)
+        size = np.where(area > 0, area, np.inf)
         traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (length * size), apart[t] + length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
             moved[:, place[own_node]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, own_node]
-            along, across = _parted(moved, normal)
+            along, across = _parted(moved, acting)
             shifts[:, t] = length * along, np.linalg.norm(across, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
@@ -190,6 +195,16 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
         *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
         np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
+
+
+def geometry_shown(scene: Scene, chosen: Sequence[Interface]) -> Geometry:
+    """Return normals and areas at the nodes of some interfaces that fields are told at, one
+    interface after the other."""
+    each = [(geometry_of(scene.points(i), i, i.shown_shares), i.shown) for i in chosen]
+    empty = {"normal": (0, 3), "acting": (0, 3)}
+    names = [f.name for f in fields(Geometry)]
+    return Geometry(*(joined([getattr(at, name)[shown] for at, shown in each], empty.get(name, (0,)))
+                      for name in names))
 
 
 def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,7 +249,7 @@ def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *field
     elif interface.triangles.shape[1] == 6:  # a corner's function there has no share: its integral over a face is 0
         shares = sp.csr_array((len(rest), len(own)))
     else:
-        shares = sp.csr_array(mortar.first[::3, ::3].T @ sp.diags_array(mortar.area))[shown[rest]]
+        shares = sp.csr_array(scalar(mortar.first).T @ sp.diags_array(mortar.area))[shown[rest]]
     from scipy.spatial import cKDTree  # only scenes of several parts need it
 
     nearest, empty = cKDTree(points[mortar.points]).query(points[shown[rest]])[1], np.flatnonzero(np.diff(shares.indptr) == 0)

@@ -97,7 +97,8 @@ def _constraints(scene: Scene) -> sp.csr_array:
     for i in scene.interfaces:
         one, two = (scene.side_nodes(i, side) for side in (0, 1))
         if i.mortar is not None:
-            blocks.append(i.mortar.second @ picked(two) - i.mortar.first @ picked(one))
+            live = np.flatnonzero(i.mortar.live)
+            blocks.append(i.mortar.second[live] @ picked(two) - i.mortar.first[live] @ picked(one))
         elif not np.array_equal(one, two):
             blocks.append(picked(two) - picked(one))
     return sp.csr_array(sp.vstack(blocks))

@@ -15,10 +15,11 @@ import numpy as np
 
 from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.scene.interfaces.mortar.operators import unit
 from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.interfaces.skins import SMOOTH, surface_of
-from orchestrator.scene.mesh.geometry import node_normals
+from orchestrator.scene.interfaces.mortar.operators import scalar
+from orchestrator.scene.mesh.geometry import node_vectors, unit
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 
@@ -69,7 +70,7 @@ def _turn(scene: Scene, i: Interface) -> np.ndarray:
     one, two = _normals(points, i.triangles), _normals(other, i.triangles_on(1))
     if i.paired:
         return (two - one)[i.shown]
-    there = unit(i.mortar.second[::3, ::3] @ two)
+    there = unit(scalar(i.mortar.second) @ two)
     result = np.zeros_like(one)
     result[i.mortar.points] = np.where(there.any(axis=1)[:, None], there - one[i.mortar.points], 0.0)
     return result[i.shown]
@@ -77,4 +78,5 @@ def _turn(scene: Scene, i: Interface) -> np.ndarray:
 
 def _normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit normals of the surface that facets on points (n, 3) stand for."""
-    return node_normals(points, triangles, surface_of(points, triangles, np.full(len(triangles), -1)).normals)
+    known = surface_of(points, triangles, np.full(len(triangles), -1)).normals
+    return unit(node_vectors(points, triangles, LUMPED_SHARES[triangles.shape[1]], known))

@@ -7,7 +7,7 @@ the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,14 +17,12 @@ from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
-from orchestrator.scene.mesh.geometry import areas, node_areas, node_normals
+from orchestrator.scene.interfaces.upright import mirrored, within
+from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_vectors, unit
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.facets import stiffer
-
-
-# Prescribed components are taken out of a normal that keeps this much of its length.
-UPRIGHT = 1e-6
 
 
 def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: np.ndarray | None = None) -> Pairs:
@@ -39,11 +37,11 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     rows, normal, area, own = [np.empty((0, 3), int)], [np.empty((0, 3))], [np.empty(0)], []  # a rank may have no such interface
     for i in wanted:
         where, chosen = scene.points(i), lawful_nodes(i)
-        upright, length = pair_normals(where, i)
-        share = pair_areas(where, i)[chosen]
-        own.append(_parameters(i, chosen, length[chosen], share))
+        at = geometry_of(where, i, i.shares)
+        share = at.area[chosen]
+        own.append(_parameters(i, chosen, at.length[chosen], share))
         rows.append(_numbers(space.transfer, i, chosen))
-        normal.append(upright[chosen])
+        normal.append(at.acting[chosen])
         area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))  # pressures of what carries nothing are zero
     bounds = np.cumsum([0] + [len(a) for a in area[1:]])
     transfer = space.transfer.at(np.ascontiguousarray(np.concatenate(rows).T), bounds)
@@ -60,7 +58,9 @@ def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np
     """(p, 3) int, which flat points of the scene the components of an interface's points are, −1 for none."""
     start = transfer.bounds[interface.index]
     if interface.mortar is not None:
-        return np.where(interface.mortar.carrying[:, None], start + np.arange(3 * len(chosen)).reshape(-1, 3), -1)
+        live = interface.mortar.live
+        number = start + np.cumsum(live).reshape(live.shape) - 1
+        return np.where(interface.mortar.carrying[:, None] & live, number, -1)
     number = np.full(interface.free.shape, -1)
     number[interface.free] = start + np.arange(interface.free.sum())
     return number[chosen]
@@ -144,42 +144,45 @@ def lawful_nodes(interface: Interface) -> np.ndarray:
     return interface.mortar.points if interface.mortar is not None else np.flatnonzero(interface.free.any(axis=1))
 
 
-def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (n, 3) from side 1 to side 2 within the components that are free, and the length (n,) left of each.
+@dataclass(frozen=True)
+class Geometry:
+    """Normals and areas at the nodes of an interface.
 
-    What is prescribed on both sides neither opens nor slips: the law lives on the other components, where only
-    that part of the pressure is felt, so that a gap and a friction coefficient grow by 1/length. At the rim of a
-    symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
-    normal itself is prescribed it stays what it is: nothing presses. Where nodes do not match all components of points are
-    free.
+    normal : (n, 3) unit, from side 1 to side 2
+    acting : (n, 3) the same within the components that the law acts in; length : (n,) left of each
+    area : (n,) that each stands for, seen along its normal where laws press; 0 at nodes that carry
+        no point
     """
-    if interface.mortar is not None:
-        normal = node_normals(points, interface.triangles)
-        normal[interface.mortar.points] = interface.mortar.normal
-        return normal, np.ones(len(normal))
-    normal = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
-    inside = np.where(interface.free, normal, 0.0)
-    length = np.linalg.norm(inside, axis=1)
-    length = np.where((length > UPRIGHT) & ~interface.free.all(axis=1), length, 1.0)
-    return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
+
+    normal: np.ndarray
+    acting: np.ndarray
+    length: np.ndarray
+    area: np.ndarray
 
 
-def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
-    """(n,) a third of the area of the facets around each corner; none for nodes amid edges. Where points are no pairs of nodes
-    that of the points; none for other nodes, whose share they have."""
-    if interface.mortar is not None:
-        area = np.zeros(len(points))
-        area[interface.mortar.points] = interface.mortar.area
-        return area
-    return node_areas(points, interface.triangles)
+def geometry_of(points: np.ndarray, interface: Interface, shares: np.ndarray) -> Geometry:
+    """Return normals and areas at the nodes of an interface at points (n, 3).
 
+    Area times normal is ∫ Nᵢ n dA over the facets around a node, so that constant pressure is in
+    equilibrium however they are bent. Where there are no facets areas are infinite: what such nodes
+    carry, which are bonded, is no pressure.
 
-def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
-    """(n,) the same where laws act at mid-edge nodes too: a twelfth of a six-node facet for its corners, a quarter for these.
-    Infinite where there are no facets: what such nodes carry, which are bonded, is no pressure."""
-    if not len(interface.triangles):
-        return np.full(len(points), np.inf)
-    if not interface.matching or interface.triangles.shape[1] == 3:
-        return point_areas(points, interface)
-    area = areas(points, interface.triangles)
-    return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))
+    shares : (3 or 6,) ∫ Nᵢ over a facet, see ``Interface.shares``
+    """
+    vectors = node_vectors(points, interface.triangles, shares)
+    normal, free, mortar = unit(vectors), interface.free, interface.mortar
+    if mortar is None:
+        normal = normal if interface.normals is None else interface.normals
+        facets = area_vectors(points, interface.triangles)
+        normal = mirrored(normal, facets, interface.triangles, ~free)
+        area = np.einsum("ni,ni->n", vectors, normal)
+        if not len(interface.triangles):
+            area = np.full(len(points), np.inf)
+        elif interface.law.as_one:  # no pressure, but a weight: as much of a face as there is
+            area = node_areas(points, interface.triangles, shares)
+    else:
+        area, free = np.zeros(len(points)), np.ones_like(free)
+        normal = unit(node_vectors(points, interface.triangles, LUMPED_SHARES[len(shares)]))
+        at = mortar.points
+        normal[at], area[at], free[at] = mortar.normal, mortar.area, mortar.live
+    return Geometry(normal, *within(normal, free), area)

@@ -159,7 +159,9 @@ def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray
         own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
         blocks = node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
         along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
-        across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
+        each = np.einsum("pii->pi", blocks)
+        # a missing component takes the mean of the others
+        across = (each.sum(axis=1) * 3 / np.maximum((each > 0).sum(axis=1), 1) - along) / 2
         idle = along <= 0  # points that carry nothing: any stiffness does
         along[idle], across[idle] = along.max(initial=0.0) or usual, across.max(initial=0.0) or usual
         root = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))

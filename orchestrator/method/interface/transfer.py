@@ -45,7 +45,8 @@ class Products(NamedTuple):
     @classmethod
     def of_mortar(cls, mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> Products:
         """Transfer of an interface with points of its own; E is own⁻ᵀ hatsᵀ of the first side, or half of it on either side where
-        their nodes are paired; empty rows where a point carries nothing now."""
+        their nodes are paired; of the components that there are, with empty rows where a point
+        carries nothing now."""
         own = mortar.own
         if mortar.diagonal:
             share = own.diagonal()
@@ -60,8 +61,9 @@ class Products(NamedTuple):
         def on(dofs: np.ndarray, G: sp.csr_array) -> sp.csr_array:
             return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
 
-        read = sp.csr_array(inverse @ mortar.hats.T)
-        return cls(on(one, mortar.first), on(two, mortar.second), 0.5 * (on(one, read) - on(two, read)) if mortar.paired else on(one, read))
+        read, live = sp.csr_array(inverse @ mortar.hats.T), np.flatnonzero(mortar.live)
+        forces = 0.5 * (on(one, read) - on(two, read)) if mortar.paired else on(one, read)
+        return cls(on(one, mortar.first), on(two, mortar.second), forces).rows(live)
 
     @classmethod
     def stacked(cls, blocks: Sequence[Products]) -> Products:
@@ -95,7 +97,8 @@ class Transfer:
         matched, sides, size, total : as of the class
         """
         perfect = np.array([i.law.perfect for i in interfaces], dtype=bool)
-        one = [a if i.mortar is None else a[i.mortar.dofs] for i, (a, _) in zip(interfaces, sides)]
+        one = [a if i.mortar is None else a[i.mortar.dofs[i.mortar.live.ravel()]]
+               for i, (a, _) in zip(interfaces, sides)]
         two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
         operators = None if matched.all() else Products.stacked([
             Products.of_pairs(a, b, total) if i.mortar is None else Products.of_mortar(i.mortar, a, b, total)

@@ -130,7 +130,7 @@ def joins(mesh: Mesh, partition: Partition, interfaces: Sequence[Interface]) -> 
             if i.mortar is None or i.law.presses or not len(i.mortar):  # sides without any point are told of elsewhere
                 whole.append(i.cells)
                 continue
-            points = (i.mortar.first @ points.ravel()).reshape(-1, 3)
+            points = i.mortar.places(i.mortar.first, points)
             if not left_over(points, np.ones(points.shape, dtype=bool)).shape[1]:
                 whole.append(i.cells)
                 continue

@@ -20,12 +20,14 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar, unit
+from orchestrator.scene.interfaces.mortar.operators import covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.skins import SMOOTH
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.geometry import node_vectors, unit
 from orchestrator.scene.mesh.mesh import SplitNumbering
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
 Face = tuple[str, str, int]  # names of slave and master, and which of their smooth faces
 
@@ -51,7 +53,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     # slave nodes that are covered best in another piece; none where sides slide on, in one piece
     elsewhere = [(leader[pair][i.surfaces.nodes[0]] != number) & (not i.law.follows)
                  for number, (i, pair) in enumerate(zip(waiting, group))]
-    corners = [bool(other[i.surfaces.triangles[0][:, :3]].all()) for i, other in zip(waiting, elsewhere)]
+    corners = [bool(other[i.surfaces.carriers].all()) for i, other in zip(waiting, elsewhere)]
     if any(corners):
         _tell(waiting, group, corners, problems)
         interfaces[:] = [i for i in interfaces if not any(i is w and c for w, c in zip(waiting, corners))]
@@ -65,7 +67,7 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
             crossed = crossing[nodes] | elsewhere[number] | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
             free = tuple(~fixed[own] for own in numbering.sides(i))
-            known[number] = bool((crossed | ~free[0].all(axis=1)).all()), crossed, free
+            known[number] = bool((crossed | ~free[0].any(axis=1)).all()), crossed, free
     taken = np.zeros(numbering.total, dtype=bool)
     # those on which no node is left come last, and take nodes that have no point yet
     for number in sorted(known, key=lambda number: known[number][0]):
@@ -75,7 +77,8 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
             i.moving = Moving(i.surfaces, free, crossed)
             i.mortar = i.moving.first()
         else:
-            i.mortar = make_mortar(i.surfaces, free, crossed, vectors[group[number]][nodes])
+            along = vectors[group[number]][nodes]
+            i.mortar = make_mortar(i.surfaces, free, crossed, i.law.as_one, along)
             if i.law.perfect and i.triangles.shape[1] == 6:
                 i.mortar = replace(i.mortar, overlaps=i.surfaces.segments)
         taken[nodes[i.mortar.points]] = True
@@ -89,7 +92,9 @@ def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> li
     result = [(*pair, number) for number, pair in enumerate(pairs)]
     for pair in dict.fromkeys(pairs):
         own = [number for number, other in enumerate(pairs) if other == pair]
-        sides = [(i.surfaces.nodes[0], unit(i.surfaces.vectors)) for i in (waiting[number] for number in own)]
+        slaves = [waiting[number].surfaces for number in own]
+        sides = [(s.nodes[0], unit(node_vectors(s.points[0], t, LUMPED_SHARES[t.shape[1]])))
+                 for s in slaves for t in s.triangles[:1]]
         alike = []
         for a, b in combinations(range(len(own)), 2):
             _, at, there = np.intersect1d(sides[a][0], sides[b][0], return_indices=True)

@@ -10,11 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.operators import node_gaps, unit, weights_of
+from orchestrator.scene.interfaces.mortar.operators import node_gaps
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.search import Search
-from orchestrator.scene.mesh.geometry import format_point, local_size, node_normals, rounding
+from orchestrator.scene.mesh.geometry import (
+    format_point, local_size, node_normals, node_vectors, rounding, unit)
+from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 from orchestrator.scene.interface import Interface
 
 # Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.
@@ -25,7 +27,8 @@ PLANE = 1e-9
 
 def paired_distance(one: np.ndarray, two: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) distance of paired points (n, 3) along the normals of the triangles halfway between, negative inside each other."""
-    return np.einsum("ij,ij->i", node_normals((one + two) / 2, triangles), two - one)
+    normals = unit(node_vectors((one + two) / 2, triangles, LUMPED_SHARES[triangles.shape[1]]))
+    return np.einsum("ij,ij->i", normals, two - one)
 
 
 def paired_gap(search: Search, interface: Interface, key: tuple[int, str], filled: np.ndarray) -> np.ndarray:
@@ -65,15 +68,21 @@ def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> n
 
     key : the entry of the YAML and what in it asks for the distance
     """
-    surfaces = interface.surfaces
-    x1, one = surfaces.points[0], surfaces.triangles[0][:, :3]
+    surfaces, weights = interface.surfaces, interface.surfaces.weights
+    held = surfaces.held(weights, tuple(search.matter.held[nodes] for nodes in surfaces.nodes))
+    x1, one = surfaces.points[0], surfaces.triangles[0]
     h, inside = local_size(x1, one), -_mean_distance(surfaces)
     around, unsure = (_around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
     deep = inside > around + COINCIDE * h
     if deep.any():
         off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
         _refuse(search, interface, key, x1, np.where(deep, inside, 0.0), off)
-    gap = node_gaps(surfaces, weights_of(surfaces), unit(surfaces.vectors)) - surfaces.filled
+    gap = node_gaps(surfaces, weights, surfaces.upright(held)) - surfaces.filled
+    if surfaces.amid:  # a corner has what is beside it
+        at, beside = np.repeat(one[:, :3].ravel(), 2), one[:, [3, 5, 3, 4, 4, 5]].ravel()
+        count = np.bincount(at, minlength=len(gap))
+        mean = np.bincount(at, gap[beside], len(gap)) / np.maximum(count, 1)
+        gap = np.where(count > 0, mean, gap)
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
@@ -88,7 +97,7 @@ def _around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """(n₁,) the largest sagitta, of the sides' (k₁,) and (k₂,) together, around each of the slave's nodes."""
     result, reached = (np.zeros(len(surfaces.points[0])) for _ in range(2))
     segments = surfaces.segments
-    for corner in surfaces.triangles[0][:, :3].T:
+    for corner in surfaces.triangles[0].T:
         np.maximum.at(result, corner, one)
         np.maximum.at(reached, corner[segments.slave], two[segments.master])
     return result + reached
@@ -97,8 +106,9 @@ def _around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
 def _mean_distance(surfaces: Surfaces) -> np.ndarray:
     """(n₁,) distance of the facets, averaged over what is covered around each of the slave's nodes."""
     segments, count = surfaces.segments, len(surfaces.points[0])
-    corners = surfaces.triangles[0][segments.slave, :3].ravel()
-    area, moment = (np.bincount(corners, np.repeat(w, 3), count) for w in (segments.area, segments.area * segments.distance))
+    around = surfaces.triangles[0][segments.slave]
+    area, moment = (np.bincount(around.ravel(), np.repeat(w, around.shape[1]), count)
+                    for w in (segments.area, segments.area * segments.distance))
     return moment / np.where(area > 0, area, 1.0)
 
 
@@ -132,4 +142,4 @@ def _apart(search: Search, interface: Interface, points: np.ndarray) -> np.ndarr
     normal = node_normals(points, interface.triangles)
     if np.abs(normal - normal[0]).max() > PLANE:
         return np.zeros(len(points))
-    return node_gaps(interface.surfaces, weights_of(interface.surfaces), normal)
+    return node_gaps(interface.surfaces, interface.surfaces.weights, normal)

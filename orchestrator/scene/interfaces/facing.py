@@ -195,8 +195,11 @@ def _for_all_pieces(search: Search, pair: tuple[Body, Body], index: int, asked: 
 def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], index: int) -> Interface:
     under = [skin.under(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles)]
     # of a face that is part of more, the part alone may be on a surface that is known
-    alone = surface_of(surfaces.points[0], surfaces.triangles[0], np.full(len(surfaces.triangles[0]), -1), under[0].normals)
-    surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]))
+    triangles = surfaces.triangles[0]
+    face, given = np.full(len(triangles), -1), under[0].normals[:, :3]
+    alone = surface_of(surfaces.points[0], triangles, face, given)
+    surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]),
+                       amid=triangles.shape[1] == 6 and not LAWS[search.laws[index].law].as_one)
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
                                  surfaces=surfaces, called=tuple(names))
     apart = search.laws[index].apart

@@ -17,7 +17,7 @@ from orchestrator.scene.interfaces.mortar.paired import paired_mortar
 from orchestrator.scene.interfaces.search import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_vectors, unit
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import PlacedBolt
@@ -48,8 +48,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                 others = numbering.sides(interface)[1]
                 other = "" if fixed[others].any(axis=1).all() else f"slave: {partition.names[interface.subdomains[1]]}, "
                 problems.add(("interfaces", interface.entry), f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
-                             f"{interface.name}, is free in all components: nothing would carry the interface",
-                             "on one side, nodes on which boundary conditions prescribe nothing",
+                             f"{interface.name}, is free: nothing would carry the interface",
+                             "on one side, nodes on which boundary conditions leave the normal free",
                              f"{other}more than one element across, or meshes that match")
             continue
         one, two = (fixed[own] for own in numbering.sides(interface))
@@ -71,10 +71,10 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
             if interface.tool is None:  # which has normals of its own
                 _curve(interface, points)
             if interface.amid:
-                usual = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
                 held = tuple(fixed[own] for own in numbering.sides(interface))
                 apart = np.broadcast_to(interface.law.distance, len(points))
-                interface.mortar = paired_mortar(points, interface.triangles, interface.cells, usual, apart, held)
+                interface.mortar = paired_mortar(points, interface.triangles, interface.cells,
+                                                 interface.normals, apart, held)
                 interface.free = ~held[0]
     return kept
 
@@ -85,9 +85,9 @@ def _curve(interface: Interface, points: np.ndarray) -> None:
     faces = np.full(len(interface.triangles), -1)
     known = surface_of(points, interface.triangles, faces, interface.given).normals
     sure = np.zeros(len(points), dtype=bool)
-    sure[interface.triangles[:, :3][~np.isnan(known).any(axis=2)]] = True
+    sure[interface.triangles[~np.isnan(known).any(axis=2)]] = True
     if sure.any():
-        normals = node_normals(points, interface.triangles, known)
+        normals = unit(node_vectors(points, interface.triangles, interface.shares, known))
         interface.normals = normals if interface.normals is None else np.where(sure[:, None], normals, interface.normals)
 
 
@@ -130,7 +130,7 @@ def _share(mesh: Mesh, numbering: SplitNumbering, pieces: list[Interface]) -> No
     for i, first in zip(pieces, ends[:-1]):
         at.append(np.searchsorted(keys, patch[first] * np.int64(len(mesh.nodes)) + i.global_nodes))
         points[at[-1]] = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(i)) / 2
-    normals = node_normals(points, local.reshape(triangles.shape))
+    normals = unit(node_vectors(points, local.reshape(triangles.shape), pieces[0].shares))
     for i, own in zip(pieces, at):
         i.normals = normals[own]
 

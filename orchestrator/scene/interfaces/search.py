@@ -178,7 +178,7 @@ class Search:
     @cached_property
     def skins(self) -> Skins:
         """The surfaces that the bodies' faces stand for."""
-        return Skins(self.mesh, self.faces)
+        return Skins(self.mesh, self.faces, None if self.matter is None else self.matter.held)
 
     @cached_property
     def pieces(self) -> tuple[int, np.ndarray]:

@@ -4,7 +4,9 @@ bulge out of it.
 The surface over each edge is taken for the curve that has the surface's normals at its ends (as Nagata does, Computer Aided
 Geometric Design 22, 2005): over the middle of an edge e from a to b it stands off by (n_b − n_a)·e / (4 + 2 |n_a + n_b|), outward
 positive, as a circle does. Normals are those of the CAD model, or of the cylinder, cone, sphere or torus that all nodes of a smooth face
-lie on; elsewhere means over the facets around a corner that are part of the same smooth face.
+lie on; elsewhere means over the facets around a corner that are part of the same smooth face. Where
+a component of a node is prescribed, as on planes of symmetry, with the facets' mirror images, if
+these are part of it.
 """
 
 from __future__ import annotations
@@ -40,8 +42,11 @@ TURNED = 0.25
 class Surface:
     """The smooth surface that facets (k,) stand for.
 
-    normals : (k, 3, 3) unit normals of the surface at their corners, outward; nan where it is not known
-    means : (k, 3, 3) the same, where it is not known those of the facets around that are part of the same smooth face
+    normals : (k, 3 or 6, 3) unit normals of the surface at their nodes, outward; nan where it is
+        not known. In the middle of an edge it is the one nearest to there, not the mean of its
+        ends: sides that slide would climb the difference
+    means : (k, 3, 3) at their corners, where it is not known those of the facets around that are
+        part of the same smooth face
     bulge : (k, 3) how far the surface stands off the middles of their edges, outward positive; edges as in ``TRIANGLE_EDGES``. Over
         the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂)
     """
@@ -58,7 +63,7 @@ class Surface:
     @cached_property
     def unsure(self) -> np.ndarray:
         """(k,) within which that is right: a share of it, where normals are known that of 1 − cos of the angle by which they turn."""
-        one, two = self.normals, np.roll(self.normals, 1, axis=1)
+        one, two = self.normals[:, :3], np.roll(self.normals[:, :3], 1, axis=1)
         turn = 1 - np.einsum("kvi,kvi->kv", one, two).min(axis=1)
         return self.sagitta * np.fmin(UNSURE, TURNED * turn)
 
@@ -76,12 +81,14 @@ class Skin:
     surface: Surface
 
     @classmethod
-    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Skin:
+    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray, given: np.ndarray | None = None,
+           held: np.ndarray | None = None) -> Skin:
         """The skin of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known.
 
         given : (k, 3, 3) normals that the CAD model has at their corners, nan where it has none
+        held : (n, 3) bool, components of nodes that are prescribed; default: none
         """
-        return cls(body, face, surface_of(nodes, body.triangles, face, given))
+        return cls(body, face, surface_of(nodes, body.triangles, face, given, held))
 
     def under(self, triangles: np.ndarray) -> Surface:
         """Surfaces that some of its facets (m, 3 or 6), given by their nodes, stand for."""
@@ -94,13 +101,15 @@ class Skin:
 class Skins:
     """The skins of bodies of a mesh, each made once."""
 
-    def __init__(self, mesh: Mesh, faces: Faces):
-        self.mesh, self.faces = mesh, faces
+    def __init__(self, mesh: Mesh, faces: Faces, held: np.ndarray | None = None):
+        """held : (n, 3) bool, components of nodes that are prescribed; default: none."""
+        self.mesh, self.faces, self.held = mesh, faces, held
         self._made: dict[int, Skin] = {}
 
     def __call__(self, body: Body) -> Skin:
         if id(body) not in self._made:
-            self._made[id(body)] = Skin.of(body, self.mesh.nodes, self.smooth[self.faces.find(body.triangles[:, :3])], self.given(body))
+            face = self.smooth[self.faces.find(body.triangles[:, :3])]
+            self._made[id(body)] = Skin.of(body, self.mesh.nodes, face, self.given(body), self.held)
         return self._made[id(body)]
 
     @cached_property
@@ -150,30 +159,48 @@ def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
 
 
-def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray, given: np.ndarray | None = None) -> Surface:
+def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
+               given: np.ndarray | None = None, held: np.ndarray | None = None) -> Surface:
     """The smooth surface that facets stand for.
 
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
     face : (k,) int, the CAD face that each is on, −1 where that is not known
     given : (k, 3, 3) normals that are known, nan where they are not
+    held : (n, 3) bool, components of nodes that are prescribed; default: none
     """
     corners = triangles[:, :3]
     normal, points = facet_normals(nodes, corners)[0], nodes[corners]
     ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
     cosine = np.einsum("kvi,kvi->kv", ahead, behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
-    means = _corner_normals(corners, normal, np.arccos(np.clip(cosine, -1.0, 1.0)), face)
-    known = np.full_like(means, np.nan) if given is None else given.copy()
-    left = np.flatnonzero(np.isnan(known).any(axis=(1, 2)))
+    means = _corner_normals(corners, normal, np.arccos(np.clip(cosine, -1.0, 1.0)), face,
+                             None if held is None else held[corners])
+    known = np.full((len(triangles), triangles.shape[1], 3), np.nan)
+    if given is not None:
+        known[:, :3] = given
+        known[:, 3:] = _amid(given)[:, : known.shape[1] - 3]
+        means = np.where(np.isnan(given), means, given)
+    at_nodes = np.concatenate([means, _amid(means)], axis=1)[:, : known.shape[1]]
+    left = np.flatnonzero(np.isnan(known).any(axis=(1, 2)) | (known.shape[1] == 6))
     off = np.abs(_over_edges(points[left], means[left])).max(axis=1)
     patch = smooth_patches(corners[left], normal[left], face[left])
     for label in np.unique(patch[off > 0]):
         own = left[patch == label]
-        at, first, place = np.unique(corners[own], return_index=True, return_inverse=True)
+        at, first = np.unique(corners[own], return_index=True)
         found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[patch == label].mean())
         if found is not None:
-            known[own] = found[place.reshape(-1, 3)]
-    means = np.where(np.isnan(known), means, known)
+            there = found(nodes[triangles[own]].reshape(-1, 3)).reshape(known[own].shape)
+            there = there * np.sign(np.einsum("kvi,kvi->kv", there, at_nodes[own]))[:, :, None]
+            told = ~np.isnan(known[own])
+            told[:, 3:] = False
+            known[own] = np.where(told, known[own], there)
+    means = np.where(np.isnan(known[:, :3]), means, known[:, :3])
     return Surface(known, means, _over_edges(points, means))
+
+
+def _amid(normals: np.ndarray) -> np.ndarray:
+    """(k, 3, 3) unit, of normals (k, 3, 3) at corners the mean of either end of each edge."""
+    both = normals + np.roll(normals, -1, axis=1)
+    return both / np.linalg.norm(both, axis=2, keepdims=True)
 
 
 def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -183,11 +210,13 @@ def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
     return np.where(np.abs(off) > PLANE * np.linalg.norm(edge, axis=2), off, 0.0)
 
 
-def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, face: np.ndarray) -> np.ndarray:
+def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, face: np.ndarray,
+                    held: np.ndarray | None = None) -> np.ndarray:
     """(k, 3, 3) unit normals at the corners of each facet, as its own smooth face has them.
 
     corners : (k, 3) int; normal : (k, 3) unit; angle : (k, 3) of the facets at their corners;
     face : (k,) as in ``surface_of``
+    held : (k, 3, 3) bool, components of the corners that are prescribed
     """
     facet = np.repeat(np.arange(len(corners)), 3)
     order = np.argsort(corners.ravel(), kind="stable")
@@ -203,6 +232,11 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
         same = np.einsum("mi,mi->m", normal[i], normal[j]) > _least(face[i], face[j])
         mine, theirs = mine[same], theirs[same]
         total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
+    if held is not None:  # a facet and its mirror image in one face have nothing across together
+        smooth = 1 - 2 * normal**2 > _least(face, face)[:, None]
+        inside = np.where(held.reshape(-1, 3) & np.repeat(smooth, 3, axis=0), 0.0, total)
+        planes = ~held.all(axis=2).reshape(-1, 1) & inside.any(axis=1, keepdims=True)
+        total = np.where(planes, inside, total)
     return (total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(*corners.shape, 3)
 
 

@@ -99,24 +99,39 @@ def rounding(points: np.ndarray, h: np.ndarray | float) -> np.ndarray:
     return np.maximum(h, PLACES * np.abs(points).max(initial=0.0))
 
 
-def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) a third of the area of the triangles (k, 3 or 6) around each of points (n, 3); none for nodes amid edges."""
-    corners = triangles[:, :3]
-    area = areas(points, corners)
-    return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
+def node_areas(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """(n,) the area of triangles (k, 3 or 6) around each of points (n, 3), by shares (3 or 6,) of
+    each triangle."""
+    each = areas(points, triangles)[:, None] * shares
+    return np.bincount(triangles.ravel(), weights=each.ravel(), minlength=len(points))
 
 
-def corner_vectors(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
-    """(n, 3) sums of area × normal of triangles (k, 3 or 6) around points (n, 3) that are corners.
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """(n, 3) of length 1, or 0."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
 
-    normals : (k, 3, 3) at the corners of each triangle, of a surface that it stands for; nan, or none: its own
+
+def node_vectors(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray,
+                 normals: np.ndarray | None = None) -> np.ndarray:
+    """Return ∫ Nᵢ n dA at points (n, 3), (n, 3): a pressure p along them is p on the triangles, in
+    equilibrium.
+
+    triangles : (k, 3 or 6) int
+    shares : (3 or 6,) ∫ Nᵢ over a triangle, a share of its area
+    normals : (k, 3 or 6, 3) at its nodes, of a surface that it stands for; nan, or none: its own
     """
-    vectors = area_vectors(points, triangles)
-    around = np.repeat(vectors[:, None], 3, axis=1)
-    if normals is not None:
-        around = np.where(np.isnan(normals), around, np.linalg.norm(vectors, axis=1)[:, None, None] * normals)
-    return np.stack([sum(np.bincount(corner, weights=along, minlength=len(points)) for corner, along in zip(triangles[:, :3].T, at.T))
-                     for at in np.moveaxis(around, 2, 0)], axis=1)
+    vectors, result = area_vectors(points, triangles), np.zeros_like(points)
+    for place in np.flatnonzero(shares):
+        own = vectors
+        if normals is not None:
+            known = normals[:, place]
+            size = np.linalg.norm(vectors, axis=1, keepdims=True)
+            own = np.where(np.isnan(known), vectors, size * known)
+        for axis in range(3):
+            result[:, axis] += np.bincount(triangles[:, place], shares[place] * own[:, axis],
+                                           len(points))
+    return result
 
 
 def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
@@ -124,7 +139,8 @@ def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray 
 
     In the middle of an edge all angles are the same.
 
-    normals : as for ``corner_vectors``
+    normals : (k, 3, 3) at the corners of each triangle, of a surface that it stands for; nan, or
+        none: its own
     """
     corners = points[triangles[:, :3]]
     normal, result = facet_normals(points, triangles)[0], np.zeros_like(points)

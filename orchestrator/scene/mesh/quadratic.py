@@ -39,6 +39,10 @@ DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
 _A = (5 - np.sqrt(5)) / 20
 TET_POINTS = {4: np.full((1, 4), 0.25), 10: np.full((4, 4), _A) + (1 - 4 * _A) * np.eye(4)}
 TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
+# Where laws act at all six nodes: a mass matrix scaled to its diagonal. And of the linear functions
+# of the corners.
+LUMPED_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.full(3, 1 / 12), np.full(3, 1 / 4)]}
+CORNER_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.full(3, 1 / 3), np.zeros(3)]}
 
 
 def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:

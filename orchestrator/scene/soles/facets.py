@@ -16,7 +16,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.scene.interfaces.mortar.operators import scalar
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_areas, node_normals
+from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 
@@ -136,7 +138,8 @@ def stiffer(scene: Scene, interface: Interface, side: int) -> np.ndarray:
     """
     if not interface.matching:
         return np.ones(len(interface.nodes[side]))
-    area = node_areas(scene.side_points(interface, side), interface.triangles)
+    corners = interface.triangles[:, :3]
+    area = node_areas(scene.side_points(interface, side), corners, CORNER_SHARES[3])
     ends = [(scene.subdomains[e], nodes) for e, nodes in zip(interface.subdomains, interface.nodes)]
     total = 0.5 * sum(s.contact_area[nodes] for s, nodes in ends)
     factor = np.sqrt(np.divide(total, area, out=np.ones(len(area)), where=area > 0))
@@ -160,7 +163,7 @@ def seen_from(interface: Interface, values: np.ndarray, side: int) -> np.ndarray
     """(n,) at the nodes of a side, 0 or 1, what the other one has opposite, averaged with the size of the transfer's weights; the
     mean of all where there is none."""
     mortar = interface.mortar
-    weights = abs(mortar.second[::3, ::3])
+    weights = scalar(abs(mortar.second))
     if side == 0:
         at, weights = mortar.points, sp.csr_array(weights)
     else:

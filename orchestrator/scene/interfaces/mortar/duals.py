@@ -6,16 +6,29 @@ On each slave facet, over the part of it that the master covers,
 
 so that each multiplier meets one node alone (Wohlmuth, SIAM J. Numer. Anal. 38, 2000) and linear fields of the master
 arrive unchanged also where facets are covered in part (Cichosz & Bischoff, Comput. Methods Appl. Mech. Eng. 200, 2011).
-Faces of six nodes have ψ = N, the linear functions of the corners, instead: they alone hold linear tractions, without which
-quadratic displacements lose half an order; and they are nowhere negative, so that ∫ N g ≥ 0 says what g ≥ 0 does, and pressures
-that are ≥ 0 at corners are so everywhere. Nodal forces of quadratic faces are not: a constant pressure has none at corners, a
-linear one may pull there. The solution of a contact problem is no smoother than H^(5/2−ε) (Moussaoui & Khodja 1992), for which
-linear multipliers beside quadratic displacements lose no order (Hild & Laborde, Appl. Numer. Math. 41, 2002).
+Bonded faces of six nodes have ψ = N, the linear functions of the corners, instead: they alone hold
+linear tractions, without which quadratic displacements lose half an order.
+
+Under laws that open, a multiplier of a six-node face belongs to the middle of an edge: a constant
+traction loads these middles alone, and points there reach as far as the face does, so that a body
+may stand on its edge. With all six functions in the place of N, and their integrals over a whole
+face L = (0, 0, 0, ⅓, ⅓, ⅓), the same formula has three dual functions,
+
+    ∫ ψᵢ Nⱼ = δᵢⱼ Lⱼ,   Σ ψᵢ = 1
+
+so that quadratic fields of the master arrive unchanged, and faces that match are paired node by
+node (``paired``). Over a part of a face no dual functions at the middles have the sum 1: there the
+linear functions that are 1 in one middle and 0 in the others take the place of N (Crouzeix &
+Raviart 1973), and linear fields arrive unchanged. Their integrals L may be negative, see
+``operators``. The solution of a contact problem is no smoother than H^(5/2−ε) (Moussaoui & Khodja
+1992), for which such multipliers beside quadratic displacements lose no order (Hild & Laborde,
+Appl. Numer. Math. 41, 2002).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,41 +40,60 @@ from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions
 CONDITION = 1e12
 # Weights below this share of a row's are rounding.
 NOTHING = 1e-14
+# A side is covered where the other overlaps this share of its facets: chords of curved faces leave
+# slits.
+FULL = 0.99
+# Functions that are 1 in the middle of an edge and 0 in the middles of the others, at the six nodes
+# of a face.
+AMID = np.hstack([1.0 - 2.0 * np.roll(np.eye(3), 2, axis=1), np.eye(3)])
 # Overlaps integrated at once: what is in work fits the processor's cache.
 CHUNK = 5_000
 
 
+class Kind(Enum):
+    """Multipliers: dual to the functions of corners, these themselves, or dual to those of six-node
+    faces' middles of edges."""
+
+    DUAL = 0
+    LINEAR = 1
+    AMID = 2
+
+
 @dataclass(frozen=True)
 class Weights:
-    """Integrals of the multipliers, one row per slave node; none at nodes in the middle of edges.
+    """Integrals of the multipliers, one row per slave node; none where a node has no multiplier.
 
     own : (n₁, n₁) ∫ψᵢNⱼ with the slave's functions; diagonal for dual multipliers
     other : (n₁, n₂) with the master's
     facets : (n₁, k₂) ∫ψᵢ over each master facet
     area : (n₁,) ∫ψᵢ: what every row of each of the three sums to
-    share : (n₁,) of the facets around each node, which part is covered
+    around : (n₁,) area of the facets around each node, its share of them; share : which part of it
+        is covered
     """
 
     own: sp.csr_array
     other: sp.csr_array
     facets: sp.csr_array
     area: np.ndarray
+    around: np.ndarray
     share: np.ndarray
 
 
 def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave_area: np.ndarray, counts: tuple[int, int],
-                dual: bool = True) -> Weights:
+                kind: Kind = Kind.DUAL) -> Weights:
     """Integrals of a slave surface's multipliers.
 
     segments : of all its facets
     slave, master : (k₁, 3 or 6), (k₂, 3 or 6) int, nodes of the facets; functions are quadratic where they are six
     slave_area : (k₁,) of its facets
     counts : (n₁, n₂) numbers of nodes
-    dual : whether multipliers are dual, else the slave's linear functions themselves
     """
-    corners, quadratic = slave[:, :3], (slave.shape[1] == 6, master.shape[1] == 6)
+    corners = slave[:, 3:] if kind is Kind.AMID else slave[:, :3]
+    integrated = _amid if kind is Kind.AMID else _linear
+    quadratic = (slave.shape[1] == 6, master.shape[1] == 6)
     ends = np.searchsorted(segments.slave, np.append(np.unique(segments.slave[::CHUNK]), len(slave)))  # facets stay whole
-    parts = [_integrated(segments.some(slice(a, b)), slave_area, dual, quadratic) for a, b in zip(ends[:-1], ends[1:])]
+    parts = [integrated(segments.some(slice(a, b)), slave_area, kind, quadratic)
+             for a, b in zip(ends[:-1], ends[1:])]
     at, on, own, other, weights, covered = (np.concatenate(found) for found in zip(*parts)) if parts else \
         (np.empty(0, int), np.empty(0, int), *(np.empty((0, 3, width)) for width in (slave.shape[1], master.shape[1], 1)), np.empty(0))
 
@@ -73,10 +105,12 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
     area, part, around = (np.bincount(nodes.ravel(), weights=values.ravel(), minlength=counts[0]) for nodes, values in (
         (corners[at], weights), (corners[at], np.repeat(covered, 3)), (corners, np.repeat(slave_area, 3))))
     matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]), assembled(weights, on[:, None], len(master)))
-    return Weights(*(cleaned(m, area) for m in matrices), area, part / np.where(around > 0, around, 1.0))
+    share = part / np.where(around > 0, around, 1.0)
+    return Weights(*(cleaned(m, area) for m in matrices), area, around / 3, share)
 
 
-def _integrated(segments: Segments, slave_area: np.ndarray, dual: bool, quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
+def _linear(segments: Segments, slave_area: np.ndarray, kind: Kind,
+            quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
     """Contribution of each overlap (m,), of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
     and of the master, ∫ψ (m, 3, 1), the area (m,)."""
     size, one, two = segments.fans
@@ -87,11 +121,40 @@ def _integrated(segments: Segments, slave_area: np.ndarray, dual: bool, quadrati
     gram, mass = np.zeros((len(facets), 3, 3)), np.zeros((len(facets), 3))
     np.add.at(gram, at, linear)
     np.add.at(mass, at, first)
-    sound, shape = _dual(gram, mass) if dual else (mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape))
+    sound, shape = mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape)
+    if kind is Kind.DUAL:
+        sound, shape = _dual(gram, mass)
     there, shape = sound[at], shape[at]
     own = _quadratic(size, one, one) if quadratic[0] else linear
     other = (_quadratic if quadratic[1] else moments)(size, one, two)
     found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None], size.sum(axis=1))
+    return found if there.all() else tuple(f[there] for f in found)
+
+
+def _amid(segments: Segments, slave_area: np.ndarray, kind: Kind,
+          quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
+    """The same of multipliers in the middle of edges."""
+    size, one, two = segments.fans
+    size = size * slave_area[segments.slave][:, None]
+    weights, points = DEGREE_4
+    at_one, at_two = (np.einsum("qv,mtvk->mtqk", points, corners) for corners in (one, two))
+    functions, theirs = six_functions(at_one), six_functions(at_two) if quadratic[1] else at_two
+    weighted = functions * (size[:, :, None] * weights)[..., None]
+    first = weighted.sum(axis=(1, 2))
+    facets, at = np.unique(segments.slave, return_inverse=True)
+    gram, mass = np.zeros((len(facets), 6, 6)), np.zeros((len(facets), 6))
+    np.add.at(gram, at, np.einsum("mtqk,mtql->mkl", weighted, functions, optimize=True))
+    np.add.at(mass, at, first)
+    stands, covered = mass @ AMID.T, np.bincount(at, size.sum(axis=1))
+    sound, shape = _dual(AMID @ gram @ AMID.T, stands)
+    shape, whole = shape @ AMID, covered >= FULL * slave_area[facets]
+    shape[whole] = stands[whole][:, :, None] * np.linalg.inv(gram[whole])[:, 3:]
+    own = np.zeros((len(at), 3, 6))
+    own[:, :, 3:] = (first @ AMID.T)[:, :, None] * np.eye(3)
+    other = shape[at] @ np.einsum("mtqk,mtql->mkl", weighted, theirs, optimize=True)
+    found = (segments.slave, segments.master, own, other, shape[at] @ first[:, :, None],
+             size.sum(axis=1))
+    there = (sound | whole)[at]
     return found if there.all() else tuple(f[there] for f in found)
 
 

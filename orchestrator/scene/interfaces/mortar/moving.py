@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.mortar.operators import Mortar, make_mortar, unit
+from orchestrator.scene.interfaces.mortar.operators import Mortar, make_mortar, may_carry
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
@@ -36,9 +36,16 @@ class Moving:
     @cached_property
     def points(self) -> np.ndarray:
         """(p,) int, ascending, the slave's nodes that may carry a point."""
-        corner = np.zeros(len(self.crossed), dtype=bool)
-        corner[self.surfaces.triangles[0][:, :3]] = True
-        return np.flatnonzero(corner & self.free[0].all(axis=1))
+        carrier = np.zeros(len(self.crossed), dtype=bool)
+        carrier[self.surfaces.carriers] = True
+        normal = self.surfaces.upright(self.held)
+        return np.flatnonzero(carrier & may_carry(self.free[0], self.held, normal, False))
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """(n₁, 3) bool, components that are prescribed at a slave's node and somewhere on the
+        master: it may come to lie there."""
+        return ~self.free[0] & (~self.free[1]).any(axis=0)
 
     @cached_property
     def size(self) -> np.ndarray:
@@ -68,16 +75,17 @@ class Moving:
         return replace(self.at(moved), triangles=now.triangles, cells=now.cells)
 
     def _embedded(self, surfaces: Surfaces) -> Mortar:
-        mortar = make_mortar(surfaces, self.free, self.crossed)
+        mortar = make_mortar(surfaces, self.free, self.crossed, held=self.held)
         all_points, count = self.points, len(self.points)
         place = np.searchsorted(all_points, mortar.points)
         into = sp.csr_array((np.ones(len(place)), (place, np.arange(len(place)))), shape=(count, len(place)))
         blocks = sp.csr_array(sp.kron(into, sp.eye_array(3), format="csr"))
         area, gap = np.zeros(count), self.size[all_points]
-        normal = unit(surfaces.vectors)[all_points]
-        area[place], gap[place] = mortar.area, mortar.gap
+        normal = surfaces.upright(self.held)[all_points]
+        area[place], gap[place], normal[place] = mortar.area, mortar.gap, mortar.normal
         return replace(mortar, points=all_points, first=sp.csr_array(blocks @ mortar.first), second=sp.csr_array(blocks @ mortar.second),
-                       area=area, normal=normal, gap=gap, hats=sp.csr_array(mortar.hats @ blocks.T))
+                       area=area, normal=normal, gap=gap, hats=sp.csr_array(mortar.hats @ blocks.T),
+                       live=~self.held[all_points])
 
 
 def whole_faces(skin: Skin, facets: np.ndarray) -> np.ndarray:

@@ -8,10 +8,18 @@ traces w₁, w₂ of either side and the forces q of the points (on side 1; −q
 All rows of both operators sum to 1 per component, and G₁ x₁ = G₂ x₂ on plane faces that touch. Where the faces are apart
 or curved a rigid link carries each point from the master.
 
-A node carries none where a component of it is prescribed, or where it follows the point of a rigid surface or stands on a
-ground that holds it (a multiplier there would meet nothing, or pin the master), where several interfaces that do not match
-meet (their constraints would be redundant), and where the master covers little of the facets around (the point would carry a
-large pressure on a small area). Its multiplier goes in equal parts to the points next to it: no area and no force is lost.
+On planes of symmetry a component is prescribed on both sides. The whole body's point has nothing
+there: its force, its offset from the master, its normal lie in the plane. So its rows of that
+component are empty, and the others are those of the whole.
+
+A node carries no point where it is prescribed altogether, or along its normal on both sides, or
+where it follows the point of a rigid surface or stands on a ground that holds it (a multiplier
+there would meet nothing, or pin the master), where several interfaces that do not match meet (their
+constraints would be redundant), and where the master covers little of the facets around (the point
+would carry a large pressure on a small area). Its multiplier goes to the points next to it, in
+parts as the edges have facets: no area and no force is lost, and the normal is that of the area
+vectors together, so that constant pressure passes. Under laws that join the sides a slave's node
+that is held alone carries none either: it could not follow the master.
 
 The master carries each point like an arm, so that rigid motions open nothing. Where the master's image P x₂ of a point is r
 away from the point, a rotation of both bodies would open it, and opposite forces would be a couple. With ω the rotation of
@@ -30,10 +38,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned, multipliers
+from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import local_size, rounding, skew
+from orchestrator.scene.interfaces.upright import UPRIGHT
+from orchestrator.scene.mesh.geometry import local_size, rounding, skew, unit
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 
@@ -49,7 +58,8 @@ class Mortar:
         such interfaces or are hardly covered; their share of the force goes to neighbours
     first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are there: times what is
         prescribed, they give the known part of the jump
-    area : (p,) that each point stands for; they sum to the area that the sides have in common
+    area : (p,) that each point stands for, seen along its normal; on plane faces they sum to the
+        area that the sides have in common
     normal : (p, 3) unit, from side 1 to side 2
     gap : (p,) distance of the sides along it, of the surfaces that facets stand for, negative inside each other; whether it counts is
         the law's business
@@ -59,6 +69,7 @@ class Mortar:
     free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
     hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
         alone, or, on faces of six nodes, along its linear function, by half in the middle of edges
+    live : (p, 3) bool, components that laws act in: not those that are prescribed on both sides
     overlaps : of the facets of both sides, the slave's first, where bonded faces of six nodes leave leaps; else None
     """
 
@@ -72,6 +83,7 @@ class Mortar:
     cells: np.ndarray
     free: np.ndarray
     hats: sp.csr_array
+    live: np.ndarray
     overlaps: Segments | None = None
 
     def __len__(self) -> int:
@@ -90,6 +102,11 @@ class Mortar:
     def dofs(self) -> np.ndarray:
         """(3p,) columns of G₁ that belong to the points' own nodes."""
         return (3 * self.points[:, None] + np.arange(3)).ravel()
+
+    def places(self, operator: sp.csr_array, nodes: np.ndarray) -> np.ndarray:
+        """(p, 3) where forces of points act that ``first``, or ``second`` without a link, spreads
+        over the nodes (n, 3) of its side."""
+        return scalar(operator) @ nodes / np.maximum(self.live.sum(axis=1), 1)[:, None]
 
     @property
     def paired(self) -> bool:
@@ -114,37 +131,79 @@ TURNED = [0, 2, 1, 5, 4, 3]
 
 
 def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
-                vectors: np.ndarray | None = None) -> Mortar:
+                as_one: bool = False, vectors: np.ndarray | None = None,
+                held: np.ndarray | None = None) -> Mortar:
     """Points and transfer operators.
 
     surfaces : slave and master
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
     crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that have no point here
+    as_one : whether the law joins the sides
     vectors : (n₁, 3) along the normals, where more facets than these shape them
+    held : (n₁, 3) bool, components that are prescribed on both sides; None: as ``Surfaces.held``
+        has it
     """
-    weights = weights_of(surfaces)
-    triangles = surfaces.triangles
-    normal = unit(surfaces.vectors if vectors is None else vectors)
-    candidates = weights.area > 0
-    wanted = candidates & free[0].all(axis=1)
-    for better in (~crossed, weights.share >= COVERED):
+    weights, triangles, (x1, x2) = surfaces.weights, surfaces.triangles, surfaces.points
+    held = surfaces.held(weights, tuple(~side for side in free)) if held is None else held
+    normal = surfaces.upright(held, vectors)
+    candidates = weights.share > 0
+    wanted = candidates & may_carry(free[0], held, normal, as_one) & (weights.area > 0)
+    if as_one and triangles[0].shape[1] == 6:  # whose points meet each other's nodes
+        wanted &= free[0].all(axis=1)
+    stands_for = weights.area if surfaces.amid else weights.share * weights.around
+    for better in (~crossed, stands_for >= COVERED * weights.around):
         # where there are none of these, one is better than none; more would say twice what other interfaces say
         most = np.arange(len(wanted)) == np.argmax(np.where(wanted, weights.area, -1.0))
         wanted = wanted & better if (wanted & better).any() else wanted & most
-    points, sums = merged(candidates, wanted, triangles[0][:, :3])
-    area = sums @ weights.area
-    scale = sp.diags_array(1 / area)
-    own, other, facets = (cleaned(sp.csr_array(scale @ sums @ m), np.ones(len(points)))
+    points, sums = merged(candidates, wanted, surfaces.carriers)
+    stands = sums @ weights.area
+    seen = sums @ (weights.area[:, None] * _shortened(surfaces, normal) * normal)
+    scaled = sp.diags_array(1 / stands) @ sums
+    own, other, facets = (cleaned(sp.csr_array(scaled @ m), np.ones(len(points)))
                           for m in (weights.own, weights.other, weights.facets))
-    x1, x2 = surfaces.points
     offset = own @ x1 - other @ x2
     offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
+    at, held = unit(seen), held[points]
+    offset[held & (at == 0)] = 0.0
     # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has theirs, too
-    gap = -np.einsum("pi,pi->p", normal[points], offset) - scale @ (sums @ (weights.area * surfaces.filled))
-    turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
-    return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
-                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap, turned,
-                  surfaces.behind[1], free[1], hats(points, triangles[0]))
+    gap = -np.einsum("pi,pi->p", at, offset) - (sums @ (weights.area * surfaces.filled)) / stands
+    turned, live = triangles[1][:, TURNED[: triangles[1].shape[1]]], ~held
+    first = only(sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")), live)
+    second = only(linked(other, facets, offset, x2, triangles[1][:, :3]), live)
+    return Mortar(points, first, second, np.linalg.norm(seen, axis=1), at, gap, turned,
+                  surfaces.behind[1], free[1], hats(points, triangles[0]), live)
+
+
+def scalar(operator: sp.csr_array) -> sp.csr_array:
+    """(p, n) what an operator (3p, 3n) has between the same components, summed over those that
+    there are."""
+    return sp.csr_array(sum(operator[c::3, c::3] for c in range(3)))
+
+
+def may_carry(free: np.ndarray, held: np.ndarray, normal: np.ndarray, as_one: bool) -> np.ndarray:
+    """(n,) bool, nodes with components (n, 3) that are free, or held on both sides, which leave
+    something to a law.
+
+    Parameters as of ``make_mortar``; normal : (n, 3)
+    """
+    left = np.linalg.norm(np.where(held, 0.0, normal), axis=1) > UPRIGHT
+    return free.any(axis=1) & left & ((free | held).all(axis=1) | (not as_one))
+
+
+def _shortened(surfaces: Surfaces, normal: np.ndarray) -> np.ndarray:
+    """(n₁, 1) share of the facets' area around nodes that is seen along normals (n₁, 3)."""
+    third, seen = surfaces.facets[0].area / 3, np.einsum("ni,ni->n", surfaces.vectors, normal)
+    whole = np.bincount(surfaces.carriers.ravel(), np.repeat(third, 3), len(normal))
+    return (seen / np.where(whole > 0, whole, 1.0))[:, None]
+
+
+def only(operator: sp.csr_array, live: np.ndarray) -> sp.csr_array:
+    """An operator (3p, 3n) with empty rows but for the components live (p, 3) bool."""
+    if live.all():
+        return operator
+    result = sp.csr_array(sp.diags_array(live.ravel().astype(float)) @ operator)
+    result.eliminate_zeros()
+    return result
 
 
 def hats(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
@@ -156,13 +215,6 @@ def hats(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
                                           for ends in TRIANGLE_EDGES.T]), axis=0)
         nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T), shape=nodes.shape))
     return sp.csr_array(sp.kron(nodes[:, points], sp.eye_array(3), format="csr"))
-
-
-def weights_of(surfaces: Surfaces) -> Weights:
-    """Integrals of the multipliers; beside a slave of three-node faces, with the master's corners alone."""
-    six = surfaces.triangles[0].shape[1] == 6
-    return multipliers(surfaces.segments, *(t if six else t[:, :3] for t in surfaces.triangles), surfaces.area,
-                       tuple(len(x) for x in surfaces.points), dual=not six)
 
 
 def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:
@@ -178,17 +230,10 @@ def _nothing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return rounding(points, ROUNDING * local_size(points, triangles))
 
 
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """(n, 3) of length 1, or 0."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1.0)
-
-
 def covered_around(surfaces: Surfaces) -> np.ndarray:
-    """(n₁,) area around the slave's corners that the master covers."""
+    """(n₁,) area around the slave's nodes with multipliers that the master covers."""
     area = np.bincount(surfaces.segments.slave, surfaces.segments.area, minlength=len(surfaces.triangles[0]))
-    corners = surfaces.triangles[0][:, :3]
-    return np.bincount(corners.ravel(), weights=np.repeat(area, 3), minlength=len(surfaces.points[0]))
+    return np.bincount(surfaces.carriers.ravel(), np.repeat(area, 3), len(surfaces.points[0]))
 
 
 # Share of the facets around a node that the master has to cover. Measured with a punch on a wider slab: from .2 the largest
@@ -201,7 +246,7 @@ def merged(candidates: np.ndarray, wanted: np.ndarray, triangles: np.ndarray) ->
 
     candidates : (n,) bool, nodes that have a multiplier
     wanted : (n,) bool, those that may carry a point
-    triangles : (k, 3) int, the corners of the facets
+    triangles : (k, 3) int, the nodes of the facets that may have one
     Returns points : (p,) int, ascending; none where no node may carry one
     sums : (p, n) each column sums to 1 where there is a multiplier; the identity where nothing is merged
     """
@@ -215,17 +260,17 @@ def merged(candidates: np.ndarray, wanted: np.ndarray, triangles: np.ndarray) ->
         return points, sums
     ends = triangles[:, TRIANGLE_EDGES].reshape(-1, 2)
     ends = np.concatenate([ends, ends[:, ::-1]])
+    # an edge on a plane of symmetry has one facet of its two here, and one of two such shares
     beside = sp.csr_array((np.ones(len(ends)), ends.T), shape=(count, count))
-    beside.data[:] = 1.0  # however many facets have the edge
     known = wanted
     while left.any():
         near = sp.csr_array(beside[np.flatnonzero(left)] * known[None, :])
         near.eliminate_zeros()
-        degree = np.diff(near.indptr)
-        if not degree.any():  # a piece of the surface without any point: to the first of all points, rather than lost
+        weight = near.sum(axis=1)
+        if not weight.any():  # a piece without any point: to the first of all, rather than lost
             break
-        found = np.flatnonzero(left)[degree > 0]
-        shares = sp.csr_array(sp.diags_array(1 / degree[degree > 0]) @ near[degree > 0])
+        found = np.flatnonzero(left)[weight > 0]
+        shares = sp.csr_array(sp.diags_array(1 / weight[weight > 0]) @ near[weight > 0])
         given = sp.csr_array(shares @ sums.T).tocoo()  # (found, p)
         sums = sums + sp.csr_array((given.data, (given.col, found[given.row])), shape=sums.shape)
         known = known.copy()

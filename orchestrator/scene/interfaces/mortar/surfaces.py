@@ -14,11 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.duals import multipliers
+from orchestrator.scene.interfaces.mortar.duals import FULL, Kind, Weights, multipliers
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.opposite import Body, Facets
 from orchestrator.scene.interfaces.skins import Surface
-from orchestrator.scene.mesh.geometry import corner_vectors
+from orchestrator.scene.interfaces.upright import mirrored
+from orchestrator.scene.mesh.geometry import area_vectors, node_vectors, unit
+from orchestrator.scene.mesh.quadratic import CORNER_SHARES, TRIANGLE_SHARES
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Surfaces:
     segments : the overlaps, in these numbers of facets
     resting : (k₁,) area of the slave's facets before they have been moved to where they are; None: it is what it is here
     under : what the facets of either side stand for, curved surfaces; None: themselves
+    amid : whether the slave's multipliers are those of the middles of its edges
     """
 
     points: tuple[np.ndarray, np.ndarray]
@@ -41,6 +44,7 @@ class Surfaces:
     segments: Segments
     resting: np.ndarray | None = None
     under: tuple[Surface, Surface] | None = None
+    amid: bool = False
 
     @classmethod
     def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray], cells: tuple[np.ndarray, np.ndarray],
@@ -71,9 +75,46 @@ class Surfaces:
         return tuple(Facets.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
 
     @property
+    def carriers(self) -> np.ndarray:
+        """(k₁, 3) int, the nodes of the slave's facets that have multipliers: corners, or middles
+        of edges."""
+        return self.triangles[0][:, 3:] if self.amid else self.triangles[0][:, :3]
+
+    @property
     def vectors(self) -> np.ndarray:
-        """(n₁, 3) sums of area × normal around the slave's corners: of the surfaces where these are known, else of the facets."""
-        return corner_vectors(self.points[0], self.triangles[0], None if self.under is None else self.under[0].normals)
+        """(n₁, 3) ∫ N n dA of the functions of these: along the surfaces' normals where they are
+        known, else the facets'."""
+        shares = (TRIANGLE_SHARES if self.amid else CORNER_SHARES)[self.triangles[0].shape[1]]
+        known = None if self.under is None else self.under[0].normals
+        return node_vectors(self.points[0], self.triangles[0], shares, known)
+
+    @property
+    def weights(self) -> Weights:
+        """Integrals of the multipliers; beside a slave of three-node faces, with the master's
+        corners alone."""
+        six = self.triangles[0].shape[1] == 6
+        sides = (t if six else t[:, :3] for t in self.triangles)
+        counts = tuple(map(len, self.points))
+        return multipliers(self.segments, *sides, self.area, counts, self._kind)
+
+    @property
+    def _kind(self) -> Kind:
+        corners = Kind.LINEAR if self.triangles[0].shape[1] == 6 else Kind.DUAL
+        return Kind.AMID if self.amid else corners
+
+    def held(self, weights: Weights, fixed: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """(n₁, 3) bool, components that are prescribed at a slave's node and where it is on the
+        master, as on planes of symmetry.
+
+        fixed : (n₁, 3), (n₂, 3) bool, what is prescribed
+        """
+        return fixed[0] & (abs(weights.other) @ fixed[1].astype(float) > 0)
+
+    def upright(self, held: np.ndarray, vectors: np.ndarray | None = None) -> np.ndarray:
+        """(n₁, 3) unit normals along ``vectors`` (n₁, 3) or its own, see ``upright.mirrored``."""
+        normals = unit(self.vectors if vectors is None else vectors)
+        triangles = self.triangles[0]
+        return mirrored(normals, area_vectors(self.points[0], triangles), triangles, held)
 
     @property
     def overlapping(self) -> tuple[np.ndarray, np.ndarray]:
@@ -93,14 +134,22 @@ class Surfaces:
         count = len(self.points[0])
         if self.under is None or not any(side.bulge.any() for side in self.under):
             return np.zeros(count)
-        # the bulges are quadratic functions: of nodes of its own amid each facet's edges
+        # the bulges are quadratic functions: of nodes of its own amid each facet's edges, but where
+        # multipliers are there
         nodes, ends, values = [], [], []
         for points, triangles, side in zip(self.points, self.triangles, self.under):
+            if self.amid and not nodes:
+                nodes.append(triangles)
+                ends.append(len(points))
+                at = triangles[:, 3:].ravel()
+                shared = np.maximum(np.bincount(at, minlength=len(points)), 1)
+                values.append(np.bincount(at, side.bulge.ravel(), len(points)) / shared)
+                continue
             middles = len(points) + np.arange(side.bulge.size).reshape(side.bulge.shape)
             nodes.append(np.hstack([triangles[:, :3], middles]))
             ends.append(len(points) + side.bulge.size)
             values.append(np.concatenate([np.zeros(len(points)), side.bulge.ravel()]))
-        weights = multipliers(self.segments, *nodes, self.area, tuple(ends), dual=self.triangles[0].shape[1] == 3)
+        weights = multipliers(self.segments, *nodes, self.area, tuple(ends), self._kind)
         return ((weights.own @ values[0] + weights.other @ values[1]) / np.where(weights.area > 0, weights.area, 1.0))[:count]
 
     @property
@@ -121,8 +170,6 @@ class Surfaces:
 
 # Moduli that differ by more than this count as soft and stiff.
 CONTRAST = 10.0
-# A side is covered where the other overlaps this share of its facets: chords of curved faces leave slits.
-FULL = 0.99
 # Sides whose facets' mean areas differ by less than this are equally fine: rounding, or the same size asked for twice.
 ALIKE = 0.05
 # Seen from the other side, along its own normals, the same facets are a little farther apart, and more so on an incline.
@@ -133,7 +180,8 @@ MORE, SLANTED = 1.5, 0.05
 class Matter:
     """Matter behind the sides, for the choice of the slave.
 
-    young : (m,) modulus of each cell of the mesh; held : (n,) bool, nodes of which some component is prescribed
+    young : (m,) modulus of each cell of the mesh; held : (n, 3) bool, components of its nodes that
+        are prescribed
     """
 
     young: np.ndarray
