@@ -1,0 +1,137 @@
+"""Constant pressure and rigid motions on faces that are bent, held in part, round, or six-node."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from helpers import HELD, STEEL, box, bricks, on, rollers, solved, stopped, written
+
+PRESSURE = 500.0
+SMOOTH = {"law": "contact", "friction": 0.0}
+P1, P2 = ({"element": element, "workers": 1} for element in ("P1", "P2"))
+
+
+@pytest.mark.parametrize("grains, h, code", [(5, 0.4, P1), (3, 0.6, P2)], ids=["P1", "P2"])
+def test_grains_with_bent_faces_under_constant_pressure(grains, h, code):
+    """Forces of a pressure are along the area vectors of the faces around a node, pair by pair."""
+    squeezed = [{"on": f"{axis}max", "pressure": PRESSURE} for axis in "xyz"]
+    mesh = {"polycrystal": {"grains": grains, "size": 1.0, "h": h, "seed": 298}}
+    found = solved({"name": "grains", "mesh": mesh, "subdomains": "groups", "materials": [STEEL],
+                    "interfaces": [SMOOTH], "boundary": [*rollers("x", "y", "z"), *squeezed],
+                    "blackbox": code, "method": {"tolerance": {"error": 1e-10}}})
+    strain = -PRESSURE / STEEL["young"] * (1 - 2 * STEEL["poisson"])
+    for body, moved in zip(found.scene.subdomains, found.parts):
+        exact = strain * found.scene.mesh.nodes[body.nodes]
+        assert np.abs(moved[0] - exact).max() <= 1e-9 * abs(strain)
+    faces = found.interfaces
+    assert faces.pressure[faces.areas > 0] == pytest.approx(PRESSURE)
+
+
+def all_quarters(body):
+    """Return the body that a quarter between the planes x = 0 and y = 0 is of."""
+    nodes, tets = body
+    signs = [np.array([a, b, 1]) for a, b in product((1, -1), repeat=2)]
+    every = np.concatenate([nodes * sign for sign in signs])
+    _, first, place = np.unique(every.round(9), axis=0, return_index=True, return_inverse=True)
+    sides = [(tets if sign.prod() > 0 else tets[:, [1, 0, 2, 3]]) + k * len(nodes)
+             for k, sign in enumerate(signs)]
+    return every[first], place.reshape(-1)[np.concatenate(sides)]
+
+
+def domed(nodes):
+    """Bend the lower face of a block, most in its middle."""
+    x, y, z = nodes.T
+    return np.c_[x, y, z + 0.2 * (x**2 + y**2) * (0.6 - z) / 0.6]
+
+
+def dome(tmp_path, counts, code, friction, whole):
+    """Return a dome pressed on a block; a quarter, with planes of symmetry, or the whole."""
+    lower = bricks([1, 1, 0.5], [counts[0]] * 2 + [1], lambda x: x - [0, 0, 0.5])
+    upper = bricks([0.8, 0.8, 0.6], [counts[1]] * 2 + [1], domed)
+    lower, upper = map(all_quarters, (lower, upper)) if whole else (lower, upper)
+    contact = {"between": ["dome", "block"], "law": "contact", "friction": friction,
+               "gap": "geometry", "within": 0.3}
+    pushed = [[0, 0, -0.01], [0, 0, -0.02]]
+    return solved({"name": "dome", "mesh": written(tmp_path / "d.msh", block=lower, dome=upper),
+                   "subdomains": "groups", "materials": [STEEL], "interfaces": [contact],
+                   "boundary": [{"on": on("z", -0.5), "displacement": HELD},
+                                {"on": on("z", 0.6), "displacement": pushed},
+                                *([] if whole else rollers("x", "y"))], "blackbox": code,
+                   "method": {"tolerance": {"error": 1e-9}, "max_iterations": 200}})
+
+
+@pytest.mark.parametrize("counts, code, friction",
+                         [((2, 3), P1, 0.0), ((3, 2), P1, 0.3), ((2, 3), P2, 0.0)],
+                         ids=["P1", "P1 with friction", "P2"])
+def test_a_quarter_is_the_whole(counts, code, friction, tmp_path):
+    """Slave nodes on planes of symmetry carry their laws in the components that are free."""
+    quarter, whole = (dome(tmp_path, counts, code, friction, part).interfaces
+                      for part in (False, True))
+    force, own = (x.resultant.sum(axis=1)[:, 2] for x in (whole, quarter))
+    assert own == pytest.approx(force / 4, rel=1e-7)
+    peak, seen = (x.pressure.max(axis=1) for x in (whole, quarter))
+    assert seen == pytest.approx(peak, rel=1e-7)
+
+
+@pytest.mark.parametrize("code", [P1, P2], ids=["P1", "P2"])
+@pytest.mark.parametrize("held", [[None, 0, 0], HELD], ids=["normal", "altogether"])
+def test_supports_on_contact_faces_leave_constant_pressure_as_it_is(code, held):
+    """A third of the slave's face is held, where uniform strain leaves it."""
+    third = {"box": [[-0.01, -0.01, 0.99], [0.34, 1.01, 1.01]]}
+    bodies = [box("low", [1, 1, 1], (2, 2, 2)), box("high", [1, 1, 1], (3, 3, 2), [0, 0, 1])]
+    pressed = [{"on": face, "pressure": PRESSURE} for face in ("low/zmin", "high/zmax")]
+    found = solved({"name": "held", "parts": bodies, "subdomains": "groups", "blackbox": code,
+                    "materials": [{"young": STEEL["young"], "poisson": 0.0}],
+                    "interfaces": [{"between": ["low", "high"], **SMOOTH, "slave": "high"}],
+                    "boundary": [{"on": third, "part": "high", "displacement": held},
+                                 *rollers("x", "y"), *pressed],
+                    "method": {"tolerance": {"law": 1e-10}}})
+    strain = PRESSURE / STEEL["young"]
+    for body, moved in zip(found.scene.subdomains, found.parts):
+        exact = -strain * (found.scene.mesh.nodes[body.nodes][:, 2] - 1)
+        assert np.abs(moved[0, :, 2] - exact).max() < 1e-8 * strain
+
+
+@pytest.mark.parametrize("lower", [(3, 3, 1), (4, 3, 1)], ids=["coarse", "in between"])
+def test_a_body_of_ten_node_tets_stands_on_its_edge(lower):
+    """What presses .06 from the edge of a face is carried, although meshes are apart."""
+    bodies = [box("base", [1.2, 1.0, 0.3], lower), box("cap", [1.2, 1.0, 0.3], (5, 5, 1), [0, 0, 0.3])]
+    pushed = {"kind": "distributed", "about": [1.14, 0.5, 0.6], "force": [0, 0, -100.0]}
+    found = solved({"name": "edge", "parts": bodies, "subdomains": "groups", "blackbox": P2,
+                    "materials": [STEEL], "interfaces": [{"law": "contact", "friction": 0.5}],
+                    "boundary": [{"on": "base/zmin", "displacement": HELD},
+                                 {"on": "cap/zmax", "coupling": pushed}],
+                    "method": {"tolerance": {"error": 1e-3}}})
+    assert found.interfaces.resultant[0, 0] == pytest.approx([0, 0, -100], abs=1e-3)
+
+
+def tube(radii, heights, around, seed):
+    """Return a ring of bricks between two radii and heights, its nodes unevenly ``around``."""
+    even = np.linspace(0, 1, around + 1)
+    turns = even.copy()
+    turns[1:-1] += np.random.default_rng(seed).uniform(-0.3, 0.3, around - 1) / around
+
+    def bent(x):
+        angle = 2 * np.pi * np.interp(x[:, 1], even, turns)
+        r, z = (np.interp(x[:, k], [0, 1], ends) for k, ends in ((0, radii), (2, heights)))
+        return np.c_[r * np.cos(angle), r * np.sin(angle), z]
+
+    nodes, tets = bricks([1, 1, 1], [1, around, 3], bent)
+    _, first, place = np.unique(nodes.round(9), axis=0, return_index=True, return_inverse=True)
+    return nodes[first], place.reshape(-1)[tets]
+
+
+@pytest.mark.parametrize("around, code", [((12, 12), P2), ((12, 15), P1), ((12, 15), P2)],
+                         ids=["P2", "P1 apart", "P2 apart"])
+def test_round_fits_without_friction_carry_no_torque(around, code, tmp_path):
+    """Normals are the round surface's where a point takes its mean: chords do not wedge."""
+    shaft, hub = tube([1, 2], [-1, 2], around[0], 1), tube([2, 3], [0, 3], around[1], around[1] - 11)
+    mesh = written(tmp_path / "fit.msh", shaft=shaft, hub=hub)
+    torque = {"force": [0, 0, 0], "moment": [0, 0, 1], "about": [0, 0, 3]}
+    found = stopped({"name": "fit", "mesh": mesh, "subdomains": "groups", "blackbox": code,
+                     "materials": [STEEL], "histories": {"torque": [0.0, 1.0]},
+                     "interfaces": [{"between": ["hub", "shaft"], **SMOOTH, "gap": -0.002}],
+                     "boundary": [{"on": on("z", -1), "displacement": HELD},
+                                  {"on": on("z", 3), "resultant": torque, "history": "torque"}],
+                     "method": {"tolerance": {"error": 1e-6}}})
+    assert found.summary["stop_reason"] == "limit load" and not found.converged
