@@ -43,7 +43,7 @@ class HandedOver:
     """What one interface hands over in the motion of its surfaces that its force and moment are along, T load steps.
 
     name : of the interface; kind : of its surface
-    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|; size : (T,) Σ p A |m|, |m| ≤ 1
+    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of pressures; size : (T,) Σ p A |m|, |m| ≤ 1
     """
 
     name: str
@@ -136,13 +136,25 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
         return None
     wrench = np.hstack([resultants.force[:, i.index], resultants.moment[:, i.index] / size])
     along = (wrench @ motions.T) @ motions
-    moved = np.abs(np.einsum("nck,tk->tnc", motions_about(fields.points[0, own], about, size), along))
+    moved = np.einsum("nck,tk->tnc", motions_about(fields.points[0, own], about, size), along)
     way = np.linalg.norm(moved, axis=2)
     most = way.max(axis=1, initial=0.0)
     most = np.where(most > 0, most, 1.0)
     push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
     worth = (push * way).sum(axis=1) / most
-    return HandedOver(i.name, shapes[0].kind, (wrench * along).sum(axis=1) / most, float(i.law.friction) * worth, worth)
+    # of a pressure, components that supports hold on both sides pass through these, not from side to side
+    beside = np.abs(np.einsum("tnc,nc->tn", moved, np.where(_held(i), fields.normal[own], 0.0)))
+    allowed = float(i.law.friction) * worth + (push * beside).sum(axis=1) / most
+    return HandedOver(i.name, shapes[0].kind, (wrench * along).sum(axis=1) / most, allowed, worth)
+
+
+def _held(i: Interface) -> np.ndarray:
+    """(n, 3) bool, components of the nodes shown in which the law does not act, as supports hold them."""
+    if i.mortar is None:
+        return ~i.free[i.shown]
+    free = np.ones_like(i.free)
+    free[i.mortar.points] = i.mortar.live
+    return ~free[i.shown]
 
 
 def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray) -> Iterator[tuple[float, str]]:
