@@ -138,6 +138,10 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
     along = (wrench @ motions.T) @ motions
     moved = np.einsum("nck,tk->tnc", motions_about(fields.points[0, own], about, size), along)
     way = np.linalg.norm(moved, axis=2)
+    if i.mortar is not None:  # what a point carries acts on the facets around its node
+        around = np.searchsorted(i.shown, i.shown_triangles)
+        farthest = np.repeat(way[:, around].max(axis=2), around.shape[1], axis=1)
+        np.maximum.at(way, (slice(None), around.ravel()), farthest)
     most = way.max(axis=1, initial=0.0)
     most = np.where(most > 0, most, 1.0)
     push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
