@@ -4,6 +4,7 @@ import io
 import json
 import os
 import runpy
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -18,6 +19,12 @@ import numpy as np
 import orchestrator
 
 ROOT = Path(__file__).parents[2]
+BESIDE = Path(sys.executable).with_name("mpiexec")
+MPIEXEC = str(BESIDE if BESIDE.exists() else shutil.which("mpiexec"))
+# more ranks than cores, maybe as root: what Open MPI refuses unless told
+ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+           "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+           "OMPI_MCA_rmaps_base_oversubscribe": "1", "PYTHONPATH": str(ROOT)}
 CONFIGS = ROOT / "configs"
 STEEL = {"young": 200e3, "poisson": 0.3}
 HELD = [0, 0, 0]

@@ -12,15 +12,9 @@ from pathlib import Path
 import numpy as np
 import orchestrator
 import pytest
-from helpers import HELD, QUICK, ROOT, STEEL, bricks, on, run, solved, written
+from helpers import ALLOWED, HELD, MPIEXEC, QUICK, STEEL, bricks, on, run, solved, written
 
-BESIDE = Path(sys.executable).with_name("mpiexec")
-MPIEXEC = str(BESIDE if BESIDE.exists() else shutil.which("mpiexec"))
 SECONDS = 300  # for what hangs, on a slow machine too
-# more ranks than cores, maybe as root: what Open MPI refuses unless told
-ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-           "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-           "OMPI_MCA_rmaps_base_oversubscribe": "1", "PYTHONPATH": str(ROOT)}
 CONTACT = {"interfaces": [{"law": "contact", "friction": 0.2}],
            "method": {"tolerance": {"law": 1e-7}}}
 BOXES = {"name": "boxes", "mesh": {"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}},

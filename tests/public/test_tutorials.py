@@ -1,6 +1,7 @@
-"""Tutorials are followed to the letter: their files are written, their commands run, and what they show comes out.
+"""Tutorials, followed to the letter: files are written, commands run, what they show comes out.
 
-Every line that they show is found in that order, numbers within two per cent; "…" stands for lines and words left out.
+Every line that they show is found in that order, numbers within two per cent; "…" stands for lines
+and words left out.
 """
 
 import io
@@ -14,13 +15,10 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
-from test_mpi import ALLOWED, MPIEXEC
-from yaml_case import call
+from helpers import ALLOWED, MPIEXEC, ROOT, call
 
-from benchmarks.kit.tutorials import followed
-from orchestrator.results.compare import compare as compared
-
-ROOT = Path(__file__).parents[1]
+# a fence below a line that ends with "`name`:" is a file; a console fence has commands behind $
+FENCE = re.compile(r"(?:^`([\w./]+)`[^\n]*:\n+)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TUTORIALS = [*sorted((ROOT / "docs" / "tutorials").glob("*.md")), ROOT / "docs" / "porting.md"]
 CLUSTER = ROOT / ".venv-cluster/bin/python"
 NOTEBOOK = ROOT / "docs" / "tutorials" / "6_python.ipynb"
@@ -36,21 +34,23 @@ def test_every_step_of_a_tutorial(path, tmp_path, monkeypatch):
 
 @pytest.mark.long
 def test_ranks_in_what_the_container_has(tmp_path, monkeypatch):
-    """From a partitioned mesh to ParaView's files: Debian's Python, MPI and PETSc, as `make cluster` installs them there."""
+    """From a partitioned mesh to ParaView's files: Debian's Python, MPI and PETSc, as `make
+    cluster` installs them there."""
     if not CLUSTER.exists():
         pytest.skip("make cluster has not been run")
-    follow(ROOT / "docs/tutorials/5_cluster.md", tmp_path, monkeypatch, str(CLUSTER), "/usr/bin/mpiexec")
+    follow(ROOT / "docs/tutorials/5_cluster.md", tmp_path, monkeypatch, str(CLUSTER),
+           "/usr/bin/mpiexec")
 
 
 def follow(path, tmp_path, monkeypatch, python, mpiexec):
     """Run a tutorial's commands with such a Python and MPI."""
     place, programs = tmp_path / "work", tmp_path / "bin"
     place.mkdir(), programs.mkdir()
-    for name, call in (("orchestrator", f"{python} -m orchestrator"), ("python", python), ("mpiexec", mpiexec)):
+    for name, call in (("orchestrator", f"{python} -m orchestrator"), ("python", python),
+                       ("mpiexec", mpiexec)):
         (programs / name).write_text(f'#!/bin/sh\nexec {call} "$@"\n')
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)
     for name, value in {**ALLOWED, "COLUMNS": "80", "TERM": "dumb"}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(place)
@@ -61,7 +61,6 @@ def follow(path, tmp_path, monkeypatch, python, mpiexec):
     assert done >= 2
 
 
-@pytest.mark.long
 def test_every_cell_of_the_notebook(tmp_path, monkeypatch):
     """Run one after the other, in one session; each prints what is shown below it."""
     monkeypatch.chdir(tmp_path)
@@ -70,11 +69,24 @@ def test_every_cell_of_the_notebook(tmp_path, monkeypatch):
         if cell["cell_type"] == "code":
             with redirect_stdout(io.StringIO()) as printed:
                 exec(compile("".join(cell["source"]), f"cell {number}", "exec"), session)
-            shown = [line for output in cell["outputs"] for line in "".join(output["text"]).splitlines()]
+            shown = "".join("".join(output["text"]) for output in cell["outputs"]).splitlines()
             compare(f"cell {number}", shown, printed.getvalue())
             told += bool(shown)
     assert told >= 5 and (tmp_path / "push.png").is_file()
-    assert not compared("results/python", "results/python").different
+    assert call("compare", "results/python", "results/python").code == 0
+
+
+def followed(path):
+    """Yield every command of a tutorial and the lines that it shows; write the files above it
+    here."""
+    for name, language, text in FENCE.findall(path.read_text(encoding="utf-8")):
+        if name:
+            Path(name).write_text(text, encoding="utf-8")
+            Path(name).chmod(0o755 if text.startswith("#!") else 0o644)
+        elif language == "console":
+            for block in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+                command, *shown = block.splitlines()
+                yield command, shown
 
 
 def output_of(command: str) -> str:
@@ -83,8 +95,8 @@ def output_of(command: str) -> str:
     if program == "orchestrator":
         quick = ["--set", "output.figures=false"] if words[0] == "run" else []
         done = call(*words, *quick)
-        assert done.exit_code in ((1,) if command.endswith(MAY_FAIL) else (0,)), f"{command}\n{done.output}"
-        return done.output
+        assert done.code == command.endswith(MAY_FAIL), f"{command}\n{done.out}{done.err}"
+        return done.out + done.err
     done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
     return done.stdout
@@ -93,7 +105,8 @@ def output_of(command: str) -> str:
 def compare(command: str, shown: list[str], printed: str) -> None:
     lines = iter(printed.splitlines())
     for wanted in filter(lambda line: line.strip(" …"), shown):
-        assert any(alike(wanted, line) for line in lines), f"{command}\nprints no {wanted!r}\n{printed}"
+        found = any(alike(wanted, line) for line in lines)
+        assert found, f"{command}\nprints no {wanted!r}\n{printed}"
 
 
 def alike(wanted: str, line: str) -> bool:
@@ -101,9 +114,11 @@ def alike(wanted: str, line: str) -> bool:
     start = wanted.rstrip().endswith("…")
     wanted = " ".join(wanted.rstrip(" …").split())
     line = " ".join(line.split())
-    pattern = r"(-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?)".join(map(re.escape, NUMBER.split(wanted))) + ("" if start else "$")
+    number = r"(-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?)"
+    pattern = number.join(map(re.escape, NUMBER.split(wanted))) + ("" if start else "$")
     found = re.match(pattern, line)
-    return bool(found) and all(close(a, b) for a, b in zip(NUMBER.findall(wanted), found.groups(), strict=True))
+    pairs = zip(NUMBER.findall(wanted), found.groups(), strict=True) if found else ()
+    return bool(found) and all(close(a, b) for a, b in pairs)
 
 
 def close(wanted: str, found: str) -> bool:
