@@ -211,7 +211,7 @@ def test_flat_joints_without_faces(tmp_path, kind):
 
 @pytest.mark.parametrize("text, message", [("1,2,3\n", "3 numbers"), ("5,1,0,0\n5,1,0,0\n", "a second time"), ("99,1,0,0\n", "node 99"),
                                            ("5,1,0,0,1,0,0\n", "2 columns of loads for 1"),
-                                           ("5,1,0,0\n6,x,0,0\n", ":2: a word that is no number")])
+                                           ("5,1,0,0\n6,x,0,0\n", ":2: field 2 is no number")])
 def test_wrong_tables_of_forces(tmp_path, text, message):
     write_matrix(tmp_path)
     (tmp_path / "f.csv").write_text(text)

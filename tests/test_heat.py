@@ -229,9 +229,10 @@ def test_a_thin_part_needs_rows_on_both_faces(tmp_path):
 
 
 @pytest.mark.parametrize("content, words", [
-    ("0 0 0", "3 columns"), ("0 0 0 warm", "line 1, column 4: no number"), ("0 0 0 1", "no row for"),
-    ("0 0 0 nan", "not all of them numbers"),
-    ("", "0 columns in 0 rows"), ("# x y z T", "0 columns in 0 rows"), ("0;0;0;20,5", "decimal point"), ("0 0 0 1e999", "not all of them"),
+    ("0 0 0", "3 columns"), ("0 0 0 warm", "warm.csv:1: field 4 is no number"), ("0 0 0 1", "no row for"),
+    ("0 0 0 nan", "warm.csv:1: a number that is not finite"),
+    ("", "no numbers"), ("# x y z T", "no numbers"), ("0;0.5;0;20,5", "decimal points"),
+    ("0 0 0 1e999", "warm.csv:1: a number that is not finite"),
     (None, "no file")])
 def test_what_is_wrong_with_a_file_of_temperatures_is_told_with_its_line(content, words, tmp_path):
     if content is not None:

@@ -1,8 +1,6 @@
-"""Tables of nodes and faces beside a stiffness matrix: numbers in lines, separated by commas or blanks."""
+"""Tables of nodes, faces and nodal forces beside a stiffness matrix."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +8,7 @@ from orchestrator.config.mesh import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
+from orchestrator.scene.number_table import Table
 
 
 def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
@@ -121,28 +120,9 @@ def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
 
 
 def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
-    """Lines with numbers, each with its number; comments (#) and a heading are passed over."""
-    found = []
-    try:
-        lines = Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise wrong(path, f"{file}: {error.strerror}", "a file that is there") from error
-    for number, line in enumerate(lines, 1):
-        words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
-        if not words:
-            continue
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            if found:
-                raise _bad(path, file, number, "a word that is no number", what) from None
-            continue
-        if not np.isfinite(row).all():
-            raise _bad(path, file, number, "a number that is not finite", "finite numbers")
-        found.append((number, row))
-    if not found:
-        raise wrong(path, f"{file}: no numbers", f"lines of {what}")
-    return found
+    """Return the lines with numbers, each with its number in the file."""
+    table = Table(file, path, what)
+    return list(zip(table.lines, table.rows))
 
 
 def _bad(path: KeyPath, file: str, line: int, found: str, expected: str, cure: str = "mend the line") -> InputError:

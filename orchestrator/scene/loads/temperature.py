@@ -10,7 +10,6 @@ by themselves on every tet.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,13 @@ import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Name, Part, Vector, either
-from orchestrator.errors import KeyPath, Problem, Problems
+from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import InVolumes, Kind, Strain
 from orchestrator.scene.mesh.geometry import format_point, shape_gradients, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TET_POINTS, quadratic_slopes
+from orchestrator.scene.number_table import Table
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.
@@ -100,21 +100,13 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
     expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
     try:
-        text = path.read_text(encoding="utf-8")
-        if ";" in text and "," in text:
-            raise ValueError("commas beside semicolons: numbers have a decimal point")
-        lines = [(i, line) for i, line in enumerate(text.replace(",", " ").replace(";", " ").splitlines(), 1)
-                 if line.partition("#")[0].strip()]
-        rows = np.loadtxt([line for _, line in lines], ndmin=2) if lines else np.empty((0, 0))
-    except (OSError, ValueError) as error:  # what numpy says quotes the file, which may be another than is meant
-        place = re.search(r"at row (\d+), column (\d+)", str(error))
-        found = f"line {lines[int(place[1])][0]}, column {place[2]}: no number" if place else getattr(error, "strerror", None) or (
-            str(error) if "commas beside" in str(error) else "rows of different lengths, or no text")
-        problems.add(key, f"{path}: {found}", expected, "write such a file, for instance with numpy.savetxt")
+        table = Table(path, key, expected)
+        lines, rows = table.lines, table.array()
+    except InputError as error:
+        problems.found += error.problems
         return None
-    if rows.shape[1] not in (4, 3 + len(times)) or not np.isfinite(rows).all():
-        odd = "" if np.isfinite(rows).all() else ", not all of them numbers"
-        problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows{odd}", expected,
+    if rows.shape[1] not in (4, 3 + len(times)):
+        problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows", expected,
                      "write such a file, for instance with numpy.savetxt")
         return None
     from scipy.spatial import cKDTree  # temperatures from files alone need it
@@ -138,8 +130,8 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
         at = int(np.searchsorted(start, worst, side="right")) - 1
         column = 3 + int(np.abs(rows[chosen[worst], 3:] - rows[nearest[at], 3:]).argmax())
         one, other = sorted((nearest[at], chosen[worst]))
-        problems.add(key, f"{path}: two temperatures at {format_point(points[at])}: {rows[one, column]:.6g} on line {lines[one][0]} and "
-                     f"{rows[other, column]:.6g} on line {lines[other][0]}", "one temperature at each place",
+        problems.add(key, f"{path}: two temperatures at {format_point(points[at])}: {rows[one, column]:.6g} on line {lines[one]} and "
+                     f"{rows[other, column]:.6g} on line {lines[other]}", "one temperature at each place",
                      "where bodies of different temperature "
                      "touch, write a file for each of them, and an entry of loads with on: and that file")
         return None
