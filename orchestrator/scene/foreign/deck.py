@@ -19,8 +19,9 @@ from orchestrator.errors import InputError, KeyPath, Problem, wrong
 from orchestrator.scene.foreign.surfaces import forgotten, holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
-from orchestrator.scene.mesh.inp_cards import (Inclusion, Model, Row, cards, cards_of_a_model,
-                                               heading, numbers, outer)
+from orchestrator.scene.mesh.inp_cards import (Inclusion, Row, cards, cards_of_a_model, heading,
+                                               numbers)
+from orchestrator.scene.mesh.inp_model import Model, outer
 from orchestrator.scene.mesh.splitting import CORNERS, EDGES, SIDES
 
 SHAPES = {count: shape for count, shape in SOLIDS.items() if shape != "pyramid"}  # CalculiX has none
@@ -108,6 +109,10 @@ class Deck(Model):
         self.path, self.file = path, file
         check_cards(file, path, nonlinear)
         self.cards = cards_of_a_model(file)
+        for *_, rows in self.cards:
+            if rows[0].scope.start:
+                rows[0].fail("lines of a *PART: CalculiX knows no parts",
+                             "one list of nodes and elements")
         super().__init__(self.cards, _solid, ["NSET"])
         if not len(self.nodes):
             raise wrong(path, f"{file}: no nodes", "*NODE with number, x, y, z", "name the file that has the nodes, or that includes it")

@@ -7,12 +7,14 @@ those that have all their corners in it. Everything else of a deck (matter, step
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import Card, Model, Row, cards_of_a_model, outer, problem
+from orchestrator.scene.mesh.inp_cards import PER_SCOPE, Card, Row, cards_of_a_model, problem
+from orchestrator.scene.mesh.inp_model import Model, outer
 from orchestrator.scene.mesh.splitting import SIDES
 
 # meshio's words of solid elements, by number of nodes
@@ -33,6 +35,9 @@ def read_inp(path: Path) -> meshio.Mesh:
     for card, _, rows in cards:
         if card in ("SYSTEM", "INSTANCE"):
             rows[0].fail(f"*{card}, which moves nodes", "nodes in one system of coordinates, where they are")
+    scopes = [rows[0].scope for *_, rows in cards]
+    if any(scope.placed for scope in scopes):  # parts without an instance are not in the model
+        cards = [card for card, own in zip(cards, scopes) if own.placed or not own.start]
     return _Mesh(cards).mesh()
 
 
@@ -45,12 +50,20 @@ class _Mesh(Model):
 
     def __init__(self, cards: list[Card]):
         super().__init__(cards, _shape)
+        self._cards = cards
         self.surfaces: dict[str, list[tuple[str, int, Row]]] = {}
         self.passed: dict[str, str] = {}
+        own, serving = _upper(cards, "ELEMENT"), set()
+        sections = {key for kind in {card for card, *_ in cards} if kind.endswith("SECTION")
+                    for key in _upper(cards, kind)}
         for card, options, rows in cards:
+            prefix = rows[0].scope.prefix
+            name = options.get("ELSET", "")
+            if card == "ELSET" and ("INTERNAL" in options or name.startswith("_")):
+                serving.add((prefix + name).upper())
             if card != "SURFACE" or options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
                 continue
-            name = options.get("NAME", "")
+            name = prefix + options.get("NAME", "")
             faces = self.surfaces.setdefault(name, [])
             for row in rows:
                 side = row.words[1].upper() if len(row.words) > 1 else ""
@@ -59,23 +72,30 @@ class _Mesh(Model):
                 elif side not in ("S1", "S2", "S3", "S4", "S5", "S6"):
                     row.fail("a face that is not named so", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
                 else:
-                    faces.append((row.words[0], int(side[1]) - 1, row))
+                    word = row.words[0]
+                    if not word.isdigit() and self.named("ELSET", prefix + word) is not None:
+                        word = prefix + word
+                    faces.append((word, int(side[1]) - 1, row))
+                    serving.add(word.upper())
+        self.aside = serving - own - sections  # sets that serve surfaces or the program that wrote the file
 
     def mesh(self) -> meshio.Mesh:
         """The file as a mesh, with its elements' groups."""
-        ids = self.nodes[:, 0].astype(int)
-        place = np.full(int(ids.max(initial=0)) + 2, -1)
-        place[ids] = np.arange(len(ids))
-        blocks, numbers = {}, {kind: table[:, 0] for kind, table in self.blocks.items()}
+        self._check_once()
+        ids, blocks = self.nodes[:, 0].astype(int), {}
+        numbers = {kind: table[:, 0] for kind, table in self.blocks.items()}
         for kind, table in self.blocks.items():
-            blocks[kind] = place[np.clip(table[:, 1:], 0, len(place) - 1)]
+            blocks[kind] = _place(ids, table[:, 1:])
             if (blocks[kind] < 0).any():
-                raise problem("", f"an element has node {table[:, 1:][blocks[kind] < 0][0]}, which is not there",
+                lost = table[:, 1:][blocks[kind] < 0][0] % PER_SCOPE
+                raise problem("", f"an element has node {lost}, which is not there",
                               "the nodes of every element")
         cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
-        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in self.sets["ELSET"].items()
-                 if name}
-        for name, faces in self._faces(blocks, numbers, place).items():
+        named = {scope.name: [np.flatnonzero(numbers[kind] // PER_SCOPE * PER_SCOPE == scope.start)
+                              for kind in blocks] for scope in self.scopes.values() if scope.start}
+        named |= {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks]
+                  for name, members in self._volumes().items()}
+        for name, faces in self._faces(blocks, numbers, ids).items():
             for kind, width in (("triangle", 3), ("quad", 4)):
                 of_kind = faces[(faces[:, 3] == _NO_NODE) == (width == 3), :width]
                 # A surface that holds nothing is there, empty.
@@ -85,10 +105,17 @@ class _Mesh(Model):
                     named[name].append(np.arange(len(of_kind)))
         for members in named.values():
             members += [_NONE] * (len(cells) - len(members))
+        prefixes = [scope.prefix for scope in self.scopes.values() if scope.start]
+        short = {name: next((name[len(p):] for p in prefixes if name.startswith(p)), name)
+                 for name in named}
+        count = Counter(name.upper() for name in short.values())  # of several with their instance
+        named = {short[name] if count[short[name].upper()] == 1 else name: members
+                 for name, members in named.items()}
         return meshio.Mesh(self.nodes[:, 1:], cells, cell_sets=named, info={"remarks": [
             f"surface '{name}' is passed over: {where}, of shells or beams" for name, where in self.passed.items()]})
 
-    def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray], place: np.ndarray) -> dict[str, np.ndarray]:
+    def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray],
+               node_ids: np.ndarray) -> dict[str, np.ndarray]:
         """Corners (f, 4) of the faces of each surface and node set, of triangles with _NO_NODE as the fourth."""
         solids = [(kind, shape) for kind in blocks for shape in SIDES if kind.rstrip("0123456789") == shape]
         if not solids:
@@ -100,13 +127,15 @@ class _Mesh(Model):
             for side, corners in enumerate(SIDES[shape]):
                 table[rows, side, : len(corners)] = blocks[kind][:, corners]
         there, order, found = table[:, :, 0] != _NO_NODE, np.argsort(ids), {}
+        table = _without_repeats(table)
         for name, entries in self.surfaces.items():
             if name in self.passed:
                 continue
             chosen = [np.empty((0, 4), dtype=int)]
             for word, side, row in entries:
                 members = self.named("ELSET", word)
-                members = (np.array([int(word)]) if word.isdigit() else _NONE) if members is None else members
+                if members is None:
+                    members = np.array([int(word) + row.scope.start]) if word.isdigit() else _NONE
                 at = order[np.clip(np.searchsorted(ids[order], members), 0, len(ids) - 1)]
                 at = at[ids[at] == members]
                 if not there[at, side].all():
@@ -114,17 +143,71 @@ class _Mesh(Model):
                              "S1 … S4 of a tetrahedron, … S5 of a prism, … S6 of a hexahedron")
                 chosen.append(table[at, side])
             found[name] = np.concatenate(chosen)
-        skin = outer(table[there])
-        inside = np.zeros(len(self.nodes) + 1, dtype=bool)
+            found[name] = found[name][found[name][:, 0] != _NO_NODE]
+        skin = outer(table[table[:, :, 0] != _NO_NODE])
+        inside = np.zeros(len(node_ids) + 1, dtype=bool)
         for name, members in self.sets["NSET"].items():
-            if name and name not in found and name not in self.sets["ELSET"]:
+            if name and name not in found and not self._is_volume(name):
+                at = _place(node_ids, members)
                 inside[:] = False
-                inside[place[members[(members >= 0) & (members < len(place))]]] = True
+                inside[at[at >= 0]] = True
                 inside[_NO_NODE] = True
                 chosen = skin[inside[skin].all(axis=1)]
                 if len(chosen):
                     found[name] = chosen
         return found
+
+    def _volumes(self) -> dict[str, np.ndarray]:
+        """Return the element sets that name volumes: not those that serve surfaces, nor the
+        elements beside a node set of the same name."""
+        return {name: members for name, members in self.sets["ELSET"].items()
+                if name and name.upper() not in self.aside and (self.named("NSET", name) is None or self._is_volume(name))}
+
+    def _is_volume(self, name: str) -> bool:
+        """Return whether an element set of this name has no nodes but those of a node set that is
+        called so: both stand for a body; else for a face and the elements beside it."""
+        elements, nodes = self.named("ELSET", name), self.named("NSET", name)
+        return elements is not None and nodes is not None and all(
+            np.isin(table[np.isin(table[:, 0], elements), 1:], nodes).all()
+            for table in self.blocks.values())
+
+    def _check_once(self) -> None:
+        """Raises InputError for two nodes at different places, or two elements, of one number."""
+        nodes = self.nodes[np.argsort(self.nodes[:, 0], kind="stable")]
+        elements = np.concatenate([_NONE, *(table[:, 0] for table in self.blocks.values())])
+        step = np.diff(nodes, axis=0)
+        same = (step[:, 0] == 0) & (step[:, 1:] != 0).any(axis=1)
+        numbers, count = np.unique(elements, return_counts=True)
+        for card, twice in (("NODE", nodes[1:][same, 0]), ("ELEMENT", numbers[count > 1])):
+            lines = [row for own, _, rows in self._cards if own == card for row in rows]
+            for row in reversed(lines if len(twice) else []):
+                if row.words[0] == str(int(twice[0]) - row.scope.start):
+                    row.fail(f"{card.lower()} {row.words[0]} a second time",
+                             "each once; *PART and *INSTANCE have numbers of their own")
+
+
+def _without_repeats(faces: np.ndarray) -> np.ndarray:
+    """Return faces (m, 6, 4) of collapsed elements by their corners: quads with one given twice
+    are triangles, and what has two corners none."""
+    again = np.stack([(faces[..., :k] == faces[..., k, None]).any(axis=-1) for k in range(4)], -1)
+    first = np.argsort(again, axis=-1, kind="stable")
+    kept = np.take_along_axis(np.where(again, _NO_NODE, faces), first, axis=-1)
+    return np.where((kept[..., 2] == _NO_NODE)[..., None], _NO_NODE, kept)
+
+
+def _upper(cards: list[Card], card: str) -> set[str]:
+    """Names of the element sets that cards of a keyword have, in capitals."""
+    return {(rows[0].scope.prefix + options.get("ELSET", "")).upper()
+            for own, options, rows in cards if own == card}
+
+
+def _place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Places of numbers among ``ids`` (n,); -1 of what is none of them."""
+    if not len(ids):
+        return np.full(np.shape(wanted), -1)
+    order = np.argsort(ids, kind="stable")
+    at = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
+    return np.where(ids[at] == wanted, at, -1)
 
 
 def _shape(kind: str, row: Row) -> tuple[str, int]:

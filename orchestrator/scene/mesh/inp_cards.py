@@ -1,4 +1,4 @@
-"""CalculiX's and Abaqus's .inp files: cards, files included, and the nodes, elements and sets that they give.
+"""CalculiX's and Abaqus's .inp files: cards, and files included.
 
 Read here, not by a library: meshio 5.3 takes no nodes that an *INCLUDE gives before the elements, no *SURFACE and no exponent
 D, and tells no line. Beside meshes, decks that are parts are read, which have more cards than a mesh.
@@ -8,7 +8,7 @@ Messages tell file and line and never what stands there: an *INCLUDE may name an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -20,6 +20,29 @@ from orchestrator.errors import InputError, wrong
 _DEPTH, _MOST = 20, 1000  # files within each other, and files in all
 
 
+@dataclass(slots=True, eq=False)
+class Scope:
+    """Where numbers and names of cards mean something: a part with its instance, or all the rest.
+
+    start : added to numbers, so that those of different scopes differ
+    name : of the instance, or of a part that has none; empty: the assembly, a file without parts
+    placed : whether an instance is there
+    """
+
+    start: int = 0
+    name: str = ""
+    placed: bool = False
+
+    @property
+    def prefix(self) -> str:
+        """What stands before names where others than its own cards use them."""
+        return self.name and self.name + "."
+
+
+_WHOLE = Scope()
+PER_SCOPE = 1 << 32  # numbers of nodes and elements stay below
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """A line of numbers or names."""
@@ -27,6 +50,7 @@ class Row:
     text: str
     file: Path
     line: int
+    scope: Scope = _WHOLE
 
     @property
     def words(self) -> list[str]:
@@ -41,6 +65,8 @@ class Row:
         """A number among its entries."""
         if not word.isdigit():
             self.fail("a word that is no number and names no set", "a whole number, or the name of a set defined before")
+        if int(word) >= PER_SCOPE:
+            self.fail(f"the number {word}", f"numbers below {PER_SCOPE}")
         return int(word)
 
 
@@ -58,80 +84,6 @@ def numbers(rows: list[Row]) -> np.ndarray:
         for row in rows:
             numbers([row])
         raise
-
-
-def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
-    """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third coordinate (a normal) is passed over,
-    coordinates that are left out are 0.
-
-    Raises InputError: what is no number; coordinates that are not Cartesian
-    """
-    if options.get("SYSTEM", "R").upper() != "R":
-        rows[0].fail(f"nodes in SYSTEM={options['SYSTEM'][:12]}", "Cartesian coordinates")
-    full = rows
-    if any(row.text.count(",") != 3 or ",," in row.text.replace(" ", "") for row in rows):
-        full = [Row(",".join([word or "0" for word in row.words[:4]] + ["0"] * (4 - len(row.words))), row.file, row.line) for row in rows]
-    table = numbers(full).reshape(-1, 4)
-    bad = np.flatnonzero(~((table[:, 0] >= 1) & (table[:, 0] == np.floor(table[:, 0]))))
-    if len(bad):
-        rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node", "a whole number from 1")
-    return table
-
-
-class Model:
-    """Nodes, elements and sets of a file.
-
-    cards : of the file
-    shape : type of an element, and the line that has it → a name for its shape and its number of nodes; None: passed over
-    sets : kinds of sets that are read
-    nodes : (n, 4) float, numbers and coordinates; of equal numbers CalculiX takes the last
-    blocks : shape → (m, 1 + nodes) int, numbers of elements and of their nodes
-    sets : kind → name → members, ascending; names as they are written first, capitals do not count
-    """
-
-    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None], sets: Sequence[str] = ("NSET", "ELSET")):
-        nodes, blocks, self._parts = [np.empty((0, 4))], {}, {kind: {} for kind in sets}
-        for card, options, rows in cards:
-            if card == "NODE":
-                nodes.append(node_table(options, rows))
-                self._put("NSET", options, [nodes[-1][:, 0].astype(int)])
-            elif card == "ELEMENT" and (known := shape(options.get("TYPE", "").upper(), rows[0])):
-                kind, count = known
-                table = numbers(rows).astype(int)
-                if len(table) % (count + 1):
-                    rows[0].fail(f"{len(table)} numbers for elements of {count} nodes", f"a number and {count} nodes for each")
-                blocks.setdefault(kind, []).append(table.reshape(-1, count + 1))
-                self._put("ELSET", options, [blocks[kind][-1][:, 0]])
-            elif card in self._parts:
-                self._put(card, {card: "", **options}, self._members(card, options, rows))
-        self.nodes, self.blocks = np.vstack(nodes), {kind: np.vstack(tables) for kind, tables in blocks.items()}
-        self.sets = {kind: {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()} for kind, sets in self._parts.items()}
-
-    def named(self, kind: str, name: str) -> np.ndarray | None:
-        """Members of the set of a name; None where there is none."""
-        return next((members for own, members in self.sets[kind].items() if own.upper() == name.upper()), None)
-
-    def _put(self, kind: str, options: dict[str, str], members: list[np.ndarray]) -> None:
-        if kind in options and kind in self._parts:
-            sets = self._parts[kind]
-            sets.setdefault(next((own for own in sets if own.upper() == options[kind].upper()), options[kind]), []).extend(members)
-
-    def _members(self, kind: str, options: dict[str, str], rows: list[Row]) -> list[np.ndarray]:
-        names = {name.upper(): parts for name, parts in self._parts[kind].items()}
-        found: list[np.ndarray] = [np.empty(0, dtype=int)]
-        for row in rows:
-            if "GENERATE" in options:
-                first, last, *step = (row.integer(word) for word in row.words)
-                found.append(np.arange(first, last + 1, *step))
-            else:
-                found += [part for word in filter(None, row.words) for part in names.get(word.upper()) or [np.array([row.integer(word)])]]
-        return found
-
-
-def outer(faces: np.ndarray) -> np.ndarray:
-    """Outer faces: those of faces (f, n) of elements that only one has."""
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    return faces[np.sort(first[count == 1])]
 
 
 class Inclusion:
@@ -185,17 +137,31 @@ def heading(text: str) -> tuple[str, dict[str, str]]:
 
 
 def cards(path: Path) -> Iterator[Card]:
-    """The cards that have lines, up to the first *STEP; the keyword is empty for data above the first card."""
-    card, options, rows = "", {}, []
+    """The cards that have lines, up to the first *STEP; the keyword is empty for data above the first card.
+
+    Raises InputError: two instances of a part, which would be at one place: those that are moved are refused by ``inp``
+    """
+    card, options, rows, scope = "", {}, [], _WHOLE
+    parts: dict[str, Scope] = {}
     for text, file, number in Inclusion(path).spliced():
         if not text.startswith("*"):
-            rows.append(Row(text.rstrip(", "), file, number))
+            rows.append(Row(text.rstrip(", "), file, number, scope))
             continue
         if rows:
             yield card, options, rows
         (card, options), rows = heading(text), []
         if card == "STEP":
             return
+        if card == "PART":
+            scope = parts[options.get("NAME", "").upper()] = Scope((len(parts) + 1) * PER_SCOPE, options.get("NAME", ""))
+        elif card == "INSTANCE":
+            part = options.get("PART", "").upper()
+            scope = parts.setdefault(part, Scope((len(parts) + 1) * PER_SCOPE))
+            if scope.placed:
+                raise problem(f"{file}:{number}: ", "a second instance of a part", "one instance of each part")
+            scope.name, scope.placed = options.get("NAME", ""), True
+        elif card in ("END PART", "ASSEMBLY", "END INSTANCE", "END ASSEMBLY"):
+            scope = _WHOLE
     if rows:
         yield card, options, rows
 

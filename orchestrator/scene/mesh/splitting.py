@@ -84,7 +84,8 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
         pieces, parent = cells, np.arange(len(cells))
         if kind == "quad":
             pieces, parent = _from_first(cells, order)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), np.repeat(parent, 2)
-            kind = "triangle"
+            whole = (pieces != np.roll(pieces, 1, axis=1)).all(axis=1)  # of a quad with three corners one is a triangle
+            pieces, parent, kind = pieces[whole], parent[whole], "triangle"
         elif kind in FACES:
             pieces, parent = _turned(raw.points, *_tets(cells, kind, order), cells, kind, source)
             quads += [cells[:, face] for face in FACES[kind] if len(face) == 4]
