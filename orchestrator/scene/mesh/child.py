@@ -17,6 +17,7 @@ import resource
 import struct
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -77,29 +78,29 @@ def by_gmsh(source: str, target: str) -> None:
         gmsh.merge(source)
     except Exception as error:
         raise RuntimeError(str(error).strip() or gmsh.logger.getLastError()) from None
-    for group in gmsh.model.getPhysicalGroups():
-        name = gmsh.model.getPhysicalName(*group)
-        if name != name.strip():  # MED's have 80 letters
-            gmsh.model.removePhysicalName(name)
-            gmsh.model.setPhysicalName(*group, name.strip())
-    gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_in_groups(gmsh.model) else 1)
+    names = {group: gmsh.model.getPhysicalName(*group).strip()  # MED's have 80 letters
+             for group in gmsh.model.getPhysicalGroups()}
+    free = _free_volumes(gmsh.model, names)
+    for name in {gmsh.model.getPhysicalName(*group) for group in (*names, *free)} - {""}:
+        gmsh.model.removePhysicalName(name)  # of all dimensions, and of groups that are no more
+    for group, name in {**names, **free}.items():
+        if name:
+            gmsh.model.setPhysicalName(*group, name)
+    gmsh.model.mesh.renumberNodes()  # readers keep an array as long as the largest number
+    gmsh.model.mesh.renumberElements()
+    gmsh.option.setNumber("Mesh.SaveAll", 0 if names else 1)
     gmsh.option.setNumber("Mesh.Binary", 1)
     gmsh.write(target)
 
 
-def _all_in_groups(model: Any) -> bool:
-    """Puts gmsh's volumes that are in no physical group in groups, if anything is in one: without, meshio reads no such file."""
-    groups = model.getPhysicalGroups()
-    if not groups:
-        return False
+def _free_volumes(model: Any, groups: Iterable[tuple[int, int]]) -> dict[tuple[int, int], str]:
+    """Put gmsh's volumes that are in no physical group in groups, if anything is in one, and
+    return the names of these: without, meshio reads no such file."""
     held = [tag for d, number in groups if d == 3 for tag in model.getEntitiesForPhysicalGroup(3, number)]
-    free = [tag for _, tag in model.getEntities(3) if tag not in held and len(model.mesh.getElementTypes(3, tag))]
-    for tags, name in [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]:
-        number = model.addPhysicalGroup(3, tags)
-        if old := model.getPhysicalName(3, number):  # of a group that is no more
-            model.removePhysicalName(old)
-        model.setPhysicalName(3, number, name)
-    return True
+    free = [tag for _, tag in model.getEntities(3) if groups and tag not in held
+            and len(model.mesh.getElementTypes(3, tag))]
+    asked = [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]
+    return {(3, model.addPhysicalGroup(3, tags)): name for tags, name in asked}
 
 
 def by_vtk(source: str, target: str) -> None:

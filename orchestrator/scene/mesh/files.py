@@ -19,7 +19,7 @@ import numpy as np
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.faces import LOCAL_FACES, MAX_NODES, pack
-from orchestrator.scene.mesh.groups import cells_of, physical_names, volumes_of
+from orchestrator.scene.mesh.groups import cells_of, far_apart, named_groups, physical_names, volumes_of
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.checks import HEAD, bad_file, check_content, check_memory, memory_left
@@ -140,7 +140,7 @@ def _load(path: Path) -> meshio.Mesh:
                        "'volume' that tells them apart, or name each one's file under parts:")
     if ending == ".inp":
         return read_inp(path)
-    if ending in BY_GMSH:
+    if ending in BY_GMSH or ending == ".msh" and _far_apart(path):
         return _read_by_gmsh(path)
     if ending != ".msh":  # that of ANSYS begins otherwise, and meshio knows it
         check_content(path, ("mesh", "file"))
@@ -150,7 +150,10 @@ def _load(path: Path) -> meshio.Mesh:
         _check_beside(path)
     try:
         with redirect_stderr(heard := io.StringIO()), redirect_stdout(heard):  # meshio prints its complaint and ends the program
-            return meshio.read(path)
+            found = meshio.read(path)
+        if ending == ".msh":
+            found.field_data = named_groups(path)
+        return found
     except (Exception, SystemExit):
         if ending == ".msh":  # meshio knows no file with groups for some of its elements only
             return _read_by_gmsh(path)
@@ -158,6 +161,14 @@ def _load(path: Path) -> meshio.Mesh:
         raise bad_file(path, f"cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
                        "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
                        "check that the ending fits the content, or convert it with gmsh") from None
+
+
+def _far_apart(path: Path) -> bool:
+    """As ``groups.far_apart``; False of a file that its reader will find damaged, or of another program."""
+    try:
+        return far_apart(path)
+    except (ValueError, IndexError):
+        return False
 
 
 def _check_beside(path: Path) -> None:
@@ -179,19 +190,47 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
     """
     check_there("gmsh")
     check_content(path, ("mesh", "file"))
+    if path.suffix.lower() in (".bdf", ".nas"):
+        _check_cards(path)
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
         source, target = Path(folder) / f"source{path.suffix.lower()}", Path(folder) / "mesh.msh"
-        source.symlink_to(path.resolve())
+        if path.suffix.lower() == ".unv":  # gmsh passes over names in 2467, written as in 2477
+            source.write_bytes(re.sub(rb"(?m)^(\s*-1\s*\n\s*)2467(\s*)$", rb"\g<1>2477\2",
+                                      path.read_bytes()))
+        else:
+            source.symlink_to(path.resolve())
         if complaint := apart(memory_left(), source, target, folder):
             raise bad_file(path, f"cannot be read by gmsh: {complaint.replace(source.name, path.name)}", "a mesh file that gmsh reads",
                            "check that the ending fits the content, or save it as .msh")
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 found = meshio.read(target)
+            found.field_data = named_groups(target)
         except (Exception, SystemExit):  # meshio prints its complaint and ends the program
             raise bad_file(path, "cannot be read: gmsh finds no mesh in it", "nodes and elements",
                            "save the mesh again, with its volume elements") from None
     return found
+
+
+def _check_cards(path: Path) -> None:
+    """Raise InputError for Nastran's cards that gmsh passes over though nodes hang on them:
+    coordinate systems, files included."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    for number, line in enumerate(text.splitlines(), 1):
+        card = re.match(r"(GRID|GRDSET|INCLUDE)\b(\*?)", line, re.IGNORECASE)
+        if card is None:
+            continue
+        wide = 16 if card[2] else 8
+        system = line[8 + wide : 8 + 2 * wide] if "," not in line else (
+            line.split("$")[0].split(",") + ["", ""])[2]
+        if card[1].upper() == "INCLUDE":
+            raise bad_file(f"{path}:{number}", "a file included, which is not read",
+                           "all cards in one file", "put it in the place of INCLUDE")
+        if system.strip() not in ("", "0"):
+            found = f"a {card[1].upper()} card with coordinates in system {system.strip()[:8]}"
+            raise bad_file(f"{path}:{number}", found, "nodes in the basic system (CP blank or 0)",
+                           "have the pre-processor write nodes in the basic system, or save the "
+                           "mesh as .msh or .unv")
 
 
 def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import meshio
 import numpy as np
 
 # Where the formats keep the number of each cell's group, the most telling first.
 TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref", "netgen:index")
+
+# Numbers of nodes up to so many times their count, and so many more, cost little.
+FAR, FEW = 10, 1_000_000
 
 
 def cells_of(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:
@@ -67,5 +73,43 @@ def volumes_of(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[lis
 
 
 def physical_names(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:
-    """gmsh's physical names, each with its tag and dimension."""
-    return [(name, tuple(map(int, np.ravel(value)[:2]))) for name, value in raw.field_data.items() if np.size(value) >= 2]
+    """gmsh's physical names, each with its tag and dimension; one name may be there in several
+    dimensions, see ``named_groups``."""
+    return [(name, tuple(map(int, pair))) for name, value in raw.field_data.items() if np.size(value) >= 2
+            for pair in np.reshape(value, (-1, 2))]
+
+
+def named_groups(path: Path) -> dict[str, np.ndarray]:
+    """Return (k, 2) tags and dimensions of each physical name of a gmsh file: meshio keeps the
+    last dimension of a name alone."""
+    found: dict[str, list[list[int]]] = {}
+    with path.open("rb") as file:
+        for line in file:
+            if line.startswith((b"$Nodes", b"$Elements", b"$Entities", b"$EndPhysicalNames")):
+                break
+            if group := re.match(rb'\s*(\d+)\s+(\d+)\s+"(.*)"', line):
+                name = group[3].decode(errors="replace")
+                found.setdefault(name, []).append([int(group[2]), int(group[1])])
+    return {name: np.array(pairs) for name, pairs in found.items()}
+
+
+def far_apart(path: Path) -> bool:
+    """Return whether the largest number of a node in a gmsh file is far beyond their count:
+    meshio keeps an array as long as that."""
+    with path.open("rb") as file:
+        head, _, rest = file.read().partition(b"$Nodes")
+    version, kind = (re.search(rb"\$MeshFormat\s+(\S+)\s+(\d)", head) or re.match(b"()()", b"")).groups()
+    rest = rest[rest.find(b"\n") + 1 :]
+    if version == b"4.1":
+        counts = np.frombuffer(rest[:32], np.uint64) if kind == b"1" else rest.split(None, 4)[:4]
+        _, count, _, largest = map(int, counts)
+        return bool(largest > FAR * count + FEW)
+    if not version.startswith(b"2"):
+        return False
+    line, _, table = rest.partition(b"\n")
+    count = int(line)
+    if kind == b"1":
+        numbers = np.frombuffer(table, np.dtype([("id", "i4"), ("x", "f8", 3)]), count)["id"]
+    else:
+        numbers = np.array(table.split(None, 4 * count)[: 4 * count : 4], dtype=np.int64)
+    return bool(numbers.max(initial=0) > FAR * count + FEW)
