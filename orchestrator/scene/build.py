@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.body import Body, Meshed
+from orchestrator.scene.cautions import odd_moduli
 from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, moving_as_one, prescribe, resolve_boundary
 from orchestrator.scene.conditions.selection import assign_codes, cells_loaded
@@ -172,7 +173,10 @@ def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Pr
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
     """Adds warnings of the mesh, of names, of histories without use."""
-    problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"), *look_alike(mesh.surfaces, "surface")]
+    problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"),
+                          *look_alike(mesh.surfaces, "surface")]
+    problems.warnings += odd_moduli(config.output.units,
+                                    [(m.young, m.poisson) for m in config.matter])
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
     used |= {tool.history for tool in config.tools.values()}
     used |= {part.foreign.history for part in config.parts or [] if part.foreign is not None}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.config.model import Units
 from orchestrator.scene.interfaces.search import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
@@ -16,6 +17,16 @@ from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
 from orchestrator.scene.overview import Beside
 from orchestrator.errors import some
 
+# Units of length in m, and of force in N.
+LENGTHS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6,
+           "nm": 1e-9, "km": 1e3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
+FORCES = {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "GN": 1e9, "mN": 1e-3, "µN": 1e-6,
+          "μN": 1e-6, "uN": 1e-6, "lbf": 4.4482216, "lb": 4.4482216, "kip": 4448.2216,
+          "kips": 4448.2216, "kgf": 9.80665, "kp": 9.80665, "dyn": 1e-5}
+# Young's moduli in Pa: the softest gels, what rubber and foam stay below, diamond; and metals, to
+# tell what may be meant.
+SOFTEST, SOFT, STIFFEST, METALS = 1e3, 2e9, 1.3e12, (1e10, 7e11)
+SOFT_RATIO = 0.35  # of matter that may be softer than that
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
 
 
@@ -33,6 +44,28 @@ def locking(volumes: Sequence[str], ratio: np.ndarray) -> Iterator[str]:
     if len(stiff):
         yield (f"Poisson's ratio {ratio.max():g} in {some([volumes[v] for v in stiff])} with four-node tets (P1), which lock from about "
                f"{LOCKING:g} on: they move too little, however small the residuals; take blackbox: {{element: P2}}, which code: freefem has")
+
+
+def odd_moduli(units: Units | None, moduli: Iterable[tuple[float, float]]) -> Iterator[str]:
+    """Yield sentences on Young's moduli, each given with its Poisson's ratio, that no matter has
+    in the ``units`` that are said, where these are known here."""
+    length = LENGTHS.get(units.length.lower()) if units else None
+    force = FORCES.get(units.force) if units else None
+    if length is None or force is None:
+        return
+    for young, poisson in dict.fromkeys(moduli):
+        pascal = young * force / length**2
+        low = SOFTEST if poisson >= SOFT_RATIO else SOFT
+        if low <= pascal <= STIFFEST:
+            continue
+        per = length**2 / force
+        meant = next((young * unit for unit in (1.0, 1e9, 1e6, 1e3)
+                      if METALS[0] <= young * unit <= METALS[1]), None)
+        cure = "" if meant is None else (
+            f"; if {meant / 1e9:.4g} GPa are meant, write young: {meant * per:.4g}")
+        yield (f"young: {young:g} is {pascal / 1e9:.3g} GPa with units {units.force} and "
+               f"{units.length}, where matter of Poisson's ratio {poisson:g} has {low * per:.3g} "
+               f"to {STIFFEST * per:.3g} {units.stress}{cure}")
 
 
 def noted(scene: Scene) -> Iterator[str]:

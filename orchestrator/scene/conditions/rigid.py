@@ -23,6 +23,8 @@ ROTATION = DISPLACEMENT = 0.1
 TOUCHING = 1e-6
 # How bodies that are meshed apart are made one.
 JOINED = "join it to them by an entry of interfaces, {between: auto, law: perfect}, which bonds faces that do not match as well"
+MERGE = ('merge the nodes (pyvista: grid.clean(); gmsh: "Coherence Mesh", '
+         "model.mesh.removeDuplicateNodes())")
 # So many of the hinges that do not hold a body are described.
 SAID = 3
 
@@ -116,21 +118,29 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None) for nodes, rows in zip(own, kept)]
     hinges = [hinge for hinge in hinges if piece[hinge.cells[0]] != piece[hinge.cells[1]]]
     _hold_by_hinges([mesh.nodes[nodes] for nodes in own], left, hinges, [tuple(piece[list(hinge.cells)]) for hinge in hinges])
+    named = [[mesh.volumes[v] for v in np.unique(mesh.volume[order[a:b]])]
+             for a, b in zip(ranges[:-1], ranges[1:])]
     for i, (nodes, free) in enumerate(zip(own, left)):
         if free.shape[1] == 0:
             continue
         points = mesh.nodes[nodes]
-        parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
+        parts = named[i]
         where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
         shown = some(parts, 6)
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         said = list(dict.fromkeys(hinge.cure for hinge in hinges if i in piece[list(hinge.cells)]))
         if said:
             cure = "; ".join([cure, *said[:SAID]])
+        elif hint is not None and hint[i] and set(parts) <= {
+                v for j, names in enumerate(named) if j != i for v in names}:
+            cure = (f"{hint[i]} of its nodes coincide with nodes of another piece of the same "
+                    "volume that are numbered separately: nothing joins the pieces, and "
+                    f"interfaces join different volumes alone: {MERGE}; or, where the pieces are "
+                    "bodies of their own, give each a volume, and join them by an entry of "
+                    f"interfaces; otherwise {cure}")
         elif hint is not None and hint[i]:
             cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
-                    "faces do not match: if the parts are meant to touch, " + JOINED + ", or merge them (gmsh: Coherence; "
-                    "Mesh.removeDuplicateNodes); otherwise " + cure)
+                    "faces do not match: if the parts are meant to touch, " + JOINED + ", or merge them; otherwise " + cure)
         elif hint is not None:
             cure += f"; if it is meant to touch others, {JOINED}; or let contact with gap: geometry hold it, which reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",

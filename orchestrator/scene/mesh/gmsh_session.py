@@ -82,6 +82,23 @@ def locate(name: str) -> Path:
     return Path(name)
 
 
+def read_unit(path: Path) -> list[str]:
+    """Return a sentence on a STEP file whose lengths are not in mm, into which all are converted;
+    none of one in mm, and of a BREP file."""
+    data = path.read_bytes() if path.suffix.lower() != ".brep" else b""
+    listed = b" ".join(re.findall(rb"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\s*\(([^)]*)\)", data))
+    tags, names = set(re.findall(rb"#\d+", listed)), set()
+    for tag, text in re.findall(rb"(#\d+)\s*=([^;]*LENGTH_UNIT[^;]*);", data):
+        unit = re.sub(rb"\s", b"", text).decode(errors="replace") if tag in tags else ""
+        if own := re.search(r"CONVERSION_BASED_UNIT\('([^']*)'", unit):
+            names.add(own[1].lower())
+        elif own := re.search(r"SI_UNIT\((?:\.(\w+)\.|\$),\.METRE\.", unit):
+            names.add(f"{(own[1] or '').lower()} metre".strip())
+    return [] if names <= {"milli metre", "millimetre"} else [
+        f"the file's unit of length is the {' and the '.join(sorted(names))}: its lengths are read "
+        "in mm, and so are h and all other lengths; scale: 0.001 gives metres"]
+
+
 def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple[int, int]], list[str], list[list[int]]]:
     """Solids of a model, by dimension and tag, with their names, and shells of faces that close none, each the tags of its faces.
 
@@ -143,7 +160,7 @@ def check_h(solids: list[tuple[int, int]], h: float) -> None:
     extent = float(np.ptp(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0).max())
     if h > extent:
         raise wrong(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}", "elements smaller than the model",
-                    f"take h: {extent / 10:.2g} or less; h is in the model's own units, before scale")
+                    f"take h: {extent / 10:.2g} or less; h is in mm for STEP, whatever the file's unit, before scale")
     inside = DENSITY * sum(gmsh.model.occ.getMass(*solid) for solid in solids) / h**3
     # A plane of equilateral triangles has 1.15 nodes per h².
     faces = gmsh.model.getBoundary(solids, combined=False, oriented=False)

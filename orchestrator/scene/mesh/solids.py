@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, some, visible, wrong
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
-    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, session)
+    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, read_unit,
+    session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.mesh.size_map import Sizes, WHOLE
@@ -26,7 +27,7 @@ SHOWN = 5  # faces that one sentence names
 
 
 def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None, share: tuple[int, int] = (0, 1)) -> Mesh:
-    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
+    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h``, lengths of STEP in mm.
 
     Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes carry the solids' names; each
     geometric surface on the outer boundary is a named surface ``<solid>:<k>``, k from 1.
@@ -38,8 +39,10 @@ def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | Non
     """
     path = locate(str(mesh.step))
     if getattr(mesh, "conforming", None) is False:
-        return _apart(path, mesh, failed, sizes or {}, share)
-    return conforming(path, mesh, sizes or {})
+        made = _apart(path, mesh, failed, sizes or {}, share)
+    else:
+        made = conforming(path, mesh, sizes or {})
+    return replace(made, remarks=[*read_unit(path), *made.remarks])
 
 
 @dataclass
