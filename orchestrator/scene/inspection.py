@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from orchestrator.scene.fits import exact_distance, fits, round_faces
 from orchestrator.scene.shapes import Shape, shape_of
 from orchestrator.scene.interfaces.distances import paired_distance
+from orchestrator.scene.interfaces.between import hidden
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies
@@ -86,9 +87,10 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
         return
     skins, round_ones, told = Skins(mesh, faces), fits(round_faces(mesh, faces)), set()
     exact = exact_distance(mesh, round_ones)  # chords of two polygons about one circle are in each other, circles are not
-    for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
+    bodies = outer_bodies(mesh, faces, mesh.volume)
+    for one, two in close_bodies(bodies, None):
         matching = np.concatenate([np.empty(0, int), *(patch.facets[:, 0] for patch in match(one, two))])
-        for found in facing(skins(one), skins(two)):
+        for found in facing(skins(one), skins(two), hidden=hidden(bodies, skins, one, two)):
             alike = np.isin(found.segments.slave, matching).all()
             known = exact[skins(one).face[found.segments.slave], skins(two).face[found.segments.master]]
             distance = np.where(np.isnan(known), found.distance, known)

@@ -14,6 +14,7 @@ import numpy as np
 
 from orchestrator.config.boundary import ROUND
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.distances import surface_gap
 from orchestrator.scene.interfaces.matching import Patch, back_to_back
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
@@ -57,12 +58,13 @@ class Facing:
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
-           cosine: float = OPPOSITE, wide: bool = False, creases: bool = False) -> list[Facing]:
+           cosine: float = OPPOSITE, wide: bool = False, creases: bool = False, hidden: Hidden | None = None) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
     tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
     within : the same as a length, instead
     cosine : that between facets' normals is below this
+    hidden : whether another body is between two facets; none: nothing is
     creases : patches end at creases that both bodies have: a shank with its head in a hole are two patches
     """
     x, y = one.body, two.body
@@ -71,6 +73,9 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
     found = find_segments(x, y, reach, cosine)
     found = found.some(~back_to_back(x, y, found.slave, found.master, np.where(found.distance < -COINCIDE * x.size[found.slave],
                                                                                -found.distance, 0.0)))
+    if hidden is not None:
+        mine, theirs = found.middles
+        found = found.some(~hidden(found.slave, mine, found.master, theirs, found.distance))
     i, j = found.slave, found.master
     here, there = one.surface.some(i), two.surface.some(j)
     distance = found.distance - sum(over(side.bulge, at) for side, at in zip((here, there), found.middles))
@@ -145,7 +150,7 @@ def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]
     """Surfaces of two bodies that lie on each other as an entry has it."""
     laws = search.laws
     return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart),
-                  not LAWS[laws[index].law].as_one)
+                  not LAWS[laws[index].law].as_one, search.hidden(*pair))
 
 
 def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
+from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, Body, Facets, opposite
 from orchestrator.scene.mesh.faces import edge_patches
@@ -43,11 +44,13 @@ class Patch:
     cells: np.ndarray
 
 
-def match(one: Body, two: Body, apart: bool = False, within: float | None = None, share: float = REACH) -> list[Patch]:
+def match(one: Body, two: Body, apart: bool = False, within: float | None = None, share: float = REACH,
+          hidden: Hidden | None = None) -> list[Patch]:
     """Patches of matching faces of two bodies.
 
     apart : whether they may be at a distance; otherwise nodes must coincide
     within : search distance; none: ``share`` × h, of the larger facet of two
+    hidden : whether another body is between two facets that are apart; none: nothing is
     """
     size = one.size
     reach = COINCIDE * size if not apart else np.full(len(size), within) if within else share * np.maximum(size, two.size.max())
@@ -67,6 +70,9 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     fits = np.flatnonzero((distance <= reach) & (distance >= -depth) & (aside <= limit))
     if apart:
         fits = fits[~back_to_back(one, two, i[fits], j[fits], np.where(distance < -COINCIDE * size[i], -distance, 0.0)[fits])]
+    if apart and hidden is not None:
+        middle = np.full((len(fits), 3), 1 / 3)
+        fits = fits[~hidden(i[fits], middle, j[fits], middle, distance[fits])]
     # of several partners the nearest; then one node for one node
     order = fits[np.lexsort((aside[fits], np.abs(distance[fits])))]
     keep = np.sort(order[np.unique(i[order], return_index=True)[1]])

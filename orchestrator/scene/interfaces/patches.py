@@ -129,7 +129,7 @@ def _opposite(search: Search) -> Iterator[Interface]:
             continue
         index = laws.foreseen(*known)
         apart = laws[index].apart
-        patches = match(*pair, bool(apart), laws[index].reach, laws.tolerance(index))
+        patches = match(*pair, bool(apart), laws[index].reach, laws.tolerance(index), search.hidden(*pair))
         unmatched = list(nonmatching(search, pair, patches, index)) if search.asked and search.matter is not None and index >= 0 else []
         if unmatched or patches:
             laws.between(*known)

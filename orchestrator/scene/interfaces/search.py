@@ -12,6 +12,7 @@ import numpy as np
 from orchestrator.config.boundary import Entry, ROUND
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.between import Hidden, hidden
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, REACH, TOUCHING, cosine_of, outer_bodies
 from orchestrator.scene.interfaces.overlap import Overlap, Solid, overlap
@@ -179,6 +180,10 @@ class Search:
     def skins(self) -> Skins:
         """The surfaces that the bodies' faces stand for."""
         return Skins(self.mesh, self.faces, None if self.matter is None else self.matter.held)
+
+    def hidden(self, one: Body, two: Body) -> Hidden:
+        """The test whether another body is between faces of two."""
+        return hidden(self.bodies, self.skins, one, two)
 
     @cached_property
     def pieces(self) -> tuple[int, np.ndarray]:
