@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.operators import node_gaps
+from orchestrator.scene.interfaces.mortar.operators import covered_around, node_gaps
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.interfaces.search import Search
@@ -23,6 +23,8 @@ from orchestrator.scene.interface import Interface
 ROUNDING, TOLD = 1e-9, 1e-6
 # Normals of one plane face differ by rounding alone.
 PLANE = 1e-9
+# Share of what both have in common that is inside, from which it is meant.
+MANY = 0.1
 
 
 def paired_distance(one: np.ndarray, two: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -68,32 +70,80 @@ def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> n
 
     key : the entry of the YAML and what in it asks for the distance
     """
-    surfaces, weights = interface.surfaces, interface.surfaces.weights
-    held = surfaces.held(weights, tuple(search.matter.held[nodes] for nodes in surfaces.nodes))
+    surfaces = interface.surfaces
     x1, one = surfaces.points[0], surfaces.triangles[0]
     h, inside = local_size(x1, one), -_mean_distance(surfaces)
-    around, unsure = (_around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
-    deep = inside > around + COINCIDE * h
+    off_facets, unsure = (around(surfaces, *(getattr(side, name) for side in surfaces.under)) for name in ("sagitta", "unsure"))
+    deep = inside > off_facets + COINCIDE * h
     if deep.any():
-        off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
+        off = f"; facets there are off the surfaces that they stand for by {off_facets[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
         _refuse(search, interface, key, x1, np.where(deep, inside, 0.0), off)
-    gap = node_gaps(surfaces, weights, surfaces.upright(held)) - surfaces.filled
-    if surfaces.amid:  # a corner has what is beside it
-        at, beside = np.repeat(one[:, :3].ravel(), 2), one[:, [3, 5, 3, 4, 4, 5]].ravel()
-        count = np.bincount(at, minlength=len(gap))
-        mean = np.bincount(at, gap[beside], len(gap)) / np.maximum(count, 1)
-        gap = np.where(count > 0, mean, gap)
-    nothing = rounding(x1, ROUNDING * h)
-    touching = (gap <= unsure + nothing) & (gap >= -around - nothing)
+    gap, nothing = _surface_distance(search, surfaces), rounding(x1, ROUNDING * h)
+    if not deep.any():
+        _refuse_press_fit(search, interface, key, gap, unsure + nothing)
+    touching = (gap <= unsure + nothing) & (gap >= -off_facets - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
         search.problems_of(interface.subdomains).warnings.append(
-            f"{interface.name}: the mesh's flat faces lie up to {around.max():.2g} off the round surfaces, so that a "
-            f"clearance below {unsure.max():.2g} and an overlap below {around.max():.2g} may be the mesh's alone: such sides count as "
+            f"{interface.name}: the mesh's flat faces lie up to {off_facets.max():.2g} off the round surfaces, so that a "
+            f"clearance below {unsure.max():.2g} and an overlap below {off_facets.max():.2g} may be the mesh's alone: such sides count as "
             "touching. Where it matters, give the clearance or the press fit as a number, gap: 0.01, or mesh finer")
     return np.where(touching, 0.0, gap)
 
 
-def _around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+def _surface_distance(search: Search, surfaces: Surfaces) -> np.ndarray:
+    """Return (n₁,) the distance of the surfaces that facets stand for, at the slave's nodes."""
+    weights, corners = surfaces.weights, surfaces.triangles[0]
+    held = surfaces.held(weights, tuple(search.matter.held[nodes] for nodes in surfaces.nodes))
+    gap = node_gaps(surfaces, weights, surfaces.upright(held)) - surfaces.filled
+    if surfaces.amid:  # a corner has what is beside it
+        at, beside = np.repeat(corners[:, :3].ravel(), 2), corners[:, [3, 5, 3, 4, 4, 5]].ravel()
+        count = np.bincount(at, minlength=len(gap))
+        mean = np.bincount(at, gap[beside], len(gap)) / np.maximum(count, 1)
+        gap = np.where(count > 0, mean, gap)
+    return gap
+
+
+def _refuse_press_fit(search: Search, interface: Interface, key: tuple[int, str], gap: np.ndarray,
+                      unsure: np.ndarray) -> None:
+    """Add a problem where sides that are both curved, by surfaces that are known, are in each
+    other by more than their meshes leave ``unsure`` (n₁,): nobody says whether that is a press
+    fit, and chords know its depth only nearly."""
+    surfaces = interface.surfaces
+    flat = (((side.sagitta == 0) | np.isnan(side.normals).any(axis=(1, 2))).astype(float)
+            for side in surfaces.under)
+    inside, area = (gap < -unsure) & (around(surfaces, *flat) == 0), covered_around(surfaces)
+    if area[inside].sum() <= MANY * area.sum():
+        return
+    order = np.flatnonzero(inside)[np.argsort(gap[inside])]
+    depth = float(-gap[order[np.searchsorted(np.cumsum(area[order]), area[order].sum() / 2)]])
+    one = _radii(search, surfaces, 0, surfaces.segments.slave)
+    two = _radii(search, surfaces, 1, surfaces.segments.master)
+    known = np.abs(one - two)[~np.isnan(one - two)]
+    depth = depth if not len(known) else float(np.median(known))  # as the CAD model has it
+    at = surfaces.points[0][order[0]]
+    search.problems_of(interface.subdomains).add(
+        ("interfaces", *key), f"{interface.name} are drawn inside each other by about "
+        f"{depth:.4g}, at {format_point(at)}, and nothing says whether that is a press fit",
+        "round sides that touch or are apart, or a gap",
+        f"for the press fit write gap: {-depth:.4g}; to take the sides as touching, gap: 0")
+
+
+def _radii(search: Search, surfaces: Surfaces, side: int, facets: np.ndarray) -> np.ndarray:
+    """Return (m,) the radius of the CAD face that each of a side's facets (m,) is on; else nan."""
+    radii = [np.nan if shape.radius is None else shape.radius
+             for shape in search.mesh.smooth.values()]
+    at = search.faces.find(surfaces.nodes[side][surfaces.triangles[side][facets, :3]])
+    return np.array([*radii, np.nan])[search.skins.smooth[at]]
+
+
+def _curved(surfaces: Surfaces) -> bool:
+    """Whether the slave's facets are not in one plane."""
+    normal = unit(surfaces.vectors)
+    normal = normal[normal.any(axis=1)]
+    return bool(np.abs(normal - normal[:1]).max(initial=0.0) > PLANE)
+
+
+def around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """(n₁,) the largest sagitta, of the sides' (k₁,) and (k₂,) together, around each of the slave's nodes."""
     result, reached = (np.zeros(len(surfaces.points[0])) for _ in range(2))
     segments = surfaces.segments
@@ -120,6 +170,11 @@ def tell_distances(search: Search, found: Sequence[Interface]) -> None:
         read = bool(search.laws[interface.entry].apart)
         if not read and getattr(search.laws[interface.entry], "gap", 0.0) is not None:
             continue  # its law does not open, or a word is said on its gap
+        if not read and interface.surfaces is not None and _curved(interface.surfaces):
+            surfaces = interface.surfaces
+            sure = around(surfaces, *(side.unsure for side in surfaces.under)) + rounding(
+                surfaces.points[0], ROUNDING * local_size(surfaces.points[0], surfaces.triangles[0]))
+            _refuse_press_fit(search, interface, (interface.entry, "between"), _surface_distance(search, surfaces), sure)
         points = search.mesh.nodes[interface.global_nodes]
         gap = np.minimum(interface.law.distance, 0.0) if read else _apart(search, interface, points)
         h = local_size(points, interface.triangles)

@@ -13,10 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.scene.interfaces.distances import around
 from orchestrator.scene.interfaces.mortar.duals import multipliers
 from orchestrator.scene.interfaces.mortar.operators import COVERED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.interfaces.opposite import COINCIDE
 from orchestrator.scene.mesh.geometry import local_size, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
@@ -52,14 +54,17 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
     stays |= met > 1
     nodes, corners = mesh.nodes.copy(), mesh.cells[:, :4]
     far = [np.abs(i.surfaces.segments.distance).max() for i in bonded]
+    most = [_chords(i.surfaces) for i in bonded]
+    drawn = [i.surfaces.points[0] for i in bonded]
     before = tet_volumes(mesh.nodes, corners)
     for _ in range(PASSES):
         moved, close = nodes.copy(), True
-        for i, apart in zip(bonded, far):
+        for i, apart, room, origin in zip(bonded, far, most, drawn):
             here = again(i.surfaces.moved(nodes), apart)
             where, at = _places(here)
             own = here.nodes[0][at]
-            at, own = at[~stays[own]], own[~stays[own]]
+            moves = ~stays[own] & (np.linalg.norm(where[at] - origin[at], axis=1) <= room[at])
+            at, own = at[moves], own[moves]
             moved[own] = where[at]
             close &= bool((np.linalg.norm(moved[own] - nodes[own], axis=1)
                            <= THERE * local_size(here.points[0], here.triangles[0])[at]).all())
@@ -78,6 +83,15 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
     for i, apart in zip(bonded, far):
         i.surfaces = replace(again(i.surfaces.moved(nodes), apart), under=None)  # facets themselves are on each other
     return replace(mesh, nodes=nodes)
+
+
+def _chords(surfaces: Surfaces) -> np.ndarray:
+    """(n₁,) how far the facets of both sides are off their surfaces around each of the slave's nodes: beyond, it is a gap that is
+    drawn, which rigid links carry (``operators``), and no slit of chords."""
+    if surfaces.under is None:
+        return np.zeros(len(surfaces.points[0]))
+    off = around(surfaces, *(side.sagitta for side in surfaces.under))
+    return off + COINCIDE * local_size(surfaces.points[0], surfaces.triangles[0])
 
 
 def again(surfaces: Surfaces, apart: float) -> Surfaces:
