@@ -20,7 +20,6 @@ from orchestrator.accuracy.loop import run
 from orchestrator.accuracy.passes import GOOD, Pass, tightest
 from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
-from orchestrator.config.mesh import Mesh
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.method.delivery import quantities
@@ -28,11 +27,11 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.scene.mesh.size_map import bisected, edge_lengths, REGULAR, SizeMap
+from orchestrator.scene.mesh.size_map import bisected, edge_lengths, SizeMap
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
 from orchestrator.scene.mesh.mesh import checked
-from orchestrator.scene.mesh.sources import bricks, make_mesh
+from orchestrator.scene.mesh.sources import bricks
 from orchestrator.solving import solve
 
 HERE = Path(__file__).parent
@@ -55,23 +54,6 @@ def test_tets_are_halved_until_they_fit():
     length, distance = edge_lengths(finer.nodes, finer.cells), np.linalg.norm(finer.nodes[finer.cells].mean(axis=1), axis=1)
     assert length[distance.argmin()] < 0.5 * length.max()
     assert dihedral_range(finer.nodes, finer.cells)[0] > 30  # 45 degrees in bricks cut alike
-
-
-def test_a_solid_without_sizes_keeps_its_mesh(tmp_path):
-    """Beside one that is meshed finer than the curvature's ``min``."""
-    path = tmp_path / "two.brep"
-    with session():
-        for x in (0, 3):
-            gmsh.model.occ.addBox(x, 0, 0, 2, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(path))
-    source = Mesh.model_validate({"step": str(path), "h": {"max": 1.0, "min": 0.5, "curvature": 8}, "conforming": False})
-    before = make_mesh(source)[0]
-    used, cells = np.unique(before.cells[before.volume == 0], return_inverse=True)
-    finer = make_mesh(source, sizes={"solid_1": SizeMap(before.nodes[used], cells.reshape(-1, 4), np.full(len(used), 0.25))})[0]
-    assert (finer.volume == 0).sum() == pytest.approx(2 * REGULAR / 0.25**3, rel=0.35)
-    kept = [mesh.nodes[mesh.cells[mesh.volume == 1]] for mesh in (before, finer)]
-    assert kept[0].shape == kept[1].shape and (kept[0] == kept[1]).all()
 
 
 def test_sizes():
@@ -101,18 +83,6 @@ def test_room_in_memory_and_seconds():
     assert math.isinf(tightest(Accuracy(error=0.05), done, 0.0, 64_000).elements)
 
 
-@pytest.mark.parametrize("power", [1, 1.5, 2])
-def test_what_numbers_are_off_by(power):
-    """None less than true, the truth where a number falls as the energy norm's error does."""
-    told = errors([mesh_of(10**k, e, numbers={"a": 7 + 3 * e**power, "b": 1.0}) for k, e in enumerate((0.4, 0.15, 0.1))])
-    assert told["b"] == 0.0 and 3 * 0.1**power <= told["a"] * (1 + 1e-12) and told["a"] <= 5 * 3 * 0.1**power * (1 + 1e-12)
-    assert power > 1 or told["a"] == pytest.approx(0.3)
-    assert errors([mesh_of(10, 0.4, numbers={"a": 1.0})]) == {}
-    assert errors([mesh_of(10, e, numbers={"tip.ux": e}, quantities={"tip": {}}) for e in (0.2, 0.1)]) == {}
-    assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.2, 0.1, 0.09)]) == {"a": pytest.approx(0.09)}
-    assert errors([mesh_of(10, e, numbers={"a": e}) for e in (0.1, 0.09)]) == {}
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """A run that nobody disturbs: its folder, code and summary."""
@@ -138,20 +108,6 @@ def test_asked_and_reached(whole):
     assert np.sqrt((cells**2).sum()) == pytest.approx(last["mesh_error"]) == pytest.approx(summary["discretisation_error"])
 
 
-@pytest.mark.long
-def test_limits(tmp_path):
-    code, summary = refined(bent({"error": 0.001, "elements": 600}), tmp_path)
-    assert code == 1 and not summary["converged"] and not summary["accuracy"]["met"]
-    assert "600 elements are too few: about" in summary["stop_reason"]
-    assert summary["accuracy"]["meshes"][-1]["elements"] < 2 * 600
-    code, summary = refined(bent({"error": 0.001, "smallest": 10.0}), tmp_path)
-    assert code == 1 and "smallest: 10" in summary["stop_reason"]
-    code, summary = refined(bent({"error": 0.001, "memory": 0.01}), tmp_path)
-    assert code == 1 and "0.01 GB of memory, of which" in summary["stop_reason"] and (tmp_path / "fields.npz").is_file()
-    code, summary = refined(bent({"error": 0.001, "seconds": 1e-3}), tmp_path)
-    assert code == 1 and "0.001 seconds, of which" in summary["stop_reason"] and len(summary["accuracy"]["meshes"]) == 1
-
-
 def beside_seconds(code, summary):
     meshes = [{key: value for key, value in mesh.items() if key not in ("seconds", "memory")} for mesh in summary["accuracy"]["meshes"]]
     return code, meshes, summary["peak_stress"], summary["converged"]
@@ -166,16 +122,6 @@ def test_a_killed_run_goes_on(place, tmp_path, whole):
     again = refined(bent(0.07), tmp_path, resume=True)
     assert beside_seconds(*again) == beside_seconds(*whole[1:])
     assert not any(path.name.startswith(Path(GOOD).name) for path in tmp_path.rglob("*"))
-
-
-def test_all_meshes_have_the_element_of_the_first(tmp_path, monkeypatch):
-    """Which may have been left open: ten-node tets that become many are no reason to begin with others."""
-    problem = bent(0.07, blackbox={**IN_PROCESS, "element": "auto"})
-    monkeypatch.setattr("orchestrator.scene.mesh.quadratic.LARGEST", 3 * 700)
-    code, summary = refined(problem, tmp_path)
-    first, *_, last = summary["accuracy"]["meshes"]
-    assert code == 0 and first["nodes"] < 700 < last["nodes"] and read_npz(tmp_path).cells.shape[1] == 10
-    assert config_from(summary["config"]).codes[0].element == "auto"
 
 
 @pytest.mark.parametrize("fault", ["its process is killed", "the model is spoilt"])
@@ -317,13 +263,6 @@ def test_sections_that_end_where_something_acts_are_refused(where):
     made["output"]["probes"] = [{"name": "cut", "section": where, "accuracy": 0.1}]
     with pytest.raises(InputError, match="accuracy at cut, whose plane cuts faces that are held"):
         solve(config_from(made))
-
-
-def test_a_quantity_that_is_zero_has_no_accuracy(tmp_path):
-    cut = {"name": "cut", "on": "ymin", "quantity": "resultant", "accuracy": 0.1}
-    problem = bent({"elements": 2000}, output={"figures": False, "probes": [cut]})
-    code, summary = refined(problem, tmp_path)
-    assert code == 1 and "cut is zero but for rounding" in summary["stop_reason"]
 
 
 @pytest.mark.long

@@ -4,15 +4,12 @@ import csv
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-import results_case as case
 from boxes import boxed
 from in_process import IN_PROCESS
 from yaml_case import call
 
 from orchestrator.config.load import config_from
 from orchestrator.results.extremes import extremes
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
@@ -91,22 +88,6 @@ def test_tension_and_bending_of_a_bar(element, tmp_path):
     most = max((row for row in rows["extremes"] if row["quantity"] == "von_mises"), key=lambda row: float(row["value"]))
     assert float(most["value"]) == pytest.approx(summary["peak_stress"]["value"], rel=1e-8)
     assert close([float(row["fx"]) for row in rows["interfaces"]], FORCE) and rows["interfaces"][0]["law"] == "perfect"
-
-
-def test_normal_forces_of_rounding_have_no_centre():
-    """Springs that are slack along an oblique normal, and act across it."""
-    block = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}}
-    turn = Rotation.from_rotvec([0.3, 0.2, 0.1])
-    move = {"rotate": {"axis": [3, 2, 1], "degrees": float(np.degrees(turn.magnitude()))}}
-    found = solve(config_from({
-        "name": "slack", "materials": [{"young": 200e3, "poisson": 0.3}], "subdomains": "groups", "blackbox": IN_PROCESS,
-        "parts": [{"name": "low", **block, "move": move},
-                  {"name": "high", **block, "move": {**move, "translate": turn.apply([0, 0, 1]).tolist()}}],
-        "interfaces": [{"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4, "tension_only": True}],
-        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]},
-                     {"on": "high/zmax", "displacement": turn.apply([0.001, 0, -0.01]).tolist()}]}))
-    table = found.answers.interfaces.resultants
-    assert found.converged and abs(turn.inv().apply(table.force[0, 0])[0]) > 1 and np.isnan(table.pressure_centre).all()
 
 
 @pytest.mark.parametrize("element, law", [("P1", {"law": "contact", "friction": 0.5}), ("P2", {"law": "perfect"})])
@@ -224,26 +205,6 @@ def test_friction_turns_work_into_heat():
     # the second push slides the block as a whole, but for what its tipping has left to be sheared
     assert table.dissipation[2, 0] - table.dissipation[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
     assert table.work[2, 0] - table.work[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
-
-
-def test_parts_and_matters_have_stresses_of_their_own():
-    """Each part by itself, to the sign and the place; where matter is a code's own there is no number."""
-    mesh = case.box_mesh()
-    part = case.slices(mesh, 3)
-    base = dict(nodes=mesh.nodes, cells=mesh.cells, subdomain=part, lame=case.lame(mesh), displacement=case.bending(mesh),
-                part=part, parts=("a", "b", "c"))
-    stiff = np.where((part == 1)[:, None], 2.0, 1.0) * base["lame"]
-    one, two = extremes(Fields(**base).nodal), extremes(Fields(**base | {"lame": stiff}).nodal)
-    stress = slice(4, None)
-    assert close(two.value[:, 1, stress], 2 * one.value[:, 1, stress], 1e-6) and close(two.value[:, [0, 2]], one.value[:, [0, 2]], 1e-9)
-    whole = extremes(Fields(**base | {"part": None, "parts": ()}).nodal)
-    assert (one.value[0].min(axis=0)[:4] == whole.value[0, 0, :4]).all() and (one.step[1, :, 0] == 2).all()
-    assert (one.at[1, 0, :, 0] <= 1.0).all() and (one.at[1, 2, :, 0] >= 2.0).all()
-    foreign = Fields(**base, believed=part != 2)
-    known = extremes(foreign.nodal)
-    assert np.isnan(known.value[:, 2, stress]).all() and (known.value[:, :2] == one.value[:, :2]).all()
-    assert known.largest("von_mises")["part"] in "ab" and not any(row[0] == "c" and row[1] == "sxx" for row in known.rows)
-    assert extremes(Fields(**base, believed=part > 2).nodal).largest("von_mises") is None
 
 
 GOOD = """

@@ -2,13 +2,11 @@
 
 import inspect
 
-import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
-from orchestrator.blackbox.models import sides_by_subdomain
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.blackbox.usage import STAGES, Usage
@@ -57,18 +55,3 @@ def test_what_runs_keeps_it_too():
         assert len(folders) == 1 and all(folder.is_dir() for folder in folders)
         assert len(usage.pids()) == 1, "a process between requests through pipes only"
     assert not any(folder.exists() for folder in folders) and usage.pids() == []
-
-
-def test_sides_are_found_in_one_pass():
-    """In the order of the interfaces; 10,000 subdomains in a fraction of a second."""
-    class Interface:
-        def __init__(self, index, subdomains):
-            self.index, self.subdomains = index, subdomains
-
-    class Scene:
-        subdomains = range(10_000)
-        interfaces = [Interface(i, pair) for i, pair in enumerate(np.random.default_rng(0).integers(10_000, size=(60_000, 2)))]
-
-    sides = sides_by_subdomain(Scene)
-    assert all(Scene.interfaces[i].subdomains[side] == s for s, own in enumerate(sides) for i, side in own)
-    assert all(own == sorted(own) for own in sides) and sum(map(len, sides)) == 120_000

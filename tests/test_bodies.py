@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from contact_case import contact, converged, monolithic, start_from, written
 
-from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
@@ -76,21 +75,6 @@ def test_one_piece_says_the_same(tmp_path, name, element):
         assert reaction == pytest.approx(exact[there].sum(axis=0), abs=1e-7 * np.abs(ours).max())
 
 
-def test_prescribed_motion_is_met(tmp_path):
-    """The held side moves from step to step: the same as if its body were moved as a whole, which it is."""
-    path = [[0, 0, 0], [2e-3, 0, 1e-3], [-1e-3, 5e-4, 0]]
-    rigid = [{"on": {"box": [[0, 0, 0], [1, 1, 0]]}, "displacement": path}, {"on": "xmin", "displacement": path},
-             {"on": {"box": [[0, 0, 1], [1, 1, 1]]}, "displacement": path},
-             {"on": "xmax", "displacement": [[-1e-3, 0, 0]] * 3}]
-    solved = converged(scene_of(tmp_path, LAWS["friction"], poisson=0.3, boundary=rigid))
-    (interface,) = solved.scene.interfaces
-    left = solved.parts[0][:, interface.nodes[0]]
-    held = solved.scene.subdomains[0].fixed[interface.nodes[0]].all(axis=1)
-    assert held.sum() == 6
-    assert np.array_equal(left[:, held], np.repeat(np.array(path)[:, None], 6, axis=1))
-    assert (solved.interfaces.status != 3).all(), "every pair has its law"
-
-
 def test_bonded_neighbours_share_the_condition(tmp_path):
     """Perfect interfaces: shared nodes are one node; separately numbered ones move as one."""
     shared, apart = (converged(scene_of(tmp_path, {"law": "perfect"}, s, poisson=0.3)) for s in (True, False))
@@ -114,47 +98,3 @@ def test_three_bodies_at_one_edge():
     by_name = {i.name: i for i in scene.interfaces}
     assert by_name["block 0-0-0 | block 1-0-0"].free.all()
     assert not by_name["block 0-0-0 | block 0-1-0"].free.all()
-
-
-def test_two_bodies_may_be_moved_differently_at_a_node_they_share(tmp_path):
-    apart = [{"on": UNDERSIDE, "displacement": [0, 0, 0]},
-             {"on": {"box": [[1, 0, 0], [2, 1, 0]]}, "displacement": [1e-3, 0, 0]}]
-    scene = build_scene(scene_of(tmp_path, LAWS["friction"], boundary=apart))
-    edge = [s.prescribed[0, s.nodes == n, 0].item() for n in np.flatnonzero(
-        (scene.mesh.nodes == [1, 0.5, 0]).all(axis=1)) for s in scene.subdomains]
-    assert edge == [0.0, 1e-3]
-    with pytest.raises(InputError, match="contradict each other on 3 nodes"):
-        build_scene(scene_of(tmp_path, {"law": "perfect"}, boundary=apart))
-
-
-def bolted() -> Mesh:
-    """A plate of 3 × 3 × 1 with a square bolt through its middle, flush on both sides."""
-    mesh = bricks(np.array([3.0, 3.0, 1.0]), np.array([6, 6, 2]), "box")
-    centre = mesh.nodes[mesh.cells].mean(axis=1)
-    mesh.volume = (np.abs(centre[:, :2] - 1.5).max(axis=1) < 0.5).astype(int)
-    mesh.volumes = ["plate", "bolt"]
-    inside = np.abs(mesh.nodes[mesh.surfaces["zmin"]][:, :, :2].mean(axis=1) - 1.5).max(axis=1) < 0.5
-    mesh.surfaces = {"plate below": mesh.surfaces["zmin"][~inside], "bolt below": mesh.surfaces["zmin"][inside]}
-    return mesh
-
-
-@pytest.mark.parametrize("law, pushed", [({"law": "jump", "jump": [0, 0, 1e-3]}, 10.0), (LAWS["press fit"], 0.0),
-                                         (LAWS["springs"], 10.0)], ids=["bolt", "press fit", "springs"])
-def test_a_bolt_flush_with_a_clamped_plate(tmp_path, law, pushed):
-    """What acts on the bolt goes through the interface to the plate's support, all of it, on the rim as well."""
-    solved = converged(contact(law=[law], mesh=written(tmp_path / "bolted.msh", bolted()), subdomains="groups", boundary=[
-        {"on": "plate below", "displacement": [0, 0, 0]}, {"on": "bolt below", "pressure": pushed}]))
-    resultant = np.array([i["resultant"][0] for i in solved.summary["interface_resultants"]])
-    force = np.abs(solved.interfaces.pressure * solved.interfaces.area).sum() + pushed
-    assert force > 5
-    assert resultant.sum(axis=0) == pytest.approx([0, 0, pushed], abs=1e-7 * force)  # of the bolt on the plate
-    assert np.array(solved.reactions)[0, 0] == pytest.approx([0, 0, -pushed], abs=1e-7 * force)
-
-
-def test_the_jump_is_there_on_the_rim(tmp_path):
-    """A jump alone moves the bolt as it is: no node of it is held by the plate's support."""
-    solved = converged(contact(law=[{"law": "jump", "jump": [0, 0, 1e-3]}], subdomains="groups",
-                               mesh=written(tmp_path / "bolted.msh", bolted()),
-                               boundary=[{"on": "plate below", "displacement": [0, 0, 0]}]))
-    assert np.abs(solved.parts[0]).max() <= 1e-9
-    assert np.abs(solved.parts[1] - [0, 0, 1e-3]).max() <= 1e-9

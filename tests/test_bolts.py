@@ -1,7 +1,6 @@
 """Bolts: tightened by a force, then locked, one after another; against CalculiX, and against equilibrium."""
 
 
-import meshio
 import numpy as np
 import pytest
 from boxes import boxed
@@ -12,11 +11,8 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import History
-from orchestrator.results.report.tables import tables
-from orchestrator.results.summary.lines import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.revolved import cylinder
 from benchmarks.kit.calculix_whole import displacements
 
@@ -48,74 +44,6 @@ def test_a_bolt_is_what_calculix_has_for_a_pre_tension_section(element, tmp_path
     assert off.max() < 1e-6 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize("element", quick(["P1", "P2"], "P2"))
-def test_an_oblique_zigzag_cut_carries_the_force_along_the_axis(element):
-    """The whole section is in balance: the force on either wall, along the axis, is the bolt's."""
-    solution = solve(config_from(bar(element, OBLIQUE)))
-    axis = solution.scene.bolts[0].axis
-    assert axis == pytest.approx(np.array([0.1, 0, 1]) / np.sqrt(1.01))
-    top, bottom = solution.reactions[1], solution.reactions[0]
-    assert top[0] @ axis == pytest.approx(PULL, rel=1e-7) and bottom[0] @ axis == pytest.approx(-PULL, rel=1e-7)
-    assert np.ptp(solution.interfaces.gap, axis=1).max() < 1e-9
-    assert np.abs(solution.interfaces.slip).max() < 1e-9
-
-
-def clamp(tmp_path, friction: float = 0.2, **changes) -> dict:
-    """Two plates between the heads of a bolt that has the shape of an I; all of it in contact."""
-    mesh = bricks([3.0, 1.0, 4.0], [6, 2, 8], "clamp")
-    points, cells = mesh.nodes, mesh.cells
-    x, _, z = points[cells].mean(axis=1).T
-    bolt = (np.abs(x - 1.5) < 0.5) | (np.abs(z - 2) > 1.5)
-    group = np.where(bolt, 1, np.where(z < 2, 2, 3) + 2 * (x > 1.5))
-    path = tmp_path / "clamp.msh"
-    names = ["bolt", "low_1", "high_1", "low_2", "high_2"]
-    meshio.write(path, meshio.Mesh(points, [("tetra", cells)], cell_data={"gmsh:physical": [group], "gmsh:geometrical": [group]},
-                                   field_data={name: np.array([i, 3]) for i, name in enumerate(names, 1)}), "gmsh22", binary=False)
-    held = [{"on": {"box": [[side, 0, 0.5], [side, 1, 2]]}, "displacement": [0, 0, 0]} for side in (0, 3)]
-    # one side pulled evenly, the other, as much, at a point that it follows
-    pulled = [{"on": {"box": [[side, 0, 2], [side, 1, 3.5]]}, **load, "history": "late"} for side, load in (
-        (0, {"traction": [0, 0, 10]}), (3, {"coupling": {"force": [0, 0, 15.0]}}))]
-    return {"name": "clamp", "mesh": {"file": str(path)}, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-            "boundary": [*held, *pulled],
-            "histories": {"late": [0, 0, 1], "tighten": [0.5, 1, 1]}, "interfaces": [{"law": "contact", "friction": friction}],
-            "bolts": [{"on": "bolt", "cut": {"plane": "z", "at": 2.0}, "force": 400.0, "history": "tighten"}],
-            "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-8}}, **changes}
-
-
-def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pulls_them_apart(tmp_path):
-    solution = solve(config_from(clamp(tmp_path)))
-    assert solution.converged, solution.stop_reason
-    told, = solution.summary["bolts"]
-    assert told["state"] == ["tightened", "tightened", "locked"]
-    assert told["force"][:2] == pytest.approx([200, 400], rel=1e-6)
-    pressed = sum(np.array(i["resultant"])[:, 2] for i in solution.summary["interface_resultants"] if "low" in i["name"]
-                  and "high" in i["name"])
-    # across the joint: what the plates press and what holds the bolt's lower end is what the bolt pulls
-    assert abs(pressed[:2]) == pytest.approx([200, 400], rel=1e-5)
-    pull = 10 * 2 * 1.5
-    assert abs(told["force"][2] - 400) < 0.5 * pull  # the plates take most of it
-    assert abs(pressed[2]) == pytest.approx(told["force"][2] - pull, rel=1e-5)
-    assert told["shortening"][2] == pytest.approx(told["shortening"][1], rel=1e-9)
-    # symmetric but for the steps of the path: next to no shear, and heads that press with what the shank pulls
-    assert max(told["shear"]) < 1e-2 * 400 and max(np.abs(told["torsion"])) < 1e-2 * 400
-    between = [face for face in solution.summary["contact_faces"] if face["kind"] == "plane" and "bolt" not in face["bodies"]]
-    assert len(between) == 2 and sum(face["normal"][1] for face in between) == pytest.approx(400, rel=1e-5)
-    assert dict(summary_rows(solution.summary))["bolts"].startswith("bolt: 39")
-    (table,) = (table for table in tables(solution.summary, {}, tmp_path) if table.title == "Bolts")
-    assert [row[:2] for row in table.rows] == [("bolt", 1), ("bolt", 2), ("bolt", 3)] and table.rows[2][2] == told["force"][2]
-
-
-@pytest.mark.parametrize("increment", quick([1, 2], 1))
-def test_bolts_are_tightened_load_step_by_load_step(increment, tmp_path):
-    """Nothing but a bolt's force asks for anything in the first of them."""
-    solution = solve(config_from(clamp(tmp_path, method={"tolerance": {"error": 1e-4}, "increment": increment})))
-    assert solution.converged, solution.stop_reason
-    told, = solution.summary["bolts"]
-    assert told["state"] == ["tightened", "tightened", "locked"]
-    assert told["force"][:2] == pytest.approx([200, 400], rel=1e-3) and abs(told["force"][2] - 400) < 15
-    assert told["shortening"][2] == pytest.approx(told["shortening"][1], rel=1e-4)
-
-
 def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch):
     """Newton's matrix is the derivative of the imbalance, also where ∂f̂/∂F couples all pairs of a cut."""
     from orchestrator.method.coarse.problem import CoarseProblem
@@ -145,24 +73,6 @@ def test_the_axis_of_a_shank_is_found_from_the_corners_of_its_facets():
     assert abs(found.axis @ frame[:, 2]) == pytest.approx(1, abs=1e-14)
     assert np.linalg.norm(np.cross(found.centre - [5, -2, 7], found.axis)) < 1e-12
     assert found.numbers == pytest.approx([1], abs=1e-12)
-
-
-def test_histories_multiply_jumps_and_gaps():
-    """Of two blocks between walls: a jump of 1, 0 and −2 hundredths pulls, rests and presses; a press fit grows."""
-    blocks = {"name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}},
-              "subdomains": {"slices": {"axis": "z", "count": 2}},
-              "materials": [{"young": 100.0, "poisson": 0.0}], "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-9}},
-              "boundary": [{"on": side, "displacement": [0, 0, 0]} for side in ("zmin", "zmax")], "histories": {"steps": [1, 0, -2]}}
-    for law in ({"law": "jump", "jump": [0, 0, 0.01], "history": "steps"},
-                {"law": "jump", "jump": [[0, 0, 0.01], [0, 0, 0], [0, 0, -0.02]]}):
-        solution = solve(config_from({**blocks, "interfaces": [{"between": ["slice 0", "slice 1"], **law}]}))
-        # two springs E A / l in series of length 1 each
-        assert solution.reactions[1][:, 2] == pytest.approx([-0.5, 0, 1], abs=1e-8)
-        assert solution.interfaces.gap == pytest.approx(np.outer([0.01, 0, -0.02], np.ones(4)), abs=1e-10)
-    fit = {"law": "contact", "gap": -0.01, "history": "steps"}
-    solution = solve(config_from({**blocks, "interfaces": [fit], "histories": {"steps": [1, 0.5, 3]}}))
-    assert solution.reactions[1][:, 2] == pytest.approx([-0.5, -0.25, -1.5], abs=1e-8)
-    assert solution.interfaces.gap == pytest.approx(0, abs=1e-10)
 
 
 def test_what_slides_off_a_bolt_that_is_held_is_told():

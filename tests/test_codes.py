@@ -6,9 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import assemble, box, difference, forces, settings
-from contact_case import BOTTOM, contact, TOP
-from in_process import IN_PROCESS
-from method_case import CUBES, solved
 from quick import quick
 
 from orchestrator.blackbox.start import make_blackbox
@@ -16,8 +13,6 @@ from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from benchmarks.problems.assemblies import stack_of_three
-from benchmarks.studies.codes import APART
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = str(ROOT / "orchestrator" / "blackbox" / "codes" / "template.py")
@@ -64,47 +59,6 @@ def test_the_compliance_takes_the_place_of_runs(code):
         assert blackbox.usage.clock() == spent, "no further run"
 
 
-MIXED = [{"code": "freefem"}, {"code": "calculix", "on": "block 1-*"}, {"code": "scikit-fem", "on": ["block 0-1-*"]},
-         {"code": "freefem", "transport": "file", "on": "block 0-1-1"}]
-
-
-@pytest.mark.long
-def test_codes_and_transports_are_mixed_freely():
-    """Four ways at once in one structure: the same iterations and displacements as with FreeFEM alone."""
-    changes = dict(**CUBES, boundary=[{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
-                                      {"on": {"plane": "x", "at": 4}, "traction": [10.0, 1.0, -2.0]}])
-    alone, mixed = (solved(reference=False, **changes, blackbox=b) for b in ({}, MIXED))
-    assert mixed.iterations == alone.iterations
-    assert difference(mixed.displacement, alone.displacement) < 1e-11
-    used = {(c["code"], c["transport"]): c for c in mixed.summary["codes"]}
-    assert set(used) == {("freefem", "pipe"), ("calculix", "file"), ("scikit-fem", "pipe"), ("freefem", "file")}
-    assert sorted(e for c in used.values() for e in c["subdomains"]) == list(range(16))
-    assert all(c["seconds"]["total"] > 0 for c in used.values())
-    assert mixed.summary["versions"]["calculix"] and mixed.summary["versions"]["scikit-fem"]
-
-
-def test_friction_does_not_notice_the_code():
-    """A FreeFEM block on a CalculiX block: statuses and resultants of FreeFEM on FreeFEM."""
-    boundary = [BOTTOM, {"on": TOP, "displacement": [0.005, 0.0, -0.005]}]
-    codes = [{"code": "freefem", "workers": 1}, {"code": "calculix", "on": "block 0-0-0", "workers": 1}]
-    mixed, alone = (solve(contact(0.3, mesh={"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}, boundary=boundary, error=1e-4,
-                                  blackbox=blackbox)) for blackbox in (codes, codes[0]))
-    assert np.array_equal(mixed.interfaces.status, alone.interfaces.status)
-    assert len(np.unique(alone.interfaces.status)) > 1, "sticks here and slips there"
-    assert difference(np.array(mixed.summary["reactions"]), np.array(alone.summary["reactions"])) < 1e-9
-    assert difference(mixed.interfaces.resultant, alone.interfaces.resultant) < 1e-9
-
-
-@pytest.mark.long
-def test_faces_that_do_not_match_do_not_notice_the_code():
-    """A CalculiX block bonded on a FreeFEM one, a scikit-fem block that slides on it, each with a mesh of its own."""
-    problem = {**stack_of_three(0.3, (2, 3, 2)), "method": {"tolerance": {"error": 1e-7}}}
-    mixed, alone = (solve(config_from({**problem, "blackbox": code})) for code in (APART, IN_PROCESS))
-    assert mixed.iterations == alone.iterations and np.array_equal(mixed.interfaces.status, alone.interfaces.status)
-    assert difference(mixed.displacement, alone.displacement) < 1e-11
-    assert difference(mixed.interfaces.resultant, alone.interfaces.resultant) < 1e-11
-
-
 def test_a_failure_of_one_code_ends_all(tmp_path):
     """The error names the subdomain; no process of any code goes on."""
     path = tmp_path / "moody.py"
@@ -122,17 +76,6 @@ def test_a_failure_of_one_code_ends_all(tmp_path):
         assert len(pids) == 2 and blackbox.usage.pids() == []
         with pytest.raises(BlackBoxError, match="ended after a failure|is closed"):
             blackbox.traces({0: forces(models[0])})
-
-
-def test_loading_again():
-    """New models take the place of the old ones."""
-    models = [box(name="first"), box((2, 2, 3), name="second", seed=1)]
-    with make_blackbox(settings(code="calculix", transport="file")) as blackbox:
-        answers = []
-        for loaded in (models, models[1:]):
-            blackbox.load(loaded)
-            answers.append(blackbox.traces({len(loaded) - 1: forces(models[1])})[len(loaded) - 1])
-    assert difference(*answers) < 1e-12
 
 
 WRONG = {  # the blackbox section, key path, words of the message

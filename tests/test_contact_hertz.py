@@ -54,39 +54,6 @@ def hertz(force):
     return a, 2 * force / (np.pi * a)
 
 
-@pytest.fixture(scope="module")
-def pressed(tmp_path_factory):
-    """Per mesh size: h/a and the relative errors of half-width, peak pressure and of the pressure off the rim x = 0."""
-    rows = []
-    for h in (0.02, 0.01, 0.005, 0.0025):
-        one = solved(tmp_path_factory.mktemp("hertz"), h, [None, None, -PRESS], half=True)
-        c = contacts(one)
-        force = 2 * one.summary["reactions"][-2][0][2] / (2 * h)  # both halves, per length
-        a, p0 = hertz(force)
-        x, (pressure,) = lines(c, c.pressure)
-        loaded = pressure > 0.2 * pressure.max()
-        # p² is linear in x²: its value at 0 and its zero
-        slope, top = np.polyfit(x[loaded] ** 2, pressure[loaded] ** 2, 1)
-        exact = p0 * np.sqrt(np.maximum(1 - (x / a) ** 2, 0))
-        rows.append((h / a, np.sqrt(-top / slope) / a - 1, np.sqrt(top) / p0 - 1,
-                     np.abs(pressure - exact)[(x > 0) & (x < 0.8 * a)].max() / p0))
-    return np.array(rows)
-
-
-@pytest.mark.long
-def test_hertz(pressed):
-    """Half-width and peak pressure tend to theory, the finest mesh within 1 %."""
-    print("\n     h/a   half-width  peak pressure  pressure below 0.8 a")
-    for size, *errors in pressed:
-        print(f"{size:8.3f}" + "".join(f"{error:13.4f}" for error in errors))
-    error = np.abs(pressed[:, 1:])
-    assert error[-1].max() < 0.01 and error[0].max() < 0.06
-    # the contact ends at a node, so that the half-width's error changes sign with the mesh
-    assert np.all(error[:, 0] < 0.2 * pressed[:, 0])
-    order = np.polyfit(np.log(pressed[:, 0]), np.log(error[:, 1:]), 1)[0]
-    assert np.all(order > 0.8), f"fitted orders {order}"
-
-
 @pytest.mark.long
 def test_cattaneo_mindlin(tmp_path):
     """Pressed, then pushed sideways below the threshold: the middle sticks, the rest slips, by the closed form."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from test_discretisation import bent, hanging, layered
+from test_discretisation import bent, hanging
 
 from orchestrator.config.load import config_from
 from orchestrator.method.stopping.element_problems import ElementProblems
@@ -16,6 +16,19 @@ P2 = {"output": {"figures": False}, "blackbox": {**IN_PROCESS, "element": "P2"}}
 def solved(problem):
     config = config_from({"name": "t", **problem, **P2})
     return solve(config, build_scene(config))
+
+
+def layered(law, tolerance="auto"):
+    """Two layers of different moduli, squeezed: the stress jumps at the interface along the layers only."""
+    return {
+        "mesh": {"box": {"size": [2, 1, 2], "cells": [4, 2, 4]}}, "subdomains": {"grid": [1, 1, 2]},
+        "materials": [{"young": 1000.0, "poisson": 0.3}], "interfaces": [{"law": law}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [None, None, 0]},
+                     {"on": {"plane": "x", "at": 0}, "displacement": [0, None, None]},
+                     {"on": {"plane": "y", "at": 0}, "displacement": [None, 0, None]},
+                     {"on": {"plane": "z", "at": 2}, "displacement": [None, None, -0.01]}],
+        "method": {"tolerance": {"error": tolerance}},
+    }
 
 
 def test_nothing_where_elements_hold_the_solution():

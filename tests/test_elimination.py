@@ -1,22 +1,19 @@
 """Linear algebra of the coarse contact problem: elimination front after front, and what is compiled."""
 
-import ast
 import fcntl
 import os
 import subprocess
 import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
 from ranks_case import SIZE, lattice
 
-import orchestrator
 from orchestrator.method.coarse import elimination, layout, rigid_first
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.pattern import BlockPattern
-from orchestrator.compiled import LOOPS, compiled, kept_in, made_of
+from orchestrator.compiled import compiled, kept_in, made_of
 
 @pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
 def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
@@ -46,19 +43,6 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     again = elimination_of.factors(pattern.matrix(values, 0.25).data)
     assert np.array_equal(again.solve(right), factors.solve(right))
     assert np.array_equal(pattern.factors(values, 0.25).solve(right), factors.solve(right))
-
-
-def test_bands_end_within_fronts(monkeypatch):
-    """And their last panel is narrower."""
-    monkeypatch.setattr(layout, "PANEL", 2 * SIZE)
-    monkeypatch.setattr(layout, "BAND", 5 * SIZE)
-    ends, bodies = lattice(5)
-    pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(4)
-    matrix = pattern.matrix(rng.normal(size=(len(pattern.indices), SIZE, SIZE)), 20.0)
-    right, made = rng.normal(size=(bodies, SIZE)), Elimination(pattern.indptr, pattern.indices, SIZE)
-    assert max(made.layout.sizes[:, 0]) > made.layout.band
-    found = made.factors(matrix.data).solve(right)
-    assert np.linalg.norm(matrix @ found.ravel() - right.ravel()) < 1e-12 * np.linalg.norm(right)
 
 
 @pytest.mark.parametrize("cores", [2, 4])
@@ -140,13 +124,6 @@ def test_rigid_motions_are_eliminated_and_stretches_follow(monkeypatch):
     assert np.linalg.norm(found - exact) < 1e-2 * np.linalg.norm(exact)
 
 
-def test_few_operations_beside_a_dense_matrix():
-    ends, bodies = lattice(8)
-    pattern = BlockPattern(ends, bodies, SIZE)
-    done = sum(elimination.operations(*front, SIZE) for front in Elimination(pattern.indptr, pattern.indices, SIZE).fronts)
-    assert done < 0.05 * 2 / 3 * (SIZE * bodies) ** 3
-
-
 def test_a_pivot_that_vanishes_is_told():
     pattern = BlockPattern(np.array([[0, 1]]), 2, SIZE)
     with pytest.raises(ZeroDivisionError, match="pivot"):
@@ -180,15 +157,6 @@ def test_one_process_compiles_a_loop_at_a_time(tmp_path, monkeypatch):
         assert waits.is_alive() and not done
     waits.join()
     assert done == [6] and loop(np.ones(2)).tolist() == [2, 2]
-
-
-def test_loops_take_nothing_from_modules_without_any():
-    package = Path(orchestrator.__file__).parent
-    texts = {path: path.read_bytes() for path in package.rglob("*.py")}
-    for path, text in texts.items():
-        if LOOPS.search(text) and path.name != "compiled.py":
-            taken = {node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom) and "orchestrator" in node.module}
-            assert all(LOOPS.search(texts[(package.parent / one.replace(".", "/")).with_suffix(".py")]) for one in taken), path
 
 
 WRITE_NOTHING = """

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from orchestrator.errors import Refusal
 from orchestrator.method.interface import cholmod, factor
 from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, semidefinite_solver
-from orchestrator.superlu import dissection
 from orchestrator.method.linear.macro import Macro
 from orchestrator.parallel.team import ALONE
 from benchmarks.studies.prediction import macro_pattern
@@ -49,12 +48,6 @@ def test_solutions_do_not_depend_on_the_solver(macro, solver, steps):
                                                                              right[:, :50].T).T).max() <= 1e-12
 
 
-def test_the_order_is_one_of_all_unknowns(macro):
-    order = dissection(macro)
-    assert np.array_equal(np.sort(order), np.arange(macro.shape[0]))
-    assert np.array_equal(dissection(sp.csr_array(sp.eye_array(4))), np.arange(4))
-
-
 def test_a_singular_macro_matrix_is_reported(solver):
     independent = sp.csr_array(np.diag([1.0, 2.0, 0.0]))
     with pytest.raises(Refusal, match="singular"):
@@ -87,12 +80,6 @@ def test_a_solver_that_gets_it_wrong_is_not_trusted(macro, monkeypatch):
     monkeypatch.undo()
     assert factor.sound(lower(macro), by_superlu(lower(macro)))
     assert not factor.sound(lower(macro), lambda right: by_superlu(lower(macro))(right) * (1 + 1e-6))
-
-
-def test_without_an_order_of_metis_superlu_finds_one(macro, monkeypatch):
-    monkeypatch.setattr(factor, "absent", lambda package: [package])
-    ones = np.ones(macro.shape[0])
-    assert np.abs(by_superlu(lower(macro))(macro @ ones) - 1).max() <= 1e-12
 
 
 @needs_cholmod

@@ -12,7 +12,6 @@ from orchestrator.method.delivery.reach import softest_modes
 from orchestrator.method.monitors import Verdict
 from orchestrator.method.monitors.far_bodies import FarBodies, PATIENCE
 from orchestrator.method.stopping.law_residuals import Lengths
-from orchestrator.results.progress import Progress
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -106,13 +105,6 @@ def test_only_what_lasts_is_told_and_once():
     assert not far.far
 
 
-def test_the_last_iteration_tells_at_once():
-    _, judge = watch()
-    turned, = judge(1, motion(0, 1, 4, 0.3), ended=True)  # 0.15 rad about y
-    assert turned.turn == pytest.approx(0.15) and turned.turns and turned.load_step == 7 and turned.sticking == ["b"]
-    assert "turned by 0.15 rad about (0, 1, 0)" in str(turned) and "another neighbour" in str(turned)
-
-
 def test_a_run_goes_on_with_what_it_knew():
     far, judge = watch()
     moved = motion(1, 0, 0, 0.5)
@@ -124,12 +116,6 @@ def test_a_run_goes_on_with_what_it_knew():
     third, judge = watch()
     third.restore(again.state(), None)
     assert third.far == again.far and not judge(PATIENCE + 1, moved)
-
-
-def test_without_a_terminal_warnings_go_to_standard_error(capsys):
-    Progress().warned("b has moved")
-    Progress(quiet=True).warned("c has moved")
-    assert capsys.readouterr().err == "warning: b has moved\n"
 
 
 def test_motions_that_nothing_holds_are_all_found():

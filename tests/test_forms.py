@@ -132,12 +132,6 @@ def test_the_shipped_law_as_a_form_is_the_same(tmp_path, element, transport):
     assert np.abs(own.displacement - shipped.displacement).max() < 1e-12 * np.abs(shipped.displacement).max()
 
 
-def test_a_form_that_says_uniform_shares_matrices_and_one_that_does_not_does_not(tmp_path):
-    form = written(tmp_path, PLAIN)
-    counts = [solve(config_from(problem(form, uniform=uniform))).summary["codes"][0]["models"] for uniform in (False, True)]
-    assert counts[0] == 4 > counts[1]
-
-
 def test_a_form_that_varies_and_says_uniform_is_found_out(tmp_path):
     graded = PLAIN.replace("real myE", "func myGrade = 1 + .1*x;\nreal myE", 1).replace("(Density(u, v))", "(myGrade*Density(u, v))")
     with pytest.raises(BlackBoxError, match="varies from place to place and says that it does not: leave uniform: true out"):
@@ -223,31 +217,6 @@ def test_a_tolerance_from_the_meshs_error_is_refused(tmp_path):
     config = config_from(problem(written(tmp_path, PLAIN)) | {"method": {"tolerance": {"error": "auto"}}})
     with pytest.raises(InputError, match="a code whose matter is its own"):
         solve(config)
-
-
-@pytest.mark.long
-def test_loads_of_a_solver_in_python(tmp_path):
-    """Own weight by the solver is own weight by the YAML."""
-    (tmp_path / "heavy.py").write_text("""
-import numpy as np
-from orchestrator.blackbox.codes.adapter import Adapter
-from orchestrator.blackbox.codes.template import Solver as Template
-class Solver(Adapter):
-    def stiffness(self, model):
-        return Template().stiffness(model)
-    def loads(self, model, step):
-        corners = model.nodes[model.cells]
-        volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-        share = np.bincount(model.cells.ravel(), np.repeat(volume / 4, 4), len(model.nodes))
-        return np.outer(share, [0.0, 0.0, -2.0 * step])
-""")
-    own = problem(None) | {"blackbox": {"code": str(tmp_path / "heavy.py"), "loads": True, "workers": 1}}
-    given = problem(None) | {"loads": [{"body_force": [[0, 0, -2.0], [0, 0, -4.0]]}]}
-    scene = build_scene(config_from(own))
-    again, one = (solve(config_from(own), scene).displacement for _ in range(2))  # they are not added twice
-    two = solve(config_from(given)).displacement
-    assert np.abs(one - two).max() < 1e-9 * np.abs(two).max()
-    assert np.abs(again - one).max() < 1e-12 * np.abs(two).max()
 
 
 def test_what_is_in_a_form_belongs_to_the_problem(tmp_path):

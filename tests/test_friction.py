@@ -153,13 +153,3 @@ def test_a_law_that_says_that_it_is_convex_is_tried(request):
 def test_a_law_prices_what_it_knows_the_price_of():
     with pytest.raises(TypeError, match="prices = True and has no duality_gap"):
         type("Free", (Law,), {"name": "free", "prices": True})
-
-
-@pytest.mark.long
-def test_how_much_friction_a_guarantee_allows():
-    """What docs/contact.md says of blocks of 1 × 1 × 0.5."""
-    for cells, most in ((2, 0.33), (4, 0.22), (8, 0.15)):
-        for friction, there in ((most, True), (most + 0.01, False)):
-            made = pressed(friction, cells)
-            with box_of(made) as blackbox:
-                assert np.isfinite(prepared(made, build_scene(made), blackbox).certificate.factor()) == there

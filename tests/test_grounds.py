@@ -12,7 +12,6 @@ from orchestrator.method.interface.pairing import geometry_of
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.geometry import node_areas
 from orchestrator.scene.mesh.quadratic import CORNER_SHARES
 from benchmarks.kit.calculix_whole import displacements
@@ -103,26 +102,6 @@ def test_couplings_do_what_else_says_the_same(element):
         assert np.isfinite(acted).all() and found.reactions[:, 0] == pytest.approx(told.reactions[:, 0], abs=1e-7)
         # lumped and consistent nodal forces differ by what bends between neighbours
         assert np.abs(found.displacement[:, :n] - told.displacement).max() < 2e-2 * np.abs(told.displacement).max()
-
-
-@pytest.mark.parametrize("element", quick(ELEMENTS, "P1"))
-def test_a_mean_motion_is_prescribed_while_the_rest_is_loaded_and_free_to_deform(element):
-    about, history = [0.5, 0.5, 2.5], [1.0, 0.0, -0.5]
-    solution = solved([HELD, {"on": "zmax", "history": "h", "coupling": {
-        "kind": "distributed", "about": about, "displacement": [0.01, None, None], "rotation": [None, 0.2, 0.0], "force": [0, 4.0, 0]}}],
-        element,
-        histories={"h": history})
-    ground = solution.scene.interfaces[0]
-    points = solution.scene.mesh.nodes[ground.global_nodes]
-    area = geometry_of(points, ground, ground.shares).area
-    R = motions_about(points, np.array(about), 1.0)
-    G = np.einsum("n,nci,ncj->ij", area, R, R)
-    u = solution.displacement[:, ground.global_nodes]
-    q = np.linalg.solve(G, np.einsum("n,nci,tnc->it", area, R, u)).T
-    assert q[:, [0, 4, 5]] == pytest.approx(np.outer(history, [0.01, np.radians(0.2), 0.0]), abs=1e-10)
-    assert solution.reactions[1, :, 1:] == pytest.approx(np.outer(history, [4.0, 0.0]), abs=1e-6)
-    bent = u[0] - np.einsum("nci,i->nc", R, q[0])
-    assert np.abs(bent).max() > 1e-3 * np.abs(u[0]).max()
 
 
 def quarter(tmp_path, degrees: float, boundary: list, element: str = "P1", **changes):
@@ -232,11 +211,6 @@ def test_springs_under_what_is_held_along_them_carry_nothing(held, springs, told
     boundary = [{"on": "zmin", "displacement": held}, {"on": "zmin", "foundation": springs}, {"on": "xmin", "displacement": [0, 0, None]}, LOADED]
     cautions = scene_cautions(build_scene(config_from(bar(boundary))))
     assert [text.startswith("boundary[1], a foundation, acts on faces alone whose displacement is prescribed") for text in cautions] == [True] * told
-
-
-def test_what_is_zero_or_axial_is_so_on_the_axis_too():
-    for what in ({"displacement": [None, None, 0]}, {"displacement": [0, 0, 0.1]}, {"traction": [0, 0, 1.0]}):
-        build_scene(config_from(bar([HELD, {"on": "zmax", **what, "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}])))
 
 
 def test_a_surface_that_several_subdomains_share_is_no_coupling():

@@ -55,20 +55,6 @@ def test_a_cut_through_an_edge_or_a_corner_leaves_it_whole(tmp_path, filled, cel
     assert_bounded(solved(**made))
 
 
-@pytest.mark.parametrize("kind", ["springs", "layer", "overlap"])
-def test_it_stays_whole_whatever_the_sole(tmp_path, kind):
-    mesh = voxels(EDGE, volume=lambda centre: (centre[:, 2] > 1) * (1 + (centre[:, 0] > 1)))
-    assert_bounded(solved(mesh=saved(mesh, tmp_path / "voxels.mesh"), subdomains="groups", boundary=pulled(EDGE),
-                          **method({"kind": kind}, tolerance={"error": 1e-6})))
-
-
-def test_what_faces_hold_together_gets_no_other_interface(tmp_path):
-    """Cuts that cross in the inside of a body: every interface has faces."""
-    scene = build_scene(config(mesh={"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, subdomains={"grid": [2, 2, 2]},
-                               boundary=pulled(EDGE)))
-    assert len(scene.interfaces) == 12 and all(len(i.triangles) for i in scene.interfaces)
-
-
 def test_a_law_that_opens_does_nothing_along_an_edge(tmp_path):
     """Between two volumes that share an edge: bonded unless an entry says otherwise; contact there is refused by name."""
     mesh = saved(voxels(EDGE, volume=lambda centre: (centre[:, 2] > 1) * (1 + (centre[:, 0] > 1))), tmp_path / "voxels.mesh")

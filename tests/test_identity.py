@@ -19,13 +19,11 @@ from contact_case import BOTTOM, TOP, contact
 from in_process import IN_PROCESS
 from mortar_case import TWO, blocks, free_mesh
 from quick import quick
-from test_certificate import Exact, at_pairs, case, certified, rows_of
-from test_mpi import SECONDS, start
+from test_certificate import Exact, at_pairs, case, certified
 
 from orchestrator.method.stopping import certificate, dual_energy
 from orchestrator.parallel.team import join
 from orchestrator.scene.build import build_scene
-from orchestrator.solving import Ranks, solve
 
 EQUAL = 1e-9
 ITERATIONS = 2
@@ -127,59 +125,3 @@ def test_what_the_error_consists_of(name, monkeypatch):
     d, found = certified(scene, made, every=ITERATIONS, most=ITERATIONS)
     bound, v = found[0]
     hold_equal(scene, v, lambda exact: at_pairs(d, bound.pair.forces, exact), bound.errors, bound.factor)
-
-
-# --- on ranks ---------------------------------------------------------------------------------------------
-
-
-def found_by(team, name):
-    """v (T, n) and forces (T, P, 3) by the two bodies of an interface, from all ranks; on rank 0. Errors (T,), and the factor."""
-    made = SCENES[name]()
-    made = made.model_copy(update={"method": made.method.model_copy(update={"max_iterations": ITERATIONS})})
-    seen, call = [], certificate.Certificate.__call__
-
-    def kept(self, *given):
-        seen.append((self, call(self, *given)))
-        return seen[-1][1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        closely(patch)
-        patch.setattr(certificate.Certificate, "__call__", kept)
-        solution = solve(made, build_scene(made) if not team.rank else None, ranks=Ranks(team))
-    (judge, bound), forces = seen[-1], {}
-    pairs, owner = judge.pairs, judge.space.owner
-    for a, b in zip(pairs.bounds[:-1], pairs.bounds[1:]):
-        if pairs.mine[a:b].any():
-            bodies = tuple(int(owner[side[..., a:b].max()]) for side in (pairs.transfer.one, pairs.transfer.two))
-            forces[bodies] = bound.pair.forces[:, :, a:b].transpose(0, 2, 1)
-    forces = dict(item for each in team.all_gather(forces) for item in each.items())
-    return None if team.rank else (np.hstack([side.reshape(len(side), -1) for side in solution.sides]), forces, bound.errors, bound.factor)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_what_it_consists_of_on_ranks(ranks, tmp_path):
-    names = [name for name in SCENES if name.startswith(("27", "loose") if ranks == 4 else ("two", "edges"))]
-    run = start(ranks, __file__, str(tmp_path / "found"), *names)
-    _, errors = run.communicate(timeout=SECONDS)
-    assert run.returncode == 0, errors
-    for name, (size, v, forces, *rest) in pickle.loads((tmp_path / "found").read_bytes()).items():
-        assert size == ranks
-
-        def everywhere(exact):
-            one = exact.monolithic
-            result = np.zeros((len(v), one.pairs.bounds[-1].stop, 3))
-            for i in scene.interfaces:
-                result[:, one.pairs.bounds[i.index].start + rows_of(i)] = forces[tuple(i.subdomains)]
-            return result
-
-        scene = build_scene(SCENES[name]())
-        hold_equal(scene, v, everywhere, *rest)
-
-
-if __name__ == "__main__":
-    ranks = join()
-    with ranks.together():
-        answers = {name: found_by(ranks, name) for name in sys.argv[2:]}
-        if not ranks.rank:
-            Path(sys.argv[1]).write_bytes(pickle.dumps({name: (ranks.size, *answer) for name, answer in answers.items()}))

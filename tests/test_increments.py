@@ -50,16 +50,6 @@ def test_a_reference_with_contact_is_refused():
         solve(config, build_scene(config), reference=True)
 
 
-def test_max_iterations_bounds_the_whole_run():
-    """Four batches of one load step: each has at least one iteration, all together no more than were allowed."""
-    for allowed in (4, 9):
-        stopped = solved(increment=1, max_iterations=allowed)
-        assert not stopped.converged and stopped.iterations == allowed == len(stopped.iterated.history)
-        assert stopped.summary["stop_reason"] == "max_iterations"
-    with pytest.raises(InputError, match="3 iterations for 4 batches"):
-        solved(increment=1, max_iterations=3)
-
-
 PRESSED, SHEARED = [0, 0, -0.002], [0.002, 0, -0.002]
 MIDDLE, QUARTER = [0.001, 0, -0.002], [0.0005, 0, -0.002]
 HALVES = [(1, 0.0, 1.0), (1, 0.0, 0.5)]  # load step, from 0, and the parts of it that are halved: its first half is halved again

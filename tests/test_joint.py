@@ -1,6 +1,5 @@
 """A lap joint as CAD draws it: ``init`` finds bolts, nuts, threads and clearances; element sizes, names and faces of parts."""
 
-from types import SimpleNamespace
 
 import gmsh
 import numpy as np
@@ -13,16 +12,13 @@ from yaml_case import call
 from orchestrator import InputError, build_scene, config_from, solve
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
-from orchestrator.config.mesh import Move
-from orchestrator.method.delivery.faces import Face, carry, shape
-from orchestrator.parallel.team import ALONE
-from orchestrator.results.report.tables import tables
+from orchestrator.method.delivery.faces import shape
 from orchestrator.results.summary.contact_faces import slip_load
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.fits import bolts, fits, pressed, round_faces
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.sources import make_mesh, placed
+from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.shapes import Shape, shape_of
 
 
@@ -74,20 +70,6 @@ def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
     assert np.isclose(left.clearance, 0.5)
 
 
-@pytest.mark.long
-def test_a_thread_drawn_by_its_core_is_told(tmp_path):
-    """A nut whose hole is narrower than the shank: no press fit, and parts inside each other."""
-    with session():
-        occ = drilled_plates()
-        occ.fuse([(3, occ.addCylinder(10, 10, -5, 0, 0, 17, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])
-        occ.cut([(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 7))], [(3, occ.addCylinder(10, 10, -5, 0, 0, 5, 3.4))])
-        occ.synchronize()
-        gmsh.write(str(tmp_path / "core.brep"))
-    assert call("init", tmp_path / "core.yaml", tmp_path / "core.brep").exit_code == 0
-    text = (tmp_path / "core.yaml").read_text()
-    assert '["bolt_1", "nut_1"], law: perfect}   # a thread, drawn 0.6 inside each other' in text and "press fit" not in text
-
-
 def test_sizes_by_curvature_on_faces_and_names(tmp_path):
     plates, bolts = lap_joint(tmp_path)
     keys = {"step": str(plates), "conforming": False, "rename": {"solid_1": "lower"}}
@@ -107,16 +89,6 @@ def test_sizes_by_curvature_on_faces_and_names(tmp_path):
         make_mesh(section(**{**keys, "rename": {"solid_1": "lower", "solid_2": "lower"}}))
     with pytest.raises(InputError, match="no face and no solid is called 'upper'"):
         make_mesh(section(**keys, refine=[{"on": "upper", "h": 1.0}]))
-
-
-@pytest.mark.long
-def test_shapes_are_the_models_own_wherever_it_is_put(tmp_path):
-    _, made = lap_joint(tmp_path)
-    mesh, _ = make_mesh(section(step=str(made), h=6.0, conforming=False, scale=2.0))
-    move = Move.model_validate({"rotate": {"axis": "y", "degrees": 90}, "translate": [1, 2, 3]})
-    shapes = placed(mesh, "a", move).smooth
-    head = next(shape for shape in shapes.values() if shape.kind == "cylinder" and np.isclose(shape.radius, 16))
-    assert np.allclose(np.abs(head.direction), [1, 0, 0]) and np.allclose(head.through[1:], [2, 3 - 110])
 
 
 def test_two_rings_of_nodes_are_a_cylinder():
@@ -168,48 +140,6 @@ def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
     assert any("(10, 10, 9) is amid one" in warning for warning in there.warnings) and not any(beside.gap for beside in there.near.values())
 
 
-def test_a_head_and_its_shank_are_two_faces(tmp_path):
-    """Each with its own normal, at the crease between them too: a head presses along its axis and nowhere else."""
-    with session():
-        occ = gmsh.model.occ
-        occ.cut([(3, occ.addBox(0, 0, 0, 20, 20, 6))], [(3, occ.addCylinder(10, 10, 0, 0, 0, 6, 4.5))])
-        occ.fuse([(3, occ.addCylinder(10, 10, -6, 0, 0, 12, 4))], [(3, occ.addCylinder(10, 10, 6, 0, 0, 4, 7))])
-        occ.synchronize()
-        gmsh.write(str(tmp_path / "pin.brep"))
-    scene = build_scene(config_from({
-        "name": "pin", "mesh": {"step": str(tmp_path / "pin.brep"), "conforming": False, "h": {"curvature": 12, "max": 6.0},
-                                "rename": {"solid_1": "plate", "solid_2": "pin"}}, "subdomains": "groups",
-        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"between": "auto", "law": "contact", "within": 0.6}],
-        "boundary": [{"on": {"plane": "z", "at": at}, "displacement": [0, 0, 0]} for at in (-6, 0)]}))
-    head, bore = sorted((i for i in scene.interfaces), key=lambda i: -abs(i.mortar.normal[:, 2]).min())
-    assert {head.name[-9:], bore.name[-9:]} == {"(patch 1)", "(patch 2)"}
-    assert np.allclose(abs(head.mortar.normal), [0, 0, 1]) and np.abs(bore.mortar.normal[:, 2]).max() < 1e-6
-    assert np.allclose(head.law.gap, 0) and bore.law.gap.min() > 0.4
-    crease = [scene.side_nodes(i, 0)[i.mortar.points] for i in (head, bore)]
-    assert len(np.intersect1d(*crease)) >= 12
-
-
-def test_the_load_at_which_a_face_slips(tmp_path):
-    """A block pressed onto another and pushed aside, in steps of the path: at the last it slides as a whole."""
-    bottom, top = ({"on": {"plane": "z", "at": at}} for at in (0.0, 1.0))
-    push = [[0, 0, -0.005], [4e-4, 0, -0.005], [8e-4, 0, -0.005], [0.02, 0, -0.005]]
-    press = {**top, "displacement": push}
-    made = contact(0.2, boundary=[{**bottom, "displacement": [0, 0, 0]}, press],
-                   error=1e-6)
-    summary = solve(made, build_scene(made)).summary
-    (face,) = summary["contact_faces"]
-    assert face["kind"] == "plane" and face["slipping"] == [False, False, False, True]
-    assert face["carried"][3] == pytest.approx(0.2 * face["normal"][3], rel=1e-3) and face["used"][3] == pytest.approx(1, abs=1e-2)
-    slips = face["slips"]
-    assert slips["step"] == 4 and slips["on"] == "z = 1" and slips["before"] < slips["at"] <= slips["load"]
-    assert slips["at"] == pytest.approx(face["capacity"][3], rel=0.05)
-    (said,) = verdict(summary)
-    assert "slips from load step 4, at about" in said and dict(summary_rows(summary))["verdict"] == said
-    (table,) = (table for table in tables(summary, {}, tmp_path) if table.title == "Faces in contact")
-    assert [row[-1] for row in table.rows] == ["holds", "holds", "holds", "slips"]
-    assert verdict({**summary, "converged": False}) == []
-
-
 def test_a_twist_is_told_as_a_moment():
     """A block pressed on another and twisted about the normal: what grows is a couple, whose force is rounding alone."""
     top = {"on": {"plane": "z", "at": 1.0}}
@@ -251,17 +181,6 @@ def test_shanks_that_bear_are_told_above_the_tolerance():
     assert told([0.0, 0.5])[-1] == "no shank bears in its hole"
     assert told([0.0, 50.0])[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
     assert told([0.0, 0.0])[0] == "nothing slips: of what friction can hold at most 60% is used, by a | b at load step 2"
-
-
-def test_a_point_that_bears_all_resists_no_turn():
-    """What rounding leaves of pressures and tractions beside it uses nothing of the friction."""
-    fields = SimpleNamespace(steps=1, index=np.zeros(1, int), interface_of_node=np.zeros(3, int), areas=np.ones((1, 3)),
-                             points=np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]]), normal=np.tile([0.0, 0, 1], (3, 1)),
-                             pressure=np.array([[10.0, 1e-17, 0]]), status=np.ones((1, 3), dtype=int),
-                             friction_traction=np.array([[[1.0, 0, 0], [0, 1e-9, 0], [0, 0, 0]]]))
-    face = Face(("a", "b"), "plane", np.array([0.0, 0, 1]), np.zeros(3), 0.2, [0])
-    carry([face], fields, [2], ALONE)
-    assert face.carries["used"] == pytest.approx([0.5])
 
 
 @pytest.mark.parametrize("other, kind", [(10.5, "bore"), (-20.0, "face"), (np.inf, "face")], ids=["hole", "cylinder", "plane"])

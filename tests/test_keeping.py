@@ -6,7 +6,6 @@ import json
 import os
 import resource
 import shutil
-import signal
 import subprocess
 import sys
 import zipfile
@@ -32,7 +31,6 @@ from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.gmsh_session import session
 
 PRESSED = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]},
            "interfaces": [{"law": "contact", "friction": 0.3}],
@@ -119,21 +117,6 @@ def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
     scale = np.abs(whole.displacement).max()
     assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * scale
     np.testing.assert_allclose(resumed.energy, whole.energy, rtol=1e-12)
-
-
-def test_what_is_kept_does_not_grow(tmp_path):
-    """Iterations that the acceleration has forgotten leave the disk."""
-    made = config(**CASES["contact, four differences kept"], )
-    keeper, counts = CheckpointWriter(ResultsFolder(tmp_path), "key"), []
-
-    class Written(Subscriber):
-        def iteration(self, event):
-            counts.append(len(list((tmp_path / "checkpoint").glob("iteration-*"))))
-
-    solution = solve(made, subscribers=[keeper, Written()])
-    assert solution.iterations > 16 and max(counts) == 5
-    keeper.remove()
-    assert not (tmp_path / "checkpoint").exists()
 
 
 @pytest.fixture(scope="module")
@@ -527,14 +510,3 @@ def test_killed_before_the_first_iteration(tmp_path):
         patch.setattr("orchestrator.solving.build_scene", killed)
         run(case, output=out, quiet=True)
     assert run(case, output=out, resume=True, quiet=True) == 0
-
-
-def test_a_hangup_that_is_ignored_stays_so():
-    """gmsh gives signals back to the system: a run under nohup would die with its terminal."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with session():
-            os.kill(os.getpid(), signal.SIGHUP)
-        os.kill(os.getpid(), signal.SIGHUP)
-    finally:
-        signal.signal(signal.SIGHUP, before)

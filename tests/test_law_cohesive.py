@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from in_process import IN_PROCESS
 from method_case import config
 from test_keeping import stopped_and_resumed
 from test_laws import COUNT, assert_consistent, missed, points_of
@@ -12,8 +11,7 @@ from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
 from orchestrator.laws.points import Points
 from orchestrator.registry import LAWS
-from orchestrator.results.fields.npz import read_npz
-from orchestrator.run import run, solve
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
 YOUNG, LENGTH = 1000.0, 2.0
@@ -32,34 +30,6 @@ def bar(led, axis=0, steps=None, **changes):
         "materials": [{"young": YOUNG, "poisson": 0.0}], "interfaces": [GLUE],
         "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "displacement": moves}],
         "method": {"tolerance": {"error": 1e-9}}, **changes})
-
-
-def closed_form(led):
-    """Traction, separation and damage of a bar of stiffness E/L with glue in its middle, load step by load step."""
-    found, kappa = [], FIRST
-    for end in led:
-        damage = min(LAST * (kappa - FIRST) / (kappa * (LAST - FIRST)), 1.0)
-        stiff = (1 - damage) * K if end > 0 else K
-        apart = end * (YOUNG / LENGTH) / (YOUNG / LENGTH + stiff)
-        if apart > kappa:  # E/L (end − δ) = σ (δ₁ − δ)/(δ₁ − δ₀)
-            falls = STRENGTH / (LAST - FIRST)
-            kappa = min((YOUNG / LENGTH * end - falls * LAST) / (YOUNG / LENGTH - falls), end) if end < LAST else end
-            damage = min(LAST * (kappa - FIRST) / (kappa * (LAST - FIRST)), 1.0)
-            apart = kappa
-            stiff = (1 - damage) * K
-        found.append((stiff * apart, apart, damage))
-    return np.array(found).T
-
-
-def test_pulled_back_and_pulled_again():
-    solution = solve(bar(LED))
-    i, (traction, apart, damage) = solution.interfaces, closed_form(LED)
-    assert solution.converged and 0 < damage[1] < damage[4] < 1 == damage[5]
-    assert i.own["damage"] == pytest.approx(np.repeat(damage[:, None], i.gap.shape[1], axis=1), abs=1e-7)
-    assert i.gap == pytest.approx(np.repeat(apart[:, None], i.gap.shape[1], axis=1), abs=1e-8)
-    assert -i.resultant[:, 0, 0] == pytest.approx(-traction, abs=1e-5)
-    assert [set(i.kind_names[np.searchsorted(i.kinds, row)]) for row in i.status] == [
-        {"intact"}, {"damaged"}, {"damaged"}, {"damaged"}, {"damaged"}, {"broken"}, {"broken"}]
 
 
 def test_sheared():
@@ -166,27 +136,6 @@ def test_a_stopped_run_knows_the_damage(tmp_path):
     whole = solve(made, scene)
     resumed, _ = stopped_and_resumed(tmp_path, made, scene, [2, whole.iterations // 2, whole.iterations - 1])
     assert resumed.interfaces.own["damage"] == pytest.approx(whole.interfaces.own["damage"], abs=1e-10)
-
-
-def test_beside_contact():
-    """Three blocks, one interface glued, one in contact that is pressed first: damage is the glue's alone."""
-    made = bar([-0.01, 0.05], **{"mesh": {"box": {"size": [3.0, 1.0, 1.0], "cells": [6, 2, 2]}},
-               "subdomains": {"slices": {"axis": "x", "count": 3}},
-               "interfaces": [GLUE, {"between": ["slice 1", "slice 2"], "law": "contact", "friction": 0.2}]})
-    i = solve(made).interfaces
-    for name, law, a, b in zip(i.names, i.laws, i.offsets[:-1], i.offsets[1:]):
-        assert not i.own["damage"][:, a:b].any(), name
-        assert law == "cohesive" or (i.gap[1, a:b] > 0.04).all() and (i.pressure[0, a:b] > 0).all()
-
-
-def test_damage_is_in_the_files(tmp_path):
-    from test_keeping import loaded
-
-    case = loaded(tmp_path, **{key: value for key, value in bar(LED[:2]).model_dump(exclude_unset=True).items()
-                               if key in ("mesh", "subdomains", "materials", "interfaces", "boundary")}, blackbox=IN_PROCESS)
-    assert run(case, output=tmp_path / "out", quiet=True) == 0
-    assert read_npz(tmp_path / "out").interfaces.own["damage"][1].min() > 0
-    assert 'Name="damage"' in (tmp_path / "out" / "fields" / "interface_0002.vtu").read_bytes().decode("latin1")
 
 
 def test_toughness_that_is_spent_before_the_strength_is_refused():

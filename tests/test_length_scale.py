@@ -67,11 +67,6 @@ def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
         assert factor > 1e3 or resumed.converged
 
 
-def lengths_of(config):
-    with box_of(config) as blackbox:
-        return LengthScale(prepared(config, build_scene(config), blackbox))
-
-
 def test_rigid_motions_count_for_nothing():
     config = stack()
     with box_of(config) as blackbox:
@@ -88,26 +83,6 @@ def test_rigid_motions_count_for_nothing():
         held[:, d.space.boundary[0]] += 1.0  # what a support holds does not move rigidly
         assert scale(held).deformation > 0.9
         assert scale(np.full_like(u, np.nan)).deformation != scale(u).deformation
-
-
-def test_what_the_scene_was_told():
-    assert lengths_of(stack(1e6)).told == pytest.approx(5e-3)
-    assert lengths_of(stack(1e-2)).told == pytest.approx(5e-3)
-    pressed = stack(1e6, interfaces=[{"law": "contact", "gap": -1e-4}])
-    assert lengths_of(pressed).told == pytest.approx(1e-4)
-    loaded = [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "pressure": 10.0},
-              {"on": {"plane": "x", "at": 0}, "displacement": [0, None, None]}]
-    one, two = (lengths_of(stack(boundary=loaded, materials=[{"young": e, "poisson": 0.3}])).told for e in (2e5, 1e5))
-    assert two == pytest.approx(2 * one) and 0 < one < 1e-3  # a load over a stiffness
-
-
-def test_units_do_not_matter():
-    """Metres and millimetres: the same iterations and relative residuals."""
-    one, other = solve(stack(0.1)), solve(stack(0.1, 1000.0))
-    assert one.iterations == other.iterations
-    for name, value in one.summary["residuals"].items():
-        if value > 1e-9:
-            assert other.summary["residuals"][name] == pytest.approx(value, rel=1e-3)
 
 
 @pytest.mark.parametrize("far, converges", [(1e3, True), (1e6, False)])

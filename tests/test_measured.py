@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from test_discretisation import LENGTH, WEIGHT, YOUNG, contact, hanging, solved
+from test_discretisation import LENGTH, WEIGHT, YOUNG, hanging, solved
 
 from orchestrator.accuracy.measured import energies, explained, told
 from orchestrator.accuracy.passes import Passes
@@ -62,15 +62,3 @@ def test_a_mesh_that_contains_the_other(element, tmp_path):
     Passes(before=coarse).write(tmp_path)
     kept = Passes.read(tmp_path).before
     assert told(kept, fine, estimator) == told(coarse, fine, estimator) and kept.step == coarse.step
-
-
-def test_friction():
-    """Nothing is told of energies, but the distance of two solutions is what the errors of both leave."""
-    problem = {**contact(1e-4), "mesh": {"box": {"size": [10, 10, 20], "cells": [2, 2, 4]}}}
-    runs = [weighed(halved(problem, times)) for times in (1, 2, 4)]
-    (coarse, _, _), (fine, _, estimator), (finest, _, last) = runs
-    assert coarse.potential is None and 0.5 < told(coarse, fine, estimator) <= 1
-    first, second = (finest.solved.apart(one.solved, last) for one in (coarse, fine))
-    assert fine.solved.apart(coarse.solved, estimator) + second == pytest.approx(first, rel=0.05)
-    without = {**contact(1e-3), "interfaces": [{"law": "contact"}]}
-    assert weighed(solved(without))[0].potential is not None

@@ -5,15 +5,11 @@ from copy import copy
 
 import numpy as np
 import pytest
-from contact_case import CASES, contact
-from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, naked_beside, prepared, solved
+from method_case import (
+    CLAMP, CUBES, METIS, box_of, config, layered, method, naked_beside, prepared, solved)
 from quick import late, quick, quick_sets
 
 from orchestrator.blackbox.models import extended_model
-from orchestrator.method.acceleration import algorithm
-from orchestrator.method.acceleration.anderson import Anderson
-from orchestrator.method.acceleration.relaxation import Relaxation
-from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.delivery.lawful import certificate_of
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.increments import Start, iterate
@@ -24,7 +20,6 @@ from orchestrator.method.monitors import Monitor, Verdict
 from orchestrator.method.stopping.bound import relative
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.softest import BesideRigid, softest
-from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
 
@@ -212,37 +207,6 @@ def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
     assert outcome.converged and outcome.iterations == 1
 
 
-ALL = list(itertools.product(STRATEGIES, ["none", "anderson", "gmres"], KPLUS, KINDS))
-# Nine of them have every pair of choices: the indices of the first three add up to a multiple of three.
-COMBINATIONS = quick(ALL, *(ALL[18 * i + 6 * j + 2 * (-(i + j) % 3) + (i == j)] for i, j in itertools.product(range(3), range(3))))
-
-
-@pytest.fixture(scope="module")
-def short_bar():
-    """Three slices in bending, and their undecomposed solution."""
-    made = config(mesh={"box": {"size": [3.0, 1.0, 1.0], "cells": [6, 2, 2]}},
-                  subdomains={"slices": {"axis": "x", "count": 3}},
-                  boundary=[CLAMP, {"on": {"plane": "x", "at": 3.0}, "traction": [10.0, 1.0, -2.0]}])
-    scene = build_scene(made)
-    with box_of(made) as whole:
-        return made, scene, solve_reference(scene, whole)
-
-
-@pytest.mark.parametrize("combination", COMBINATIONS)
-def test_all_combinations_converge_to_the_true_solution(short_bar, combination):
-    """Every macro strategy × acceleration × k⁺ × sole; diagonal k⁺ needs a small relaxation (method, section 3)."""
-    (made, scene, exact), (strategy, acceleration, kplus, kind) = short_bar, combination
-    slow = acceleration == "none" and kplus == "diagonal"
-    tolerance = 3e-2 if slow else 1e-3
-    changes = method(sole={"kind": kind}, macro={"strategy": strategy}, acceleration=acceleration,
-                     search_direction={"kplus": kplus}, tolerance={"error": tolerance}, max_iterations=1000,
-                     relaxation=0.25 if slow else 0.5 if kplus == "diagonal" else "auto")
-    made = config(**changes, **{key: getattr(made, key) for key in ("mesh", "subdomains", "boundary")})
-    result = solve(made, scene)
-    assert result.converged
-    assert exact.relative_error(result.displacement) <= result.iterated.bound.relative <= tolerance
-
-
 class Watcher(Monitor):
     """Has the acceleration begin anew after the third iteration, and asks for another sweep each time."""
 
@@ -287,32 +251,7 @@ def test_iterations_are_counted_and_monitors_are_heard_in_order(memory, depth):
     assert sweeps[0] == pytest.approx(5 * 3 + 4) and sweeps[1] == pytest.approx(sweeps[0] / 2), "the first stage is free"
 
 
-def test_gmres_is_anderson_with_full_memory():
-    """Type II Anderson that forgets nothing makes the iterates of GMRES (Walker and Ni 2011), whose weighted residual is
-    minimised over growing spaces."""
-    runs = [solved(reference=False, **CUBES, **BENT, **method(**kind, tolerance={"error": 1e-8}))
-            for kind in ({"acceleration": "gmres"}, {"acceleration": "anderson", "memory": 1000},
-                         {"acceleration": "anderson", "memory": 2})]
-    gmres, full, short = ([e.residual for e in r.iterated.history] for r in runs)
-    assert np.allclose(gmres, full, rtol=1e-6, atol=0)
-    assert len(short) > len(gmres)
-    assert all(b <= 1.05 * a for a, b in zip(gmres, gmres[1:]))  # relative to a size that still settles
-    assert gmres[-1] < 1e-6 * gmres[0]
-    assert {r.summary["acceleration"] for r in runs} == {ResidualMinimisation.title}  # the same algorithm thrice
-    assert algorithm("anderson", all_perfect=False) is Anderson and algorithm("none", all_perfect=True) is Relaxation
-
-
 # --- error bound ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("mesh, tolerance", quick_sets(itertools.product([*MESHES, "irregular"], [1e-2, 1e-4, 1e-6, 1e-8, 1e-10]),
-                                                       ("cubes", 1e-2), ("irregular", 1e-8)))
-def test_true_error_below_bound_below_five_times_the_error(tmp_path, mesh, tolerance):
-    """The discrete Prager–Synge bound at every stop (method, section 7): true error ≤ bound ≤ 5 × true error."""
-    changes = MESHES[mesh] if mesh in MESHES else {
-        **BENT, "mesh": irregular(tmp_path / "box.meshb"), "subdomains": {"metis": 9}}
-    result = strained(**changes, **method(tolerance={"error": tolerance}))
-    assert result.summary["error_bound"] <= tolerance
 
 
 @pytest.mark.parametrize("strategy, kind, ratio", [("none", "symmetric", 0.5), late("none", "layer", 0.01),
@@ -392,7 +331,6 @@ def test_bodies_that_count_no_longer_are_not_asked_again(guaranteed):
     assert exact <= told.energy[0] * (1 + 1e-9) <= 1.03 * exact
 
 
-
 def test_the_bound_is_the_hypotenuse_of_prager_and_synge():
     """a² + b² − 2 δᵀδf is ‖u_D − û‖², subdomain by subdomain from K⁺; ‖u_D‖² is that of the fields; what is given with them counts."""
     made = config(**METIS, boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [[10.0, 1.0, -2.0], [0.0, 3.0, 4.0]]}])
@@ -442,27 +380,12 @@ def test_errors_are_relative_to_what_the_exact_energy_is_at_least():
     assert relative(1.0, 5.0) == 0.25 and 1e-12 < relative(1e-30, 1.0) < 1e-10, "no less than rounding"
 
 
-def test_the_indicator_is_no_accuracy():
-    """η < 1e-5 at the paper's soft sole leaves an error of percents (method, section 6)."""
-    result = solved(**CUBES, **BENT, **method(sole={"kind": "layer", "modulus_ratio": 0.008}, acceleration="none",
-                                              tolerance={"indicator": 1e-5}))
-    assert result.summary["converged"] and result.summary["indicator"] < 1e-5
-    assert 0.003 < result.summary["true_error"] <= result.summary["error_bound"]
-
-
 def test_max_iterations_stops_with_a_valid_bound():
     """A run that gives up still reports a bound that holds."""
     result = solved(**CUBES, **BENT, **method(max_iterations=3))
     summary = result.summary
     assert not summary["converged"] and summary["stop_reason"] == "max_iterations" and summary["iterations"] == 3
     assert summary["true_error"] <= summary["error_bound"] < 1
-
-
-def test_contrast_of_a_thousand(tmp_path):
-    """E alternates 1 : 1000 from slice to slice; still 1e-6, still guaranteed."""
-    result = strained(mesh=layered(tmp_path / "stripes.meshb", [0, 1, 0, 1]), **BENT, materials=STRIPES)
-    assert {m.young for m in result.scene.materials} == {200.0, 200e3} and len(result.scene.interfaces) == 3
-    assert result.summary["true_error"] <= 1e-6 and result.summary["iterations"] <= 25
 
 
 # --- loads and load steps ---------------------------------------------------------------------------------
@@ -506,18 +429,6 @@ def test_loads_and_prescribed_displacements(loads, mesh, tolerance):
     assert np.abs(supports + scene.loads.sum(axis=1)).max() <= 1e-9 * np.abs(result.summary["reactions"]).max()
 
 
-@pytest.mark.parametrize("mesh", [late(CUBES), METIS], ids=["cubes", "metis"])
-def test_uniform_tension_is_exact(mesh):
-    """On rollers u = (ε x, −ν ε y, −ν ε z): affine, hence in the macro space; strain and reaction in closed form."""
-    result = solved(reference=False, **mesh, boundary=LOADS["prescribed on rollers"]["boundary"][:4])
-    strain = 0.01 / 4
-    expected = result.scene.mesh.nodes * [strain, -0.3 * strain, -0.3 * strain]
-    assert np.abs(result.displacement[0] - expected).max() <= 1e-6 * 0.01
-    pull = 200e3 * strain * 4.0
-    assert np.allclose(result.summary["reactions"][0], [[-pull, 0, 0]], rtol=1e-6, atol=1e-5 * pull)
-    assert np.allclose(result.summary["reactions"][3], [[pull, 0, 0]], rtol=1e-6, atol=1e-5 * pull)
-
-
 def test_load_steps_with_histories_and_an_unloaded_step():
     """All steps at once are the steps one by one; an unloaded step gives exactly nothing."""
     end = {"plane": "x", "at": 4.0}
@@ -535,15 +446,6 @@ def test_load_steps_with_histories_and_an_unloaded_step():
         assert gap <= 1e-6 * np.abs(result.displacement).max()
 
 
-def test_displacements_given_step_by_step():
-    """A list of vectors: one per load step, met exactly at each."""
-    result = strained(boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0},
-                                        "displacement": [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005]]}])
-    at_end = np.isclose(result.scene.mesh.nodes[:, 0], 4.0)
-    assert np.all(result.displacement[0, at_end] == [0, 0, -0.005])
-    assert np.all(result.displacement[1, at_end] == [0.01, 0, -0.005])
-
-
 def test_no_load_at_all():
     """Nothing happens: converged at once, zero everywhere, no division by zero."""
     result = solved(boundary=[CLAMP])
@@ -551,47 +453,7 @@ def test_no_load_at_all():
     assert not result.displacement.any() and result.summary["error_bound"] == 0 == result.summary["true_error"]
 
 
-@pytest.mark.parametrize("cut", [{"slices": {"axis": "x", "count": 1}}, "groups"])
-def test_a_single_subdomain(cut):
-    """No interface: the black box alone, in one stage."""
-    result = solved(subdomains=cut, **BENT)
-    assert result.summary["interfaces"] == 0 and result.summary["converged"] and result.summary["iterations"] == 1
-    assert result.summary["true_error"] <= 1e-12
-
-
-def test_subdomains_that_nothing_holds_and_that_are_all_held():
-    """Both floating and fully clamped subdomains in one structure: x = 0 and x = 4 held, a load between."""
-    box = {"box": [[1.5, 0.0, 2.0], [2.5, 2.0, 2.0]]}
-    strained(**CUBES, boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [0.0, 0.0, 0.0]},
-                                {"on": box, "traction": [0.0, 0.0, -3.0]}])
-
-
 # --- delivered results ------------------------------------------------------------------------------------
-
-
-def test_reactions_balance_the_applied_loads():
-    """To rounding, at a tenth of the energy too: the equilibrium macro problem transmits all resultants."""
-    result = solved(reference=False, **METIS, **LOADS["everything"], **method(tolerance={"error": 1e-1}))
-    supports = np.array(result.summary["reactions"][:2]).sum(axis=0)
-    assert result.summary["error_bound"] > 1e-3
-    assert np.abs(supports + result.scene.loads.sum(axis=1)).max() <= 1e-9 * np.abs(supports).max()
-
-
-def test_reactions_of_loads_are_their_resultants():
-    """A traction's entry is traction × area; a pressure's acts along the inward normal."""
-    made = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, 0.0]},
-                         {"on": {"plane": "z", "at": 2.0}, "pressure": 5.0}]}
-    reactions = solved(reference=False, **CUBES, **made).summary["reactions"]
-    assert np.allclose(reactions[1], [[40.0, 4.0, 0.0]], rtol=1e-12, atol=1e-12)
-    assert np.allclose(reactions[2], [[0.0, 0.0, -40.0]], rtol=1e-12, atol=1e-12)
-    assert np.allclose(reactions[0], [[-40.0, -4.0, 40.0]], rtol=1e-9, atol=1e-9)
-
-
-def test_energy_is_half_the_external_work():
-    """Clapeyron: ½ uᵀKu = ½ f·u on a structure whose supports do not move, to the error bound."""
-    result = solved(reference=False, **METIS, **BENT, **method(tolerance={"error": 1e-9}))
-    work = 0.5 * np.sum(result.scene.loads * result.displacement, axis=(1, 2))
-    assert np.allclose(result.summary["energy"], work, rtol=5e-9, atol=0)
 
 
 def test_displacement_is_continuous_and_parts_close_to_it():
@@ -613,21 +475,3 @@ def test_sweeps_are_counted():
     assert iterations - 1 < sweeps["iterations"] <= iterations - 1 + 3 * 12
     counted = [e.sweeps for e in result.iterated.history]
     assert counted == sorted(counted) and counted[-1] == sweeps["total"]
-
-
-@pytest.mark.parametrize("made", [config(**CUBES, **BENT), contact(0.3, **CASES["two blocks"], method={"increment": 1})], ids=["bonds", "contact"])
-def test_all_back_substitutions_are_counted(made):
-    """Those of the iterations, of the bound, and of the softness and the factor that make it one, at however many load steps at once."""
-    with box_of(made) as blackbox:
-        d = prepared(made, build_scene(made), blackbox)
-        before = d.stage.blackbox.solved
-        found = iterate(d, made.method, (), Stopwatch())
-        assert found.converged and found.sweeps * d.steps == pytest.approx(d.stage.blackbox.solved - before)
-
-
-def test_repr_of_a_decomposition():
-    """A summary useful at a prompt."""
-    made = config()
-    with box_of(made) as blackbox:
-        text = repr(prepared(made, build_scene(made), blackbox))
-    assert "4 subdomains, 3 interfaces" in text and "27 macro unknowns" in text

@@ -1,11 +1,9 @@
 """Interfaces whose sides are meshed each on its own: the operators, and fields that must pass through them unchanged."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from quick import late, quick
-from contact_case import contact, written
 from benchmarks.monolithic import Monolithic
 from in_process import IN_PROCESS
 from mortar_case import FOUR, POISSON, SIX, THREE, TURN, TWO, YOUNG, blocks, free_mesh, gradients, off, pairs_looked_at, patch_scene, there
@@ -222,35 +220,6 @@ def test_constant_stresses_pass(element, layout):
     assert off(scene, [np.stack([s.parts[e] for s in steps]) for e in range(len(bodies))], strains) < 1e-10
 
 
-def bent(folder, sizes):
-    """Energy of what a constant stress across a curved interface is off, over its own; and its operators."""
-    flat = build_scene(blocks(TWO, {n: free_mesh(TWO[n][0], h) for n, h in zip("ab", sizes)}, turn=None,
-                              held=[{"on": "a/zmin", "displacement": [0, 0, 0]}])).mesh
-    x, y, z = flat.nodes.T
-    off_plane = (0.12 * np.sin(2.1 * x + 0.3) + 0.1 * y**2) * (1 - np.abs(z - 0.5) / 0.5)
-    mesh = replace(flat, nodes=np.c_[x, y, z + off_plane])
-    made = contact(law=[{"law": "perfect"}], mesh=written(folder / f"{sizes[0]}.msh", mesh), subdomains="groups",
-                   boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [0, 0, 10]}])
-    strains = gradients(SIX[2:3], None)
-    scene = patch_scene(made, strains)
-    (step,), whole = Monolithic(scene).solve(), Monolithic(scene)
-    exact = np.concatenate([(scene.mesh.nodes @ strains[0].T)[s.nodes].ravel() for s in scene.subdomains])
-    wrong = np.concatenate([u.ravel() for u in step.parts]) - exact
-    return np.sqrt(wrong @ (whole.K @ wrong) / (exact @ (whole.K @ exact))), scene.interfaces[0].mortar, \
-        np.abs(mesh.nodes - scene.mesh.nodes)
-
-
-@pytest.mark.long
-def test_curved_bonds(tmp_path):
-    """Nodes of the slave are moved onto the master, by no more than facets are off the surface."""
-    errors = []
-    for sizes in ((0.25, 0.2), (0.3, 0.15), (0.15, 0.075)):
-        error, mortar, moved = bent(tmp_path, sizes)
-        assert 0 < moved.max() < 0.2 * sizes[0] ** 2 and np.abs(mortar.gap).max() < 2e-3 * moved.max()
-        errors.append(error)
-    assert max(errors[:2]) < 1e-3 and errors[2] < errors[1] / 2
-
-
 def test_linear_stresses_pass_between_ten_node_tets():
     """Pure bending is a solution of the discrete equations: no jump, and forces of the stress on either side."""
     made = blocks(TWO, {"a": free_mesh([1, 1, 0.5], 0.5), "b": free_mesh([1, 1, 0.5], 0.3)}, turn=None, element="P2",
@@ -319,43 +288,6 @@ def test_nodes_that_are_paired_stay_together_where_a_face_beside_is_fitted():
     assert len(pairs) == 1 and len(scene.interfaces) == 2
     assert (scene.side_points(pairs[0], 0) == scene.side_points(pairs[0], 1)).all()
     assert solve(made, scene).converged
-
-
-@pytest.mark.parametrize("element, most", [("P1", 2.0), ("P2", 1.3)])
-def test_nodes_of_a_soft_slave_that_carry_no_point_cost_few_iterations(element, most):
-    """A plane of symmetry takes the points of an edge; with six-node faces, nodes amid edges have none."""
-    counts = []
-    for young in (YOUNG, YOUNG / 30):
-        made = blocks({"a": ([4, 4, 2], [0, 0, 0]), "b": ([4, 4, 1], [0, 0, 2])}, {
-            "a": {"box": {"size": [4, 4, 2], "cells": [4, 4, 2]}}, "b": {"box": {"size": [4, 4, 1], "cells": [3, 3, 2]}}}, turn=None,
-            held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [1, 0, -3]}, {"on": "*/xmin", "symmetry": True}],
-            materials=[{"young": YOUNG, "poisson": POISSON}, {"young": young, "poisson": POISSON, "on": "b"}], element=element,
-            method={"tolerance": {"error": 1e-6}})
-        solved = solve(made)
-        assert solved.converged
-        counts.append(solved.iterations)
-    assert counts[1] <= most * counts[0], counts
-
-
-@pytest.mark.long
-def test_cuts_through_bodies_change_next_to_nothing():
-    """The same sides are slaves, and every slave's node carries one point at most: forces as without the cuts."""
-    bodies = {"a": ([1.6, 1.4, 0.5], [-0.3, -0.2, 0]), "b": ([1, 1, 0.5], [0, 0, 0.5])}
-    pulls, stages = [], []
-    for cut in ("groups", {"groups": True, "split_above": 700}):
-        made = blocks(bodies, {n: free_mesh(bodies[n][0], h) for n, h in (("a", 0.2), ("b", 0.15))}, turn=None, subdomains=cut,
-                      held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": [0.001, 0, -0.002]}],
-                      method={"tolerance": {"error": 1e-5}})
-        scene = build_scene(made)
-        apart = [i for i in scene.interfaces if i.mortar is not None]
-        assert all(scene.subdomains[i.subdomains[0]].body == "b" for i in apart), "covered by the larger one"
-        assert abs(sum(i.mortar.area.sum() for i in apart) - 1) < 1e-2, "but for corners where cuts nearly meet"
-        solved = solve(made, scene)
-        assert solved.converged
-        pulls.append(np.array(solved.reactions[0, 0]))
-        stages.append(solved.iterations)
-    assert stages[1] <= 6 * stages[0], stages
-    assert len(scene.subdomains) == 4 and np.abs(pulls[1] - pulls[0]).max() < 1e-3 * np.abs(pulls[0]).max()
 
 
 @pytest.mark.parametrize("error", quick([1e-2, 1e-3], 1e-2))

@@ -22,7 +22,6 @@ from quick import late, quick
 from orchestrator import folders
 from orchestrator.config.load import load_config
 from orchestrator.parallel.team import SHARED, launched
-from orchestrator.parallel.placement import owners
 from orchestrator.processes import without_launcher
 from orchestrator.results.solution import Solution
 from orchestrator.run import run as run_here
@@ -320,20 +319,6 @@ def test_ranks_go_on_with_what_one_process_has_begun(endless, tmp_path, temporar
 
 
 @pytest.mark.long
-def test_contact_is_drawn(tmp_path, temporary):
-    """From the fields that all ranks write; where none are wanted charts alone, and the summary says why."""
-    for fields in ("true", "false"):
-        run = orchestrate(2, Path("configs/two_blocks.yaml").absolute(), "--output", tmp_path / fields, "--set", f"output.fields={fields}",
-                          folder=temporary)
-        _, errors = run.communicate(timeout=SECONDS)
-        assert run.returncode == 0, errors
-        assert (tmp_path / fields / "fields.npz").exists() == (fields == "true") and not list(temporary.glob("orchestrator-*/work"))
-    assert {path.name for path in (tmp_path / "true/figures").iterdir()} == {"convergence.png", "time.png", "deformed.png", "interfaces.png"}
-    assert {path.name for path in (tmp_path / "false/figures").iterdir()} == {"convergence.png", "time.png"}
-    assert any("no pictures of the structure" in text for text in read_summary(tmp_path / "false")["warnings"])
-
-
-@pytest.mark.long
 def test_a_node_without_the_code_is_named(tmp_path, temporary):
     """Of three ranks one finds no FreeFEM: all end, and say whose machine it is."""
     settings = tmp_path / "endless.yaml"
@@ -393,17 +378,3 @@ def test_ranks_are_known_by_their_launchers_variables():
     assert launched({"SLURM_STEP_NUM_TASKS": "8", "PMIX_RANK": "7"}) == (7, 8)
     assert launched({"SLURM_STEP_NUM_TASKS": "8", "SLURM_PROCID": "0"}) == (0, 1)  # a batch script is no rank
     assert without_launcher({"PMIX_RANK": "1", "OMPI_X": "", "HOME": "/"}) == {"HOME": "/"}
-
-
-def test_ranks_get_equal_cost_and_neighbours():
-    n = 40
-    chain = np.column_stack([np.arange(n - 1), np.arange(1, n)])
-    costs = np.where(np.arange(n) < 10, 3.0, 1.0)
-    owner = owners(costs, chain, np.full(n - 1, 100), 4)
-    load = np.bincount(owner, weights=costs, minlength=4)
-    assert load.max() <= 1.15 * load.mean()
-    assert (owner[chain[:, 0]] != owner[chain[:, 1]]).sum() <= 5
-    for dofs in (np.linspace(10, 1000, n - 1), np.linspace(1000, 10, n - 1)):  # rank 0 has other work too
-        owner = owners(np.ones(n), chain, dofs, 2)
-        assert owner[np.argmin(dofs)] == 0 and owner[np.argmax(dofs)] == 1
-    assert sorted(owners([1.0, 5.0, 1.0], np.array([[0, 1], [1, 2]]), [10, 10], 3)) == [0, 1, 2]

@@ -84,19 +84,6 @@ def test_a_part_moved_by_its_supports_in_contact_with_an_elastic_one():
     assert pressed[1] < 0.8 * elastically[1] and abs(pressed[2]) < 1e-6 * elastically[2]
 
 
-def test_a_part_that_flows_and_slides_by_a_third_of_itself(tmp_path):
-    """It is not asked under forces that nothing bears: a load step begins with the elastic answer to what it adds."""
-    data = {"name": "slides", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-            "parts": [boxed("table", [4, 3, 1], [4, 3, 2]), boxed("slider", [1.2, 1.2, 1], [2, 2, 2], [0.7, 0.9, 1])],
-            "boundary": [{"on": "table/zmin", "displacement": [0, 0, 0]},
-                         {"on": "slider/zmax", "displacement": [[0, 0, -0.0013], [0.4, 0, -0.0013]]}],
-            "interfaces": [{"between": "auto", "law": "contact", "friction": 0.1}], "method": {"tolerance": {"error": 1e-4}},
-            "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "on": "slider"}]}
-    solution = solve(config_from(data))
-    assert solution.converged and solution.iterations <= 25
-    assert solution.reactions[0, 1, 0] == pytest.approx(-0.1 * solution.reactions[0, 1, 2], rel=1e-3)
-
-
 @pytest.mark.parametrize("change, words", [
     ({"blackbox": {**AS_PROCESS, "nonlinear": False}}, "says that it is nonlinear"),
     ({"blackbox": {"code": "orchestrator.blackbox.codes.template:Solver", "nonlinear": True, "workers": 1}}, "is linear"),

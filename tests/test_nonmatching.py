@@ -6,7 +6,7 @@ from quick import late, quick, quick_sets
 from contact_case import PATH
 from in_process import IN_PROCESS
 from benchmarks.monolithic import Monolithic
-from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, patch_scene
+from mortar_case import FOUR, TWO, blocks
 
 from orchestrator.config.load import config_from
 from orchestrator.run import solve
@@ -64,34 +64,6 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     assert solve(bonded(cells, **tight), scene).iterations <= 1.2 * solve(alike, build_scene(alike)).iterations
 
 
-@pytest.mark.parametrize("law", [{}, late(SLIDES)], ids=["bonded", "contact"])
-def test_bodies_that_are_cut_further(law):
-    """Pieces meet many others; some meet them in cross points alone, of which each carries one point at most."""
-    pieces = {"subdomains": {"groups": True, "split_above": 100}}
-    made = bonded((5, 4), law=law, **pieces, method={"tolerance": {"error": 1e-8}, "max_iterations": 300})
-    if law:
-        made = made.model_copy(update={"boundary": pressed(TWO, (5, 4), law).boundary})
-    scene = build_scene(made)
-    apart = [i for i in scene.interfaces if i.mortar is not None]
-    assert len(apart) > 4 < len(scene.subdomains)
-    solved = solve(made, scene)
-    assert solved.converged, solved.stop_reason
-    assert any("carry nothing; cut less" in w for w in solved.summary["warnings"]), "corners of the pieces"
-    for t, step in enumerate(Monolithic(scene).solve()):
-        far = max(np.abs(part).max() for part in step.parts)
-        assert max(np.abs(part[t] - theirs).max() for part, theirs in zip(solved.parts, step.parts)) < 1e-6 * far
-
-
-@pytest.mark.parametrize("macro", [{"strategy": "none"}, {"strategy": "continuity"}, {"basis": "modes"}], ids=str)
-def test_every_macro_problem(macro):
-    made = bonded((3, 4), method={"macro": macro, "tolerance": {"error": 1e-8}})
-    scene = build_scene(made)
-    solved, (exact,) = solve(made, scene), Monolithic(scene).solve()
-    assert solved.converged
-    for part, theirs in zip(solved.parts, exact.parts):
-        assert np.abs(part[0] - theirs).max() < 1e-7 * np.abs(theirs).max()
-
-
 @pytest.mark.parametrize("bodies, cells, law, element", [
     late(TWO, (2, 6), {**SLIDES, "friction": 0.1}, "P1"), late(TWO, (6, 2), {**SLIDES, "friction": 0.0}, "P1"),
     (TWO, (4, 5), {**SLIDES, "friction": 0.4}, "P1"), late(TWO, (4, 5), {**SLIDES, "gap": 0.002}, "P1"),
@@ -121,20 +93,6 @@ def as_in_one_piece(made, scene):
     return solved
 
 
-# two rows of five bricks, shifted against each other: seventeen faces, and edges where three meet
-TEN = {f"{name}{k}": ([1, 1, 1], [k + 0.4 * row, 0, row]) for row, name in enumerate("ab") for k in range(5)}
-SHEARED = [[0, 0, -0.005], [0.003, 0, -0.006], [-0.003, 0.001, -0.006], [0.001, 0, -0.003]]
-
-
-@pytest.mark.long
-def test_ten_bodies_are_those_of_one_piece():
-    """Between two rows that are pressed and sheared, and between neighbours in a row, they stick and slip."""
-    made = pressed(TEN, (1, 2) * 5, {**SLIDES, "friction": 0.1}, path=SHEARED, error=1e-8)
-    scene = build_scene(made)
-    assert len(scene.interfaces) == 17 and all(i.mortar is not None for i in scene.interfaces)
-    assert {1, 2} <= set(as_in_one_piece(made, scene).iterated.local.status.ravel())
-
-
 @pytest.mark.parametrize("friction", [late(0.0), 0.4])
 def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
     """Facets that are chords of other polygons about the same circle; turned and pulled there and back."""
@@ -143,57 +101,6 @@ def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
     scene = build_scene(made)
     assert [i.mortar is not None for i in scene.interfaces] == [True]
     assert {0, 2} <= set(as_in_one_piece(made, scene).iterated.local.status.ravel())
-
-
-@pytest.mark.long
-def test_contact_takes_as_many_stages():
-    """A mesh three times as coarse beside the fine one, against the fine one on both sides; the fine one may be the slave."""
-    counts = []
-    for cells, slave in (((6, 6), None), ((2, 6), None), ((6, 2), None), ((2, 6), "b"), ((6, 2), "a")):
-        made = pressed(TWO, cells, {**SLIDES, "slave": slave}, error=1e-6)
-        scene = build_scene(made)
-        assert slave is None or scene.subdomains[scene.interfaces[0].subdomains[0]].name == slave
-        counts.append(solve(made, scene).iterations)
-    assert max(counts[1:]) <= 1.4 * counts[0], counts
-
-
-@pytest.mark.parametrize("element, cells", [("P1", (3, 7)), late("P1", (7, 3)), ("P2", (2, 3))])
-@pytest.mark.parametrize("gap", quick([0.0, 1e-4, -1e-4], 1e-4))
-def test_constant_pressure_passes(element, cells, gap):
-    """With friction that sticks, across a plane turned anyhow; the gap closes evenly, the press fit opens evenly."""
-    stress = np.array([[[0, 0, 2.0], [0, 0, 0], [2.0, 0, -10.0]]])
-    made = blocks(TWO, boxes(TWO, cells), law={**SLIDES, "gap": gap}, element=element, stresses=stress,
-                  held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": [0, 0, 0]}],
-                  method={"tolerance": {"law": 1e-10}, "max_iterations": 300})
-    scene = patch_scene(made, gradients(stress, TURN))
-    shift = -gap * axes(TURN)[2]
-    upper = scene.subdomains[1]
-    upper.prescribed += np.where(upper.fixed, shift, 0.0)
-    solved = solve(made, scene)
-    assert solved.converged, solved.stop_reason
-    exact = np.einsum("tij,nj->tni", gradients(stress, TURN), scene.mesh.nodes)
-    size = np.abs(exact).max()
-    for s, part, moved in zip(scene.subdomains, solved.parts, (0.0, shift)):
-        assert np.abs(part - exact[:, s.nodes] - moved).max() < 1e-8 * size
-    assert np.abs(solved.interfaces.pressure - 10.0).max() < 1e-7
-    assert np.abs(np.linalg.norm(solved.interfaces.friction_traction, axis=2) - 2.0).max() < 1e-7
-    assert np.abs(solved.interfaces.gap).max() < 1e-8 * size
-
-
-def test_springs_and_jumps_act_across():
-    """A column of two parts on springs: what they give is stress over stiffness; a jump is what is imposed."""
-    for law, given in (({"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4}, [1e-3, 0, 5e-4]),
-                       ({"law": "jump", "jump": [0.001, 0.002, 0.003]}, [0.001, 0.002, 0.003])):
-        made = blocks(TWO, boxes(TWO, (3, 4)), law={**law, "between": ["a", "b"]}, turn=None, held=[
-            {"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [10, 0, 50]}])
-        scene = build_scene(made)
-        solved = solve(made, scene)
-        assert solved.converged, solved.stop_reason
-        mortar, sign = scene.interfaces[0].mortar, 1 if scene.interfaces[0].subdomains == (0, 1) else -1
-        u1, u2 = (solved.parts[e][0][own].ravel() for e, own in zip(scene.interfaces[0].subdomains, scene.interfaces[0].nodes))
-        jump = sign * (mortar.second @ u2 - mortar.first @ u1).reshape(-1, 3)
-        mean = (mortar.area @ jump) / mortar.area.sum()
-        assert np.abs(mean - given).max() < 1e-9 * np.abs(given).max()
 
 
 # springs have points in the middle of edges, bonds at corners: on such coarse faces not quite the

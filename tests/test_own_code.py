@@ -53,13 +53,6 @@ def test_a_code_with_an_option_of_its_own(softened):
     assert two.summary["codes"][0]["code"] == "softened" and two.summary["config"]["blackbox"]["softening"] == 2.0
 
 
-def test_stresses_of_matter_that_nobody_else_knows_are_not_certified(softened):
-    asked = {"probes": [{"at": [1.1, 0.4, 0.4], "quantity": quantity, "certified": True} for quantity in ("displacement", "stress")]}
-    config = config_from({**problem({"code": "softened", "softening": 2.0, "workers": 1}), "output": asked})
-    with pytest.raises(InputError, match="probe_2, a stress or a force in a part whose code has matter of its own"):
-        solve(config, build_scene(config))
-
-
 def test_an_adapter_gets_a_name_by_a_line_alone():
     """Its attributes say the rest: elements, what may be relied on, the package that it needs."""
     CODES.add("named", Named)
@@ -98,15 +91,6 @@ def test_its_entries_are_validated_like_all_others(name, softened):
 def test_without_its_line_it_is_unknown():
     with pytest.raises(InputError, match=f"one of {', '.join(CODES)}, or your own solver: solver.py"):
         config_from(problem({"code": "softened"}))
-
-
-def test_a_registry_knows_names_of_the_users_own_by_their_form():
-    """Names are listed, forms are not; what has neither is not in it."""
-    assert CODES["my_solver.py"] is CODES["package.module:Class"] is PythonCode
-    assert "solver.py:Class" in CODES and "solver" not in CODES and "" not in CODES and 3 not in CODES
-    assert list(CODES)[:3] == ["freefem", "calculix", "scikit-fem"] and CODES.own() == [PythonCode]
-    with pytest.raises(KeyError):
-        CODES["solver"]
 
 
 @pytest.mark.parametrize("text, transport, words", [

@@ -1,7 +1,6 @@
 """Faces that lie on each other, found whatever their meshes: against conforming meshes, on curves, in time."""
 
 import re
-from dataclasses import replace
 from math import cos, pi, sin
 
 import gmsh
@@ -20,7 +19,7 @@ from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.inspection import ROOM, pairs_of_mesh
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.opposite import outer_bodies
-from orchestrator.scene.interfaces.skins import Skin, smooth_faces, surface_of
+from orchestrator.scene.interfaces.skins import Skin, smooth_faces
 from orchestrator.scene.mesh.shared_faces import arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import areas
@@ -74,21 +73,6 @@ def test_pairs_are_those_of_the_conforming_mesh(sizes, flange):
     assert len(expected) == 15 and set(got) == set(expected)
     for pair, area in expected.items():
         assert got[pair] == pytest.approx(area, rel=0.2), pair
-
-
-def test_pairs_depend_neither_on_units_nor_on_numbering(flange):
-    """In metres, turned, nodes and cells in another order: the same pairs with the same areas."""
-    mesh, _ = make_mesh(section(step=flange, h=8, conforming=False))
-    random = np.random.default_rng(5)
-    node, cell = random.permutation(len(mesh.nodes)), random.permutation(len(mesh.cells))
-    number = np.argsort(node)  # where each node has gone
-    turn = Move.model_validate({"rotate": {"axis": [1, 2, 3], "degrees": 40}})
-    other = replace(mesh, nodes=1e-3 * moved(mesh.nodes, turn)[node], cells=number[mesh.cells][cell], volume=mesh.volume[cell],
-                    surfaces={name: number[t] for name, t in mesh.surfaces.items()})
-    one, two = found(mesh), found(other)
-    assert set(one) == set(two)
-    for pair, area in one.items():
-        assert 1e6 * two[pair] == pytest.approx(area, rel=1e-6), pair
 
 
 READ = {"law": "contact", "gap": "geometry"}
@@ -173,19 +157,6 @@ def test_a_shank_with_room_does_not_touch_its_hole(tmp_path):
         "boundary": [{"on": {"plane": "z", "at": 0.0}, "part": "solid_1", "displacement": [0, 0, 0]}]}))
     (head,) = scene.interfaces
     assert np.ptp(scene.mesh.nodes[head.global_nodes][:, 2]) < 1e-9
-
-
-def test_plane_faces_and_creases_do_not_bulge():
-    box = bricks(np.array([1.0, 1.0, 1.0]), np.array([3, 2, 4]), "box")
-    triangles = np.concatenate(list(box.surfaces.values()))
-    assert not surface_of(box.nodes, triangles, np.full(len(triangles), -1)).bulge.any()
-    ball = faces_of(*(lambda m: (m.cells, len(m.nodes)))(sphere := cylinder(1.0, 0.2)))
-    outer = ball.triangles[ball.outer]
-    off = surface_of(sphere.nodes, outer, np.full(len(outer), -1)).bulge
-    round_ = (np.linalg.norm(sphere.nodes[outer][:, :, :2], axis=2) > 0.999).all(axis=1)
-    edge = sphere.nodes[outer[round_]] - sphere.nodes[np.roll(outer[round_], -1, axis=1)]
-    exact = 1 - np.sqrt(1 - (edge[..., :2] ** 2).sum(axis=2) / 4)
-    assert np.abs(off[round_] - exact).max() < 0.15 * exact.max() and not off[~round_].any()
 
 
 def squares(count: int) -> tuple[Skin, Skin]:
@@ -306,16 +277,3 @@ def test_what_the_user_may_overrule():
     turned["parts"][1]["move"] = {"translate": [0, 0, 0.5], "rotate": {"axis": "x", "degrees": 30}}
     with pytest.raises(InputError, match="no pair"):
         build_scene(config_from(turned))
-
-
-def test_pairs_of_matching_meshes_are_found_too():
-    """Parts with nodes that coincide, and grains that share faces: paired node by node, as without auto."""
-    made = slabs(0.0)
-    made["parts"][1]["mesh"] = SLAB
-    (interface,) = build_scene(config_from(made)).interfaces
-    assert interface.matching and interface.law.name == "contact" and not interface.law.gap.any()
-    grains = {"name": "grains", "mesh": {"polycrystal": {"grains": 4, "size": 1.0, "h": 0.4}}, "subdomains": "groups",
-              "materials": [{"young": 1.0, "poisson": 0.3}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}]}
-    found, named = (build_scene(config_from({**grains, "interfaces": [{**AUTO, "between": b}]})) for b in ("auto", ["*", "*"]))
-    assert [i.name for i in found.interfaces] == [i.name for i in named.interfaces]
-    assert all(i.matching and i.law.name == "contact" and not i.law.gap.any() for i in found.interfaces)

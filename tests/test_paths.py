@@ -73,22 +73,6 @@ def test_a_section_carries_what_acts_beyond_it(plane):
     assert np.allclose(found["normal"], force @ normal) and np.allclose(found["normal"]**2 + found["shear"]**2, (force**2).sum(axis=1))
 
 
-@pytest.mark.long
-def test_what_heat_stresses_is_carried():
-    """A bar that cannot grow: E α ΔT on its area."""
-    heated = {"materials": [{"young": 200e3, "poisson": 0.0, "expansion": 1e-5}], "loads": [{"on": "*", "temperature": 10.0}],
-              "boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [0, 0, 0]}]}
-    found = values(probed([{"name": "cut", "section": {"plane": "x", "at": 2.2}}], **heated), "cut")
-    assert found["normal"] == pytest.approx(-200e3 * 1e-5 * 10.0, rel=1e-6)
-
-
-@pytest.mark.long
-def test_a_bar_on_a_foundation_is_cut_too():
-    bedded = {"boundary": [{"on": {"plane": "x", "at": 0.0}, "foundation": {"normal": 1e5, "tangential": 1e5}}, PULL]}
-    found = values(probed([{"name": "cut", "section": {"plane": "x", "at": 2.2}, "about": [4, 0.5, 0.5]}], **bedded), "cut")
-    assert found["fx"] == pytest.approx([10.0, 5.0], rel=1e-5)
-
-
 def test_planes_beside_the_body_and_along_what_may_open_are_refused():
     with pytest.raises(InputError, match="no tets have their centres behind the plane, or none before it"):
         build_scene(config(output={"probes": [{"section": {"plane": "x", "at": 7}}]}))

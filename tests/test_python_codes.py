@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import venv
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,9 +10,8 @@ import numpy as np
 import pytest
 from method_case import CLAMP, PULL
 
-from orchestrator.blackbox.codes.python_server import clock
 from orchestrator.config.load import config_from, load_config
-from orchestrator.errors import InputError, OrchestratorError
+from orchestrator.errors import InputError
 from orchestrator.run import solve
 
 BASE = """
@@ -50,16 +48,6 @@ def apart(one, other):
 @pytest.fixture(scope="module")
 def shipped():
     return displacement({"code": "freefem"})
-
-
-@pytest.mark.long
-def test_stresses_of_matter_that_is_not_the_yamls_are_said_not_to_be_believed(tmp_path):
-    entries = [{"code": "freefem"}, {"code": file(tmp_path, STIFFNESS), "on": "slice 1", "workers": 1}]
-    mixed, plain = (solve(config_from(problem(entry))).summary["warnings"] for entry in (entries, entries[0]))
-    assert any("the matter of mine.py is its own" in sentence for sentence in mixed)
-    assert not any("is its own" in sentence for sentence in plain)
-    with pytest.raises(InputError, match="matter of its own"):
-        solve(config_from(problem(entries)), reference=True)
 
 
 def file(tmp_path, text) -> str:
@@ -111,14 +99,6 @@ def test_interpreters_that_will_not_do_are_told(tmp_path, python, words):
     assert words in str(caught.value) and caught.value.problems[0].path == ("blackbox", "python")
 
 
-@pytest.mark.long
-def test_ten_node_tets(tmp_path):
-    p2 = displacement({"code": "freefem", "element": "P2"})
-    assert apart(displacement({"code": "scikit-fem", "element": "P2", "workers": 1}), p2) < 1e-8
-    with pytest.raises(OrchestratorError, match="knows P1 only"):
-        displacement({"code": file(tmp_path, STIFFNESS), "element": "P2", "workers": 1})
-
-
 def test_what_a_model_tells_of_the_mesh(tmp_path, shipped):
     """A solver whose moduli follow the names of volumes and the places of nodes, not the YAML's: soles stay theirs."""
     text = BASE + """
@@ -137,12 +117,6 @@ class Solver(Adapter):
         return Template().stiffness(stiff)
 """
     assert apart(displacement({"code": file(tmp_path, text), "workers": 1}), 2 * shipped) < 1e-8
-
-
-def test_seconds_of_programs_that_a_solver_starts_count():
-    before = clock()
-    subprocess.run([sys.executable, "-c", "sum(range(10**7))"], check=True)
-    assert clock() - before > 0.05
 
 
 @pytest.mark.parametrize("code", ["ngsolve", "mfem"])

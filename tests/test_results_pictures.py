@@ -74,42 +74,6 @@ def test_colours_go_from_zero_to_the_peak_and_shapes_are_those_told():
     assert asked.headings == ["load step 1 of 2"] and asked.limits[1] == fields.nodal.von_mises(0).max()
 
 
-def test_two_materials_are_not_smeared_and_what_is_not_known_is_grey():
-    mesh = case.box_mesh()
-    lame, half = case.lame(mesh), case.slices(mesh, 2)
-    lame[half == 1] *= 3
-    stretched = type(case.fields())(mesh.nodes, mesh.cells, case.slices(mesh), lame, 1e-3 * mesh.nodes[None] * [1, 0, 0])
-    found = np.unique(deformed(stretched, {}).surfaces[0]["colour"].round(6))
-    assert len(found) == 2 and found[1] == pytest.approx(3 * found[0])
-    unknown = replace(stretched, believed=half == 0)
-    picture = deformed(unknown, {})
-    assert np.isnan(picture.surfaces[0]["colour"]).any() and "grey: stress not known" in picture.told
-    nothing = deformed(replace(stretched, believed=half > 1), {})
-    assert nothing.label == "displacement" and nothing.limits == (0.0, pytest.approx(3e-3))
-    assert deformed(replace(stretched, lame=0 * lame), {}) is None
-
-
-def test_nothing_moves():
-    fields = case.fields()
-    still = deformed(replace(fields, displacement=0 * fields.displacement), {})
-    assert still.limits == (0.0, 1.0) and "displacements × 1" in still.told
-
-
-def test_no_body_is_distorted_or_driven_into_another():
-    """A small part that is stretched, and faces that part or overlap, limit the factor."""
-    fields = case.fields()
-    size, ends = np.linalg.norm(np.ptp(fields.nodes, axis=0)), np.array([1.0, 0, 0])
-    largest = np.linalg.norm(fields.displacement[1], axis=1).max()
-    assert exaggeration(fields, every(fields), [1]) * largest == pytest.approx(0.1 * size, rel=0.05)
-    stretched = replace(fields, displacement=np.where(fields.nodes[:, :1] > 2.9, 0.2, 0.0) * ends + 0 * fields.displacement)
-    assert exaggeration(stretched, every(fields), [1]) * 0.2 == pytest.approx(0.2 * np.linalg.norm([1, 1, 1]), rel=0.05)
-    opened = case.opened()
-    wide = replace(opened, interfaces=replace(opened.interfaces, gap=np.full_like(opened.interfaces.gap, 0.05)))
-    assert exaggeration(wide, every(fields), [0, 1]) * 0.05 == pytest.approx(0.2 * np.linalg.norm([1.5, 1, 1]), rel=0.05)
-    touching = replace(wide, interfaces=replace(wide.interfaces, status=np.full_like(wide.interfaces.status, 2)))
-    assert exaggeration(touching, every(fields), [0, 1]) * 0.05 == pytest.approx(0.01 * size, rel=0.05), "a press fit is no opening"
-
-
 def test_each_nodes_status_fills_its_share():
     """At the first, the middle and the last load step, and at that of the peak."""
     fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
@@ -146,19 +110,6 @@ def test_colours_are_those_of_the_statuses(draw, tmp_path):
     assert [text.get_text() for text in figure.legends[0].get_texts()] == picture.kinds
     figure.savefig(tmp_path / "figure.png", dpi=160)
     assert is_drawn(tmp_path / "figure.png", figure)
-
-
-@pytest.mark.long
-@in_a_window
-def test_the_deformed_figure_explains_itself(draw):
-    picture = deformed(case.fields(), {"config": {"output": {"units": {"length": "mm", "force": "N"}}}})
-    figure = compose(picture, "made_up")
-    *_, bar = figure.axes
-    assert bar.get_xlabel() == "von Mises stress, MPa" and bar.get_xlim() == pytest.approx(picture.limits)
-    assert any("largest displacement" in text.get_text() and " mm" in text.get_text() for text in figure.texts)
-    seen = draw(picture, 0, 900)
-    assert seen.shape[1] == 900 and 0.2 < share(seen, "white") < 0.8 and len(np.unique(seen.reshape(-1, 3) // 10, axis=0)) > 20
-    np.testing.assert_array_equal(draw(picture, 0, 900), seen)
 
 
 # --- who draws --------------------------------------------------------------------------------------------

@@ -1,30 +1,23 @@
 """Summary, report and the solution object; progress and what the console shows."""
 
-import base64
-import json
-import math
 import io
 import os
 import re
 import sys
 from contextlib import closing
-from html.parser import HTMLParser
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import results_case as case
 
-from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.progress import Progress, fraction_done
+from orchestrator.results.progress import Progress
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.lines import print_summary, summary_rows
-from orchestrator.processes import memory_peak_mb
-from orchestrator.results.summary.summary import KEYS, read_summary, versions, write_summary
+from orchestrator.results.summary.lines import summary_rows
+from orchestrator.results.summary.summary import KEYS, read_summary, write_summary
 
 
 def test_summary_round_trip(tmp_path):
@@ -33,36 +26,6 @@ def test_summary_round_trip(tmp_path):
     assert list(read)[:len(KEYS)] == KEYS
     assert read["error_bound"] is None and read["indicator"] is None and read["extra"] == [1, 2]
     assert read["dofs"] == 189 and read["energy"] == [0.25, 1.0]
-
-
-def test_absent_keys_are_null(tmp_path):
-    path = write_summary(ResultsFolder(tmp_path), {"name": "a"})
-    assert set(json.loads(path.read_text())) == set(KEYS)
-
-
-def test_versions_and_memory():
-    assert versions({"freefem": "4.11"})["numpy"] == np.__version__
-    assert versions({"freefem": "4.11"})["freefem"] == "4.11"
-    assert 10 < memory_peak_mb() < 1e5
-    assert math.isnan(memory_peak_mb(2**30))
-
-
-def test_memory_is_counted_in_one_unit():
-    """Of a process of a code as of this one: MB, not MiB."""
-    itself = SimpleNamespace(process=SimpleNamespace(pid=os.getpid()), peak_mb=0.0)
-    assert Worker.note_memory(itself) == pytest.approx(memory_peak_mb(), rel=1e-3)
-
-
-def test_result_round_trip(tmp_path):
-    first = Solution(case.summary(), case.history(), case.fields())
-    first.write(tmp_path)
-    second = Solution.read(tmp_path)
-    assert second.converged and second.iterations == 7 and "converged after 7" in repr(second)
-    np.testing.assert_array_equal(second.displacement, first.displacement)
-    for name, column in first.history.items():
-        np.testing.assert_array_equal(second.history[name], column)
-    third = Solution.read(second.write(tmp_path / "again"))
-    assert third.summary == second.summary
 
 
 def test_report(tmp_path):
@@ -83,53 +46,6 @@ def test_report(tmp_path):
         assert (tmp_path / link).is_file()
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 3 and "src=\"figures" not in page
-
-
-class Reader(HTMLParser):
-    """Takes a page apart: texts by tag, rows of the tables, alignments of cells, sources of pictures."""
-
-    def __init__(self, page):
-        super().__init__()
-        self.texts, self.rows, self.aligned, self.sources, self._open = [], [], [], [], []
-        self.feed(page)
-        assert not self._open, "every tag is closed"
-
-    def handle_starttag(self, tag, attributes):
-        if tag == "img":
-            self.sources.append(dict(attributes)["src"])
-        if tag in ("meta", "img", "br"):
-            return
-        self._open.append(tag)
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self.aligned.append(dict(attributes).get("style"))
-
-    def handle_startendtag(self, tag, attributes):
-        self.handle_starttag(tag, attributes)
-
-    def handle_endtag(self, tag):
-        assert self._open.pop() == tag
-
-    def handle_data(self, data):
-        self.texts.append((self._open[-1] if self._open else "", data))
-        if self._open and self._open[-1] in ("td", "th"):
-            self.rows[-1][-1] += data
-
-
-@pytest.mark.long
-def test_the_page_says_what_the_text_says(tmp_path):
-    """Names full of Markdown's marks come through as they are, in the configuration too; the pictures in the page are the files."""
-    name = "a_b_ *c* `d` <i>e</i> &amp; f|g [h](i) \\_ ```"
-    Solution(case.summary(name=name, warnings=[f"{name} is odd"], config={"name": name}), case.history()).write(tmp_path)
-    report(tmp_path)
-    page = Reader((tmp_path / "report.html").read_text())
-    assert ("h1", name) in page.texts and ("title", name) in page.texts
-    assert ["run", name] in page.rows and ["warning", f"{name} is odd"] in page.rows
-    assert any(tag == "code" and "```" in text for tag, text in page.texts)
-    pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]
-    assert pictures == [(tmp_path / "figures" / f"{name}.png").read_bytes() for name in ("convergence", "time")]
 
 
 def test_report_of_a_run_that_failed_early(tmp_path, monkeypatch):
@@ -188,18 +104,3 @@ def test_quiet_when_asked_or_not_on_a_terminal(capsys, monkeypatch):
     run(Progress(quiet=True, stream=stream))
     run(Progress())  # pytest has captured standard output
     assert stream.getvalue() == "" and capsys.readouterr() == ("", "")
-
-
-def test_no_control_characters_under_mpiexec(monkeypatch):
-    """Open MPI gives ranks a terminal, even where it writes to a file itself."""
-    for name, value in {"OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0", "TERM": "xterm", "COLORTERM": "truecolor"}.items():
-        monkeypatch.setenv(name, value)
-    stream = Terminal()
-    monkeypatch.setattr("sys.stdout", stream)
-    run(Progress(stream=stream))
-    print_summary(case.summary(workers=2))
-    assert "converged" in stream.getvalue() and "\x1b" not in stream.getvalue()
-
-
-def test_progress_is_counted_in_orders_of_magnitude():
-    assert fraction_done([1.0, 1e-1, 1e-2, 1e-3], 1e-6) == pytest.approx(0.5) and fraction_done([math.nan], 1e-6) == 0

@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 from unittest.mock import patch
 
-import meshio
 import numpy as np
 import pytest
 from in_process import FREEFEM
@@ -20,7 +19,7 @@ from method_case import CLAMP, CUBES, METIS, close, config, method, solved
 from pictures import pixels, share, shows_matter
 from processes import begin, gone, nothing_left, working_below
 from typer.testing import CliRunner
-from quick import late, quick
+from quick import quick
 
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
@@ -30,7 +29,6 @@ from orchestrator.results.figures.charts import convergence
 from orchestrator.results.figures.plotting import BLUE, png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.scene.mesh.sources import bricks
 from orchestrator.solving import solve
 
 ROOT = Path(__file__).parents[1]
@@ -41,63 +39,7 @@ CONTRACT_KEYS = {
     "timing", "versions", "config", "memory_peak_mb"}
 
 
-def same_run(one, two, tolerance=1e-9):
-    """Same iterations, same history, same reactions and energies."""
-    assert one.iterations == two.iterations
-    assert close([e.residual for e in one.iterated.history], [e.residual for e in two.iterated.history], tolerance)
-    assert close(one.summary["reactions"], two.summary["reactions"], tolerance)
-
-
 # --- invariances ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("cut", [late(CUBES), METIS], ids=["cubes", "metis"])
-def test_millimetres_and_metres(cut):
-    """Lengths / 1000, stresses × 1e6: the same forces and iterations, displacements / 1000."""
-    mm = solved(reference=False, **cut, **BENT)
-    end = {"on": {"plane": "x", "at": 0.004}, "traction": [10e6, 1e6, -2e6]}
-    m = solved(reference=False, mesh={**cut["mesh"], "scale": 1e-3}, subdomains=cut["subdomains"],
-               materials=[{"young": 200e9, "poisson": 0.3}], boundary=[CLAMP, end])
-    same_run(m, mm)
-    assert close(m.displacement, mm.displacement / 1000)
-    assert close(m.summary["energy"], np.array(mm.summary["energy"]) / 1000)
-
-
-def test_numbering_of_nodes_and_cells(tmp_path):
-    """A mesh file with shuffled nodes, cells and corners: the same iterations, the same field node by node."""
-    mesh = bricks(np.array([4.0, 2.0, 2.0]), np.array([8, 4, 4]), "box")
-    inner = np.all((mesh.nodes > 0.01) & (mesh.nodes < [3.99, 1.99, 1.99]), axis=1)
-    rng = np.random.default_rng(0)
-    # away from the planes of the cut: there a shifted node would change the facets' planes, not the numbering
-    inner &= (np.abs(mesh.nodes - np.rint(mesh.nodes)) > 0.01).any(axis=1)
-    mesh.nodes[inner] += rng.uniform(-0.05, 0.05, (int(inner.sum()), 3))
-    new = rng.permutation(len(mesh.nodes))
-    nodes = np.empty_like(mesh.nodes)
-    nodes[new] = mesh.nodes
-    cells = new[mesh.cells][rng.permutation(len(mesh.cells))][:, [1, 2, 0, 3]]
-    runs = []
-    for name, x, tets in (("plain", mesh.nodes, mesh.cells), ("shuffled", nodes, cells)):
-        path = tmp_path / f"{name}.meshb"
-        meshio.Mesh(x, [("tetra", tets)]).write(path)
-        runs.append(solved(reference=False, mesh={"file": str(path)}, subdomains=CUBES["subdomains"], **BENT))
-    plain, shuffled = runs
-    same_run(shuffled, plain)
-    assert np.array_equal(shuffled.scene.mesh.nodes[new], plain.scene.mesh.nodes)
-    assert close(shuffled.displacement[:, new], plain.displacement)
-
-
-def test_number_of_workers():
-    """One or four processes: the same numbers."""
-    one, four = (solved(reference=False, **METIS, **BENT, blackbox={"workers": n}) for n in (1, 4))
-    same_run(four, one)
-    assert close(four.displacement, one.displacement)
-
-
-def test_pipe_and_file_give_the_same_numbers():
-    """The closed code's way of exchange, traces in files, to 1e-12."""
-    pipe, file = (solved(reference=False, **BENT, blackbox={"workers": 1, "transport": t}) for t in ("pipe", "file"))
-    same_run(file, pipe, 1e-12)
-    assert close(file.displacement, pipe.displacement, 1e-12)
 
 
 # --- the command line -------------------------------------------------------------------------------------

@@ -40,19 +40,6 @@ def small():
 # --- structured -----------------------------------------------------------------------------------------
 
 
-def test_beam_counts_volume_and_order():
-    mesh, faces = make_mesh(SimpleNamespace(beam=SimpleNamespace(size=[160, 10, 10], h=1.25)))
-    assert mesh.nodes.shape == (129 * 9 * 9, 3) and mesh.cells.shape == (128 * 8 * 8 * 6, 4)
-    assert tet_volumes(mesh.nodes, mesh.cells) == pytest.approx(np.full(len(mesh.cells), 1.25**3 / 6), rel=1e-12)
-    assert (np.lexsort(mesh.nodes.T[::-1]) == np.arange(len(mesh.nodes))).all()
-    assert len(faces.outer) == 4 * 128 * 8 * 2 + 2 * 8 * 8 * 2
-
-
-def test_beam_rounds_and_keeps_one_cell():
-    mesh, _ = make_mesh(SimpleNamespace(beam=SimpleNamespace(size=[5, 1, 0.1], h=2)))
-    assert len(mesh.cells) == 6 * 3 * 1 * 1
-
-
 def test_box_sides_point_outward_and_are_faces():
     mesh, faces = make_mesh(SimpleNamespace(box=SimpleNamespace(size=[2, 3, 4], cells=[2, 3, 1])))
     wanted = {"xmin": (-12, 0, 0), "xmax": (12, 0, 0), "ymin": (0, -8, 0), "ymax": (0, 8, 0), "zmin": (0, 0, -6),
@@ -62,12 +49,6 @@ def test_box_sides_point_outward_and_are_faces():
         index = faces.find(mesh.surfaces[name])
         assert (index >= 0).all() and (faces.neighbour[index] < 0).all()
         assert area_vectors(mesh.nodes, mesh.surfaces[name]).sum(axis=0) == pytest.approx(np.array(resultant))
-
-
-def test_bricks_are_all_cut_alike():
-    mesh = bricks(np.ones(3) * 3, np.array([3, 3, 3]), "box")
-    shape = mesh.nodes[mesh.cells] - mesh.nodes[mesh.cells].reshape(-1, 24, 3).min(axis=1).repeat(6, axis=0)[:, None]
-    assert np.ptp(shape.reshape(27, 6, 4, 3), axis=0) == pytest.approx(0, abs=1e-12)
 
 
 def test_scale_multiplies_coordinates():
@@ -128,12 +109,6 @@ def test_physical_groups_of_gmsh(gmsh_files):
     assert np.linalg.norm(area_vectors(mesh.nodes, mesh.surfaces["ends"]), axis=1).sum() == pytest.approx(2)
 
 
-def test_old_gmsh_format(gmsh_files):
-    mesh = from_file(gmsh_files / "blocks2.2.msh")
-    assert sorted(mesh.volumes) == ["left block", "volume_8"] and {"clamp", "glue", "ends"} <= set(mesh.surfaces)
-    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(2)
-
-
 @pytest.mark.parametrize("ending", [".mesh", ".meshb"])
 def test_medit_references(tmp_path, ending):
     mesh = small()
@@ -143,25 +118,6 @@ def test_medit_references(tmp_path, ending):
     again = from_file(tmp_path / f"a{ending}")
     assert again.volumes == ["volume_3", "volume_5"] and (again.volume == np.repeat([0, 1], 6)).all()
     assert (again.surfaces["surface_9"] == mesh.surfaces["xmin"]).all()
-
-
-def test_physical_tags_written_by_meshio(tmp_path):
-    mesh = small()
-    tags = [np.repeat([1, 2], 6), np.full(2, 5)]
-    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", mesh.surfaces["xmax"])],
-                cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-                field_data={"bolt": np.array([1, 3]), "plate": np.array([2, 3]), "load": np.array([5, 2])}
-                ).write(tmp_path / "a.msh", file_format="gmsh22", binary=False)
-    again = from_file(tmp_path / "a.msh")
-    assert again.volumes == ["bolt", "plate"] and list(again.surfaces) == ["load"]
-
-
-def test_cell_sets_of_abaqus(tmp_path):
-    mesh = small()
-    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_sets={"foot": [np.arange(6)]}).write(tmp_path / "a.inp")
-    again = from_file(tmp_path / "a.inp")
-    assert sorted(v.lower() for v in again.volumes) == ["foot", "volume_0"]
-    assert np.bincount(again.volume).tolist() == [6, 6]
 
 
 def test_unreferenced_nodes_are_dropped_and_files_without_groups_are_one_volume(tmp_path):

@@ -3,12 +3,11 @@
 
 import numpy as np
 import pytest
-from contact_case import contact, contacts, converged, written
+from contact_case import contact, converged, written
 from quick import late
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
-from orchestrator.laws.contact import Contact
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
@@ -84,26 +83,6 @@ def test_parts_of_very_different_matter_are_judged_on_their_own_sides(tmp_path):
     assert one is other and set(one.young) == {50.0}  # half the ratio ½ of the larger modulus on each side
 
 
-def test_rough_coincidence_does_not_spoil_the_solution(tmp_path):
-    """Nodes off by 2e-4 h: each side's sole is on its own nodes, equilibrium holds to the tolerance."""
-    config = made(tmp_path, two_parts(lambda x: x + 2e-4 * 0.25 * np.sin(37 * x[:, [1, 2, 0]])), LAWS["friction"])
-    rough, plain = solve(config, build_scene(config)), converged(made(tmp_path, two_parts(), LAWS["friction"]))
-    assert rough.converged
-    force, exact = (np.array(s.summary["reactions"]) for s in (rough, plain))
-    assert np.abs(force.sum(axis=0)).max() <= 1e-8 * np.abs(force).max()
-    assert np.abs(force - exact).max() <= 1e-3 * np.abs(exact).max()
-
-
-def test_measured_gap_is_that_of_a_number(tmp_path):
-    """Blocks 0.003 apart: what a gap of 0.003 between touching ones gives."""
-    apart = converged(made(tmp_path, two_parts(lambda x: x + [0, 0, 0.003]), MEASURED))
-    number = converged(made(tmp_path, two_parts(), {**MEASURED, "gap": 0.003}))
-    assert contacts(apart).gap == pytest.approx(0.003, rel=1e-9)
-    assert np.array_equal(contacts(apart).status, contacts(number).status)
-    for u, v in zip(apart.parts, number.parts):
-        assert np.abs(u - v).max() <= 1e-8 * 0.01
-
-
 def test_gap_between_curved_faces(tmp_path):
     """A wavy lower face of the upper part: the gap is its height, along the mean normal."""
     def wave(x):
@@ -150,14 +129,6 @@ def test_gaps_that_cannot_be_measured(change, law, words, tmp_path):
     found = problems(made(tmp_path, two_parts(change), {"between": ["lower", "upper"], **law}))
     wrong = next(p for p in found if p.path == ("interfaces", 0, "gap"))
     assert all(word in wrong.found + wrong.expected for word in words), str(wrong)
-
-
-def test_numbered_gap_does_not_reach_out(tmp_path):
-    found = problems(made(tmp_path, two_parts(lambda x: x + [0, 0, 0.01]),
-                          {"between": ["lower", "upper"], "law": "contact", "gap": 0.01}))
-    wrong = next(p for p in found if p.path[0] == "interfaces")
-    assert wrong.path == ("interfaces", 0, "between")
-    assert "nearest nodes are 0.01 apart" in wrong.found and "coincide within 0.00025" in wrong.found
 
 
 def test_what_nothing_holds(tmp_path):
@@ -241,12 +212,6 @@ def test_a_third_part_near_the_others(tmp_path):
     (wrong,) = problems(made(tmp_path, mesh, ALL, boundary))
     assert wrong.path == ("interfaces", 0) and "'upper' and 'third' touch" in wrong.found
     assert not build_scene(made(tmp_path, mesh, MEASURED, boundary)).warnings
-
-
-def test_a_press_fit_may_overlap():
-    """Only as deep as its gap says."""
-    assert Contact.Parameters(law="contact", gap=-0.1).fit == 0.1
-    assert Contact.Parameters(law="contact", gap="geometry").fit == Contact.Parameters(law="contact").fit == 0
 
 
 def test_points_in_a_part():

@@ -24,8 +24,6 @@ from orchestrator.scene import body
 from orchestrator.scene.mesh import grain_meshes, quadratic, solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
-from orchestrator.scene.mesh.grains import tidied
-from orchestrator.scene.mesh.polyhedra import scattered
 from orchestrator.method.delivery.moved import passing
 from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
@@ -179,22 +177,6 @@ def test_ranks_make_grains_of_their_own(seed, again, monkeypatch):
     assert (twice >= 1).all() and (twice > 1).any() == again and (twice > 1).sum() < 9
 
 
-def test_all_ranks_pass_a_seed_over(monkeypatch):
-    """Where one of them fails, they say what one process would."""
-    of, faces = GrainMesher._grain, len(tidied(scattered(12, np.ones(3), 3, 0), 0.15).plane().loops)
-
-    def failing(mesher, grain):
-        if len(mesher.skeleton.cells.loops) == faces and grain in (5, 8):
-            raise RuntimeError(f"grain {grain}")
-        return of(mesher, grain)
-
-    monkeypatch.setattr(GrainMesher, "_grain", failing)
-    mesh = build_scene(grains(seed=3)).mesh
-    assert mesh.remarks == ["polycrystal of 12 grains, seed 4: passed over seed 3: gmsh: grain 5"]
-    assert all(mesh.remarks[0] in part.overview.cautions and part.overview.mesh_nodes == len(mesh.nodes)
-               for part in among(3, lambda team: make(grains(seed=3), team)))
-
-
 def as_known(part, mine):
     """A part with what is asked of others alone: of interfaces elsewhere the least and largest gap."""
     for i in part.interfaces:
@@ -306,19 +288,6 @@ def test_rigid_tools(tool, subdomains, ranks):
     same_as_one(config, ranks)
 
 
-@pytest.mark.parametrize("element", quick(["P1", "P2"], "P2"))
-def test_a_ball_that_is_pushed_into_parts(element):
-    """Of which it touches three, in contact; one more behind them it does not."""
-    config = config_from({"name": "ball", "parts": FIVE[:4], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "blackbox": {"element": element}, "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}],
-                          "interfaces": [{"law": "contact"}, {"law": "contact", "within": 0.1, "between": [
-                              "*", {"sphere": {"centre": [0.7, 0.7, 2.03], "radius": 1}, "force": [[0, 0, -2], [0, 0.1, -2]]}]}]})
-    touched = [i for i in build_scene(config).interfaces if i.tool]
-    assert len(touched) == 3
-    for ranks in (2, 4):
-        same_as_one(config, ranks)
-
-
 @pytest.mark.parametrize("tool", [{"plane": {"at": [0, 0, 0.9], "normal": [0, 0, -1]}}, {"plane": {"at": [0, 0, 9], "normal": [0, 0, -1]}},
                                   {**PLANE, "force": [0, 0, 2]}])
 def test_tools_that_one_has_to_judge_are_left_to_it(tool):
@@ -397,28 +366,6 @@ def test_arms_that_are_near_each_other(tmp_path, far, told):
         assert [*differing([*map(tuple, found)], [*map(tuple, alone)])] == []
 
 
-@pytest.mark.parametrize("gap, left", [(0.04, True), (3.0, False)])
-def test_arms_that_are_cut_further(tmp_path, gap, left):
-    """Each a volume, of which no rank has all: where they are near each other one process sees whether they pass."""
-    with session():
-        occ = gmsh.model.occ
-        high, _ = occ.fuse([(3, occ.addBox(0, 0, 1, 2, 1, gap))], [(3, occ.addBox(0, 0, 1 + gap, 6, 1, 1))])
-        made = occ.fragment([(3, occ.addBox(0, 0, 0, 6, 1, 1))], high)[0]
-        occ.synchronize()
-        for k, (_, tag) in enumerate(made):
-            gmsh.model.addPhysicalGroup(3, [tag], name=f"arm {k}")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-        gmsh.model.mesh.generate(3)
-        gmsh.write(str(tmp_path / "fork.msh"))
-    config = config_from({"name": "fork", "mesh": {"file": str(tmp_path / "fork.msh")}, "subdomains": {"metis": 12},
-                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
-    assert bool(build_scene(config).near) == left
-    if left:
-        assert_left(among(4, lambda team: make(config, team)))
-    else:
-        same_as_one(config, 4)
-
-
 # four blocks of a square that meet in a line, and one on top of two of them
 FIVE = [boxed("one", at=[0, 0, 0]), boxed("two", at=[1, 0, 0]), boxed("three", at=[1, 1, 0], material={"young": 1e5, "poisson": 0.2}),
         boxed("four", at=[0, 1, 0]), boxed("five", at=[0.5, 0, 1])]
@@ -435,53 +382,6 @@ def test_blocks_of_one_mesh_size_that_share_no_nodes(interfaces):
                           "boundary": [{"on": "one/xmin", "displacement": [0, 0, 0]}, {"on": "four/ymax", "symmetry": True},
                                        {"on": "five/zmax", "traction": [1, 0, -1]}], **interfaces})
     same_as_one(config, 3)
-
-
-@pytest.mark.parametrize("parts", [[*FIVE, boxed("apart", at=[9, 0, 0])], [boxed(str(k), at=[1.1 * k, 0, 0]) for k in range(4)]])
-def test_bodies_that_nothing_joins(parts):
-    """Each held by itself."""
-    config = config_from({"name": "apart", "parts": parts, "subdomains": "groups",
-                          "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
-    same_as_one(config, 3)
-
-
-def test_parts_that_are_near_each_other():
-    """One that nothing joins is told of, one whose nodes miss, and loads on faces that others cover; not two that something joins elsewhere."""
-    parts = [*FIVE, boxed("beside", at=[2.1, 0, 0]), boxed("six", [1, 0.5, 1], (2, 1, 2), at=[0.5, 1.5, 1]),
-             boxed("post", [1, 0.5, 1], at=[-1, 1, 0])]
-    config = config_from({"name": "near", "parts": parts, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}, {"on": "one/zmax", "pressure": 1.0},
-                                       {"on": {"plane": "z", "at": 1}, "traction": [0, 0, -1]}]})
-    whole = build_scene(config)
-    told = scene_cautions(whole)
-    assert sum("without an interface" in text for text in told) == 2 < len(whole.near) and sum("lie on another part" in text for text in told) == 2
-    for ranks in (2, 3, 4):
-        same_as_one(config, ranks)
-
-
-def test_blocks_far_apart_that_an_entry_reaches():
-    """Farther than two elements, beyond which nothing is looked for otherwise."""
-    row = [boxed(f"block {k}", cells=(4, 4, 4), at=[1.8 * k, 0, 0]) for k in range(4)]
-    config = config_from({"name": "row", "parts": row, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "interfaces": [{"law": "contact", "gap": "geometry", "within": 1.0}],
-                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
-    assert len(build_scene(config).interfaces) == 3
-    same_as_one(config, 4)
-
-
-@pytest.mark.parametrize("element", ["P1", late("P2")])
-def test_blocks_that_slide_on(element):
-    """Each on a face of its own, one across an edge of the base beneath."""
-    sliding = [boxed(f"block {k}", cells=(3, 3, 2), at=[at, 0, 0.5]) for k, at in enumerate((0.25, 3.5, 7.25))]
-    base = boxed("base", [8, 1, 0.5], [16, 2, 1])
-    config = config_from({"name": "slides", "parts": [base, *sliding], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow", "slave": "block*"}],
-                          "blackbox": {"element": element},
-                          "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
-                                       *({"on": f"{block['name']}/zmax", "displacement": [[0.3, 0, -0.005], [0.6, 0.1, -0.005]]}
-                                         for block in sliding)]})
-    same_as_one(config, 2)
-    same_as_one(config, 4)
 
 
 @pytest.mark.parametrize("change", [
@@ -581,24 +481,6 @@ def test_bolts_of_solids(solids, auto):
     assert len(build_scene(config).subdomains) == 6
     for ranks in (2, 4) if auto else (3,):
         same_as_one(config, ranks)
-
-
-def test_a_pin_in_a_bore(tmp_path):
-    """Round sides in contact, slaves and the caution on their facets included, which is told once."""
-    with session():
-        occ = gmsh.model.occ
-        pins = [occ.addCylinder(1, 1, -0.5, 0, 0, 2, 0.5) for _ in range(2)]
-        occ.cut([(3, occ.addBox(0, 0, 0, 2, 2, 1))], [(3, pins[0])])
-        for corner in (2, -1):
-            occ.addBox(corner, 0, 0, 1, 2, 1)
-        occ.synchronize()
-        gmsh.write(str(tmp_path / "pin.brep"))
-    config = config_from({
-        "name": "pin", "mesh": {"step": str(tmp_path / "pin.brep"), "h": 0.5, "conforming": False}, "subdomains": "groups",
-        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.2, "gap": "geometry"}],
-        "boundary": [{"on": {"plane": "x", "at": -1}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 1.5}, "displacement": [0.01, 0, 0]}]})
-    assert "off the round surfaces" in build_scene(config).warnings[0]
-    same_as_one(config, 3)
 
 
 def test_fewer_solids_than_ranks_are_left_to_one(solids):

@@ -124,15 +124,6 @@ def test_a_right_hand_side_is_solved_once():
     assert savings.counts["repeated", "back-substitutions"] == before + 3
 
 
-@pytest.mark.parametrize("case", [LONG, late(METIS)], ids=["slices", "metis"])
-def test_repeated_right_hand_sides_change_nothing(case):
-    """One macro block for all congruent slices; nothing else repeats in a run."""
-    plain, spared = with_skip({"congruent": True}, **case), with_skip({"congruent": True, "repeated": True}, **case)
-    same(spared, plain)
-    if case is LONG:
-        assert saved(spared)["repeated"]["back-substitutions"] >= 13 * 18  # of 14 slices, 18 macro unknowns each
-
-
 # --- load steps that follow from others -------------------------------------------------------------------
 
 STEPS = {"boundary": [
@@ -142,36 +133,12 @@ STEPS = {"boundary": [
     "histories": {"settle": [1.0, 0.0, -2.0, 0.5, 0.0], "pull": [0.0, 0.5, 1.0, -3.0, 0.0]}}
 
 
-@pytest.mark.long
-def test_superposition_of_load_cases():
-    """Five steps, two independent ones: the same fields, energies and reactions for all five."""
-    tight = {"tolerance": {"error": 1e-10}}
-    every = solved(**CUBES, **STEPS, **method(skip={"superposition": False}, **tight))
-    few = solved(**CUBES, **STEPS, **method(**tight))
-    same(few, every)
-    assert saved(few)["superposition"] == {"load steps": 3} and "superposition" not in saved(every)
-    energy = np.array(every.summary["energy"])
-    assert np.allclose(few.summary["energy"], energy, rtol=1e-9, atol=1e-9 * energy.max())
-    assert few.displacement.shape == every.displacement.shape
-    assert len(few.iterated.last.state) == 2 and few.summary["load_steps"] == 5
-
-
 def test_the_bound_of_a_superposition():
     """At a lax tolerance the true error of all steps, followed through the iterations, stays below the bound."""
     few = solved(**CUBES, **STEPS, **method(tolerance={"error": 1e-3}))
     assert saved(few)["superposition"] == {"load steps": 3}
     error, bound = few.summary["true_error"], few.summary["error_bound"]
     assert error <= bound <= 1e-3 and bound <= 6 * error
-
-
-def test_the_second_part_of_the_bound_waits_for_the_first():
-    """Evaluated after every stage it tells the error all along, and changes nothing else."""
-    every = solved(**METIS, **method(skip={"bound": False}, tolerance={"error": 1e-10}))
-    few = solved(**METIS, **method(tolerance={"error": 1e-10}))
-    same(few, every)
-    count = saved(few)["bound"]["evaluations of the bound's second part"]
-    assert count >= few.iterations - 3 and "bound" not in saved(every)
-    assert all(event.true_error <= event.error_bound for event in every.iterated.history)
 
 
 # --- modules ----------------------------------------------------------------------------------------------

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 from in_process import IN_PROCESS
-from method_case import box_of, config, method, prepared, saved, solved
+from method_case import box_of, config, method, prepared, saved
 
 from orchestrator.method.linear.soft_modes import SOFT, soft_modes
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
-from orchestrator.scene.soles.overlap import OWN, difficulty, first_row
+from orchestrator.scene.soles.overlap import OWN, difficulty
 from orchestrator.scene.soles.make import make_soles
 
 SOFT_AND_STIFF = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]
@@ -54,18 +54,6 @@ def test_no_subdomain_is_stiffer_than_the_overlap_allows(tmp_path, element):
         assert worst <= 2 / (OWN * ratio) * (1 + 1e-6)  # two interfaces meet in the elements along the middle line
 
 
-def test_overlap_is_mostly_what_the_neighbour_is(tmp_path):
-    """Both sides' soles have the same elements; together they have twice the ratio's share of their moduli, either side OWN of its own."""
-    made = config(**mixed(tmp_path / "mixed.mesh", **method({"kind": "overlap"})))
-    scene, ratio = build_scene(made), made.method.sole.modulus_ratio
-    young = np.array([m.young for m in scene.materials])
-    for interface, (one, two) in zip(scene.interfaces, make_soles(scene, made.method.sole)):
-        rows = [young[scene.subdomains[e].material[first_row(scene, interface, side)]] for side, e in enumerate(interface.subdomains)]
-        assert one.points is two.points and one.cells is two.cells
-        assert np.allclose(one.young, ratio * np.concatenate([OWN * rows[0], (1 - OWN) * rows[1]]), rtol=1e-14)
-        assert np.allclose(one.young + two.young, ratio * np.concatenate(rows), rtol=1e-14)
-
-
 def test_soft_modes_are_those_of_the_dense_problem():
     made = config(**flat(**method({"kind": "overlap"}, macro={"basis": "affine"})))
     pairs, modes, sweeps = spectra(made)
@@ -89,20 +77,6 @@ def test_what_is_hard(tmp_path):
     for element, poisson, soft in ("P1", 0.499, True), ("P2", 0.499, False), ("P2", 0.4999, True):
         hard = difficulty(build_scene(config(materials=[{"young": 1.0, "poisson": poisson}], blackbox={"element": element})))
         assert hard.incompressible_or_slender.all() and hard.soft.all() == hard.soft.any() == soft
-
-
-@pytest.mark.parametrize("case", ["mixed", "flat"])
-def test_hard_cases_before_and_after(tmp_path, case):
-    data = mixed(tmp_path / "mixed.mesh") if case == "mixed" else flat(
-        mesh={"box": {"size": [2.0, 2.0, 0.1], "cells": [4, 4, 4]}}, subdomains={"grid": [2, 2, 2]},
-        boundary=[{"on": {"plane": "x", "at": 0.0}, "displacement": [0, 0, 0]},
-                  {"on": {"plane": "x", "at": 2.0}, "traction": [10.0, 0, 10.0]}])
-    iterations = {}
-    for name, settings in (("before", method({"kind": "symmetric"}, macro={"basis": "affine"})), ("auto", method())):
-        run = solved(**{**data, **settings})
-        assert run.converged and run.summary["true_error"] <= run.summary["error_bound"] <= 1e-6
-        iterations[name] = run.iterations
-    assert iterations["auto"] < 0.6 * iterations["before"] and iterations["auto"] <= 30, iterations
 
 
 @pytest.mark.parametrize("element", ["P1", "P2"])

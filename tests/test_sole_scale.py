@@ -48,13 +48,6 @@ def test_soles_end_alike_wherever_they_begin():
     assert ends[1].made.sweeps <= min(ends[0.03].made.sweeps, ends[30].made.sweeps)
 
 
-def test_units_and_switch():
-    """The factor is the same in metres; none is looked for where soles are to be left, or nothing can part."""
-    scale = made(three(0.03)).made.sole_scale
-    assert scale == made(three(0.03, unit=1e-3)).made.sole_scale != 1
-    assert made(three(0.03, fit=False)).made.sole_scale == made(three(0.03, law=[{"law": "perfect"}])).made.sole_scale == 1
-
-
 def test_what_is_loaded_is_what_the_method_reckons_with():
     """A loose body that its soles push by k U moves by U; and k is what the black box assembles."""
     config = three(0.03)
@@ -69,14 +62,3 @@ def test_what_is_loaded_is_what_the_method_reckons_with():
         soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.made.sole_scale))
         again = assemble_search_direction(scene, d.space, soles, blackbox, True, Savings())
         assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()
-
-
-def test_bonds_of_the_same_bodies_keep_their_soles():
-    """What rests on them is felt; they themselves are as they were."""
-    laws = [CONTACT, {"between": ["block 0-0-1", "block 0-0-2"], "law": "perfect"}]
-    (usual, fitted) = (made(three(0.03, law=laws, fit=value)) for value in (False, True))
-    ratio = fitted.stage.direction.diagonal / usual.stage.direction.diagonal
-    bonded = np.zeros(len(ratio), dtype=bool)
-    bonded[np.concatenate(fitted.space.sides[1])] = True
-    assert 2 < fitted.made.sole_scale < 100
-    assert ratio[bonded] == pytest.approx(1.0) and ratio[~bonded] == pytest.approx(fitted.made.sole_scale)

@@ -7,16 +7,13 @@ import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
 
-from orchestrator.blackbox.models import extended_model, rim_model, sides_by_subdomain, sole_models
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.models import extended_model, rim_model, sides_by_subdomain
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import WALL, Facets, between, facets_of, stiffer
-from orchestrator.scene.soles.make import make_soles, merge, prisms, soles_of
+from orchestrator.scene.soles.make import make_soles, merge, prisms
 
 YOUNG, POISSON = 200e3, 0.3
-OEDOMETRIC = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
-SHEAR = YOUNG / (2 * (1 + POISSON))
 KINDS = ["layer", "symmetric"]
 
 
@@ -41,23 +38,8 @@ def patch(cells=(3, 2), h=1.0, fold=180.0, thickness=1.0, seed=None):
     return Facets(points, triangles, np.full(count, YOUNG), np.full(count, POISSON), np.full(len(points), thickness))
 
 
-def model(facets, sole):
-    """A sole as a model of its own."""
-    nodes = np.vstack([facets.points, sole.points])
-    matter, region = np.unique(np.c_[sole.young, sole.poisson], axis=0, return_inverse=True)
-    return Model("sole", nodes, sole.cells, region.ravel(), matter, np.zeros(nodes.shape, bool), np.empty(0, int))
-
-
 def volumes(facets, sole):
     return tet_volumes(np.vstack([facets.points, sole.points]), sole.cells)
-
-
-def inner_stiffness(facets, soles):
-    """(3n, 3n) dense stiffness on the interface's nodes, outer nodes clamped, of each sole."""
-    with box_of(config()) as blackbox:
-        matrices = blackbox.stiffness([model(facets, sole) for sole in soles])
-    size = 3 * len(facets.points)
-    return [m[:size, :size].toarray() for m in matrices]
 
 
 def triangles_of(cells):
@@ -91,18 +73,6 @@ def test_extended_stiffness_is_the_sum(tmp_path, mesh, kind):
         assert abs(expected - own[free][:, free]).max() > 0.01 * abs(expected).max()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("thickness", [0.3, 2.0])
-def test_rigid_translations_have_exact_values(kind, thickness):
-    """A unit translation of a flat sole: E_oed/e · area along the normal, G/e · area across it."""
-    facets = patch(thickness=thickness, seed=1)
-    area = np.linalg.norm(facets.area_vectors, axis=1).sum()
-    for k in inner_stiffness(facets, soles_of(facets, kind)):
-        resultants = k.reshape(len(facets.points), 3, -1, 3).sum(axis=(0, 2))
-        expected = np.diag([SHEAR, SHEAR, OEDOMETRIC]) * area / thickness
-        assert np.abs(resultants - expected).max() <= 1e-12 * expected.max()
-
-
 def test_symmetric_soles_are_the_same_from_both_sides():
     """k_E = k_E' bit for bit on all trace dofs; a layer is not the same from the two sides, by more than 5 %."""
     for kind in KINDS:
@@ -115,14 +85,6 @@ def test_symmetric_soles_are_the_same_from_both_sides():
             assert difference.max() == 0
         else:
             assert difference.max() > 0.05 * abs(direction.k).max()
-
-
-def test_stiffness_is_positive_definite_and_symmetric():
-    """A sole with its outer face clamped holds every motion of the interface."""
-    facets = patch(fold=100, thickness=1.5)
-    for k in inner_stiffness(facets, soles_of(facets, "layer")):
-        assert np.abs(k - k.T).max() <= 1e-12 * np.abs(k).max()
-        assert np.linalg.eigvalsh(k).min() > 1e-3 * np.abs(k).max()
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -192,14 +154,6 @@ def test_modulus_shrinks_with_the_thickness(fold, thickness):
     assert sole.young.min() < 0.6 * YOUNG
 
 
-def test_automatic_thickness_is_the_mesh_size():
-    """√(2 × mean facet area) is h on a structured patch; a number is taken as it is."""
-    scene = build_scene(config(mesh={"box": {"size": [4.0, 1.0, 1.0], "cells": [16, 4, 4]}}))
-    for interface in scene.interfaces:
-        assert np.allclose(facets_of(scene, interface, settings(), "layer").thickness, 0.25, rtol=1e-14, atol=0)
-        assert np.all(facets_of(scene, interface, settings(thickness=0.1), "layer").thickness == 0.1)
-
-
 def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
     """E_S = ratio · max(E_E, E_E'), ν_S = min(ν, ν', 0.3), on both sides (method.sole's reasons)."""
     scene = build_scene(config(mesh=layered(tmp_path / "two.meshb", [0, 1]), subdomains="groups", materials=[
@@ -213,30 +167,6 @@ def test_modulus_beside_contact_is_near_the_softer_side():
     """√E is the harmonic mean of √E₁ and √E₂: equal moduli bit for bit, four times the softer beside a rigid body."""
     assert np.array_equal(between(np.array([0.1, 70e3, 1 / 3]), np.array([0.1, 70e3, 1 / 3])), [0.1, 70e3, 1 / 3])
     assert np.allclose(between(np.array([100.0, 1.0]), np.array([1.0, 1e16])), [(2 / 1.1) ** 2, 4.0])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_numbering_does_not_matter(kind):
-    """Another numbering of the nodes and another order of the facets give the same stiffness, reordered."""
-    facets = patch(fold=110, seed=4)
-    rng = np.random.default_rng(0)
-    new, shuffle = rng.permutation(len(facets.points)), rng.permutation(len(facets.triangles))
-    points = np.empty_like(facets.points)
-    points[new] = facets.points
-    turned = np.roll(new[facets.triangles[shuffle]], 1, axis=1)
-    other = Facets(points, turned, facets.young, facets.poisson, facets.thickness)
-    dofs = (3 * new[:, None] + np.arange(3)).ravel()
-    for k, theirs in zip(inner_stiffness(facets, soles_of(facets, kind)), inner_stiffness(other, soles_of(other, kind))):
-        assert np.abs(theirs[np.ix_(dofs, dofs)] - k).max() <= 1e-12 * np.abs(k).max()
-
-
-def test_units_do_not_matter():
-    """Lengths / 1000 and moduli × 1e6: the stiffness of a sole is multiplied by 1000."""
-    facets = patch(fold=110, seed=4)
-    metres = Facets(facets.points / 1000, facets.triangles, facets.young * 1e6, facets.poisson, facets.thickness / 1000)
-    for k, theirs in zip(inner_stiffness(facets, soles_of(facets, "symmetric")),
-                         inner_stiffness(metres, soles_of(metres, "symmetric"))):
-        assert np.abs(theirs - 1000 * k).max() <= 1e-12 * np.abs(theirs).max()
 
 
 def test_rims_have_complete_rows():
@@ -256,14 +186,6 @@ def test_rims_have_complete_rows():
     expected = whole[dofs[rows]]
     spread = sp.csr_array((np.ones(len(dofs)), (np.arange(len(dofs)), dofs)), shape=(len(dofs), whole.shape[1]))
     assert abs(part[rows] @ spread - expected).max() <= 1e-12 * abs(expected).max()
-
-
-def test_symmetric_soles_are_assembled_once():
-    """One model per interface when both sides share their sole, two for layers."""
-    scene = build_scene(config())
-    for kind, count in (("symmetric", 1), ("layer", 2)):
-        soles = make_soles(scene, settings(kind=kind))
-        assert len(sole_models(scene, soles)) == count * len(scene.interfaces)
 
 
 def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed():

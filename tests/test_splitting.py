@@ -10,7 +10,6 @@ from orchestrator.timing import predicted_cost
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.sources import bricks
 from benchmarks.problems.cases import grains
@@ -120,17 +119,6 @@ def test_same_solution_with_perfect_interfaces(tmp_path):
     found = [solve(c, build_scene(c)) for c in (split(above, mesh=mesh, **accurate) for above in (None, 150))]
     assert len(found[1].scene.subdomains) > 4
     assert np.abs(found[0].displacement - found[1].displacement).max() < 1e-8 * np.abs(found[0].displacement).max()
-
-
-def test_same_solution_with_friction_on_a_curved_surface(tmp_path):
-    """Dragged until it slips: with normals of their own the pieces would hook where they meet."""
-    mesh = arch(tmp_path / "arch.mesh")
-    whole, cut = (converged(pressed(mesh, most, interfaces=[CONTACT], blackbox=IN_PROCESS)) for most in (None, 250))
-    counts = whole.summary["status_counts"]
-    assert counts["stick"][0] > 0 and counts["slip"][1] > 0
-    assert sum(i.law.name == "contact" for i in cut.scene.interfaces) > 1
-    assert difference(whole, cut) < 1e-8
-    assert not scene_cautions(whole.scene) and not scene_cautions(cut.scene)
 
 
 @pytest.mark.long

@@ -5,18 +5,14 @@ import json
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 from yaml_case import blocks, call
-from in_process import IN_PROCESS, InProcessWorker
+from in_process import InProcessWorker
 
-from orchestrator.blackbox.start import key_of
-from orchestrator.blackbox.models import body_model
 from orchestrator.config.load import load_config
 from orchestrator.errors import InputError
 from orchestrator.results.compare import compare
 from orchestrator.results.solution import Solution
-from orchestrator.scene.build import build_scene
 from orchestrator.sweep.variants import variants_of
 
 
@@ -79,19 +75,6 @@ def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, lo
 
 
 @pytest.mark.long
-def test_what_changes_a_model_is_loaded_again(tmp_path, loads):
-    path = blocks(tmp_path)
-    assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5,2e5", "--output", tmp_path / "no").exit_code == 2  # twice
-    assert call("sweep", path, "--vary", "materials.0.young=1e5,2e5", "--output", tmp_path / "sweep").exit_code == 0
-    twice = Counter(loads)
-    loads.clear()
-    assert call("run", path, "--set", "materials.0.young=2e5", "--output", tmp_path / "alone").exit_code == 0
-    assert {name: 2 * count for name, count in loads.items()} == twice
-    found = compare(tmp_path / "alone", tmp_path / "sweep" / "young=200000")
-    assert not found.different and max(row.difference for row in found.rows) == 0.0
-
-
-@pytest.mark.long
 def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tmp_path, loads):
     path = blocks(tmp_path)
     arguments = ["sweep", path, "--vary", "interfaces.0.friction=-1,0.1,0.3", "--output", tmp_path / "sweep"]
@@ -110,26 +93,6 @@ def test_one_that_fails_keeps_no_other_from_running_and_what_is_there_is_kept(tm
     assert [one["kept"] for one in notes] == [False, False] and len(table(tmp_path / "sweep")) == 2
 
 
-@pytest.mark.long
-def test_a_run_that_stops_is_the_exit_code(tmp_path):
-    path = blocks(tmp_path)
-    done = call("sweep", path, "--vary", "method.max_iterations=2,500", "--output", tmp_path / "sweep")
-    assert done.exit_code == 1 and "NOT converged" in done.output and "(max_iterations)" in done.output
-    # it goes on where it stopped: iterations of earlier runs do not count
-    again = call("sweep", path, "--vary", "method.max_iterations=2,500", "--output", tmp_path / "sweep", "--resume")
-    iterations = [int(row["iterations"]) for row in table(tmp_path / "sweep")]
-    assert again.exit_code == 1 and iterations[0] == 4
-
-
 def test_no_variant_that_is_valid_is_an_error_at_once(tmp_path):
     done = call("sweep", blocks(tmp_path), "--vary", "interfaces.0.frction=1,2", "--output", tmp_path / "sweep")
     assert done.exit_code == 2 and "did you mean 'friction'?" in done.stderr and not (tmp_path / "sweep").exists()
-
-
-def test_models_are_told_apart_by_every_byte(tmp_path):
-    scene = build_scene(load_config(blocks(tmp_path)).config)
-    one, two = (body_model(scene, s) for s in scene.subdomains[:2])
-    assert key_of(one) == key_of(body_model(scene, scene.subdomains[0])) != key_of(two)
-    one.nodes = np.nextafter(one.nodes, 2.0)
-    assert key_of(one) != key_of(body_model(scene, scene.subdomains[0]))
-    assert IN_PROCESS["workers"] == 1  # so that loads are counted in the order of the runs

@@ -6,12 +6,8 @@ import pytest
 from blackbox_case import box, forces, settings
 
 from orchestrator.blackbox.usage import CLOCKS, since
-from orchestrator.blackbox.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
-from orchestrator.parallel.team import Team
-from orchestrator.results.report.tables import tables
-from orchestrator.results.summary.workload import Workload, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from benchmarks.problems.cases import grains
@@ -58,28 +54,6 @@ def test_seconds_of_every_worker_add_up_to_the_wall_clock(transport):
     assert lazy["waiting"] > 0
 
 
-def test_a_period_lasts_as_long_as_its_workers():
-    """From one note to the next, on the wall clock and for every worker."""
-    models, moments, watch = [box(seed=i) for i in range(3)], Moments(), Stopwatch()
-    with make_blackbox(settings(workers=2)) as pool:
-        workload = moments.around(lambda: Workload(pool.usage, watch))
-        with watch("load"):
-            pool.load(models)
-        with watch("linear_stage"):
-            pool.traces({i: forces(m) for i, m in enumerate(models)})
-        moments.around(lambda: workload.end("set_up"))
-    period = workload.record["set_up"]
-    assert moments.allow(period["seconds"]) and all(moments.allow(row["seconds"]) for row in period["workers"])
-    assert {row["stage"]: row["calls"] for row in period["stages"]} == {"load": 1, "linear_stage": 1}
-    assert 0 < sum(row["seconds"] for row in period["stages"]) <= period["seconds"]
-
-
-def test_places_by_predicted_cost_not_by_count():
-    dofs = [16000, 4000, 4000, 4000, 4000, 4000, 4000]
-    first, second = longest_first([n**1.6 for n in dofs], 2)
-    assert [first, second] == [[0], [1, 2, 3, 4, 5, 6]]
-
-
 def idle_share(workers):
     return sum(row["waiting"] + row["idle"] for row in workers) / sum(row["seconds"] for row in workers)
 
@@ -107,34 +81,3 @@ def test_record_of_a_run(solved):
     assert calls["linear_stage"] == 7, "the last one completes the fields that are delivered"
     assert all(row["factorise"] == 0 and row["solve"] > 0 for row in record["iterations"]["workers"])
     assert 0 < idle_share(record["iterations"]["workers"]) < 1
-
-
-@pytest.mark.long
-def test_ranks_are_joined_and_shown(solved, tmp_path):
-    record = solved.summary["workload"]
-    other = {p: {**part, "seconds": 2 * part["seconds"],
-                 **{t: [{**row, "rank": 1} for row in part[t]] for t in ("stages", "workers", "ranks")}}
-             for p, part in record.items()}
-    both = joined([record, other])
-    assert both["iterations"]["seconds"] == 2 * record["iterations"]["seconds"]
-    assert [row["rank"] for row in both["iterations"]["workers"]] == [0, 0, 1, 1]
-    told = {table.title.rpartition(", ")[2]: table.rows for table in tables({**solved.summary, "workload": both}, {}, tmp_path)
-            if table.title.startswith("Who did what: iterations")}
-    assert [row[:5] for row in told["workers"]] == [
-        [str(row["rank"]), str(row["worker"]), str(row["models"]), f"{row['dofs']:,}", str(row["calls"])]
-        for row in both["iterations"]["workers"]]
-    assert len(told["ranks"]) == 2 and {row[1] for row in told["stages"]} == {"0", "1"}
-
-
-def test_period_without_work():
-    """Nothing but waiting for another rank."""
-    team = Team()
-    team.rank, team.waited = 3, 1.0
-    with make_blackbox(settings(workers=1)) as pool:
-        workload = Workload(pool.usage, Stopwatch(), team)
-        team.waited += 0.5
-        workload.end("iterations")
-    (rank,) = workload.record["iterations"]["ranks"]
-    assert rank["rank"] == 3 and rank["waiting"] == 0.5
-    (row,) = workload.record["iterations"]["workers"]
-    assert row["calls"] == 0 and row["idle_share"] == 1 and not workload.record["iterations"]["stages"]
