@@ -7,10 +7,7 @@ in the first load step, with slips Δ; without friction the last sum is not ther
 have a sum of their own here, of iterates that are still far from the solution, so that rounding is far below E².
 """
 
-import pickle
-import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +19,6 @@ from quick import quick
 from test_certificate import Exact, at_pairs, case, certified
 
 from orchestrator.method.stopping import certificate, dual_energy
-from orchestrator.parallel.team import join
 from orchestrator.scene.build import build_scene
 
 EQUAL = 1e-9
