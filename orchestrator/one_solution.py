@@ -36,7 +36,7 @@ from orchestrator.results.solution import Solution, fields_of, unsound
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.results.whole import whole_fields
-from orchestrator.scene.aside import set_aside
+from orchestrator.scene.part import set_aside
 from orchestrator.scene.model import Scene
 from orchestrator.scene.pieces.outline import hollow
 from orchestrator.scene.soles.make import make_soles

@@ -105,17 +105,17 @@ ON_FACES = Registry({
     "displacement": "orchestrator.scene.loads.prescribed:Displacement",
     "symmetry": "orchestrator.scene.loads.prescribed:Symmetry",
     "motion": "orchestrator.scene.loads.prescribed:RigidMotion",
-    "traction": "orchestrator.scene.loads.on_faces:Traction",
-    "pressure": "orchestrator.scene.loads.on_faces:Pressure",
-    "resultant": "orchestrator.scene.loads.on_faces:Spread",
-    "hydrostatic": "orchestrator.scene.loads.on_faces:Liquid",
+    "traction": "orchestrator.scene.loads.forces:Traction",
+    "pressure": "orchestrator.scene.loads.forces:Pressure",
+    "resultant": "orchestrator.scene.loads.forces:Spread",
+    "hydrostatic": "orchestrator.scene.loads.forces:Liquid",
     "foundation": "orchestrator.scene.loads.grounds:Bedding",
     "coupling": "orchestrator.scene.loads.grounds:Remote",
 })
 IN_VOLUMES = Registry({
-    "body_force": "orchestrator.scene.loads.in_volumes:BodyForce",
-    "gravity": "orchestrator.scene.loads.in_volumes:Gravity",
-    "spin": "orchestrator.scene.loads.in_volumes:Centrifugal",
+    "body_force": "orchestrator.scene.loads.forces:BodyForce",
+    "gravity": "orchestrator.scene.loads.forces:Gravity",
+    "spin": "orchestrator.scene.loads.forces:Centrifugal",
     "temperature": "orchestrator.scene.loads.temperature:Temperature",
 })
 

@@ -5,7 +5,7 @@ import pytest
 from ranks_case import CASES
 
 from orchestrator.config.load import config_from
-from orchestrator.scene.aside import set_aside
+from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene
 
 

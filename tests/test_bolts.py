@@ -13,7 +13,7 @@ from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import History
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.revolved import cylinder
+from orchestrator.scene.shapes import cylinder
 from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0

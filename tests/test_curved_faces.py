@@ -11,7 +11,7 @@ from in_process import IN_PROCESS
 from quick import late
 
 from orchestrator import build_scene, config_from, solve
-from orchestrator.scene.revolved import recognised
+from orchestrator.scene.shapes import recognised
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.geometry import node_normals
 

@@ -4,5 +4,5 @@ Rooms: ``mesh`` (sources, files, faces, ten-node tets, polycrystals), ``loads`` 
 (where they act, whether they agree and hold), ``foreign`` (parts of other programs), ``interfaces`` (where parts meet, under which
 law) and ``soles`` (matter glued to interfaces). ``model`` says what a scene is made of; ``partition`` cuts a mesh in subdomains,
 ``bolts`` across shanks; ``names`` finds things by name; ``congruence`` tells what is the same but for a translation; ``inspection``
-lists what a mesh has; ``part`` makes a rank's part, ``aside`` puts the whole on disk meanwhile.
+lists what a mesh has; ``part`` makes a rank's part, and puts the whole on disk meanwhile.
 """

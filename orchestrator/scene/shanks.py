@@ -13,7 +13,7 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.revolved import cylinder
+from orchestrator.scene.shapes import cylinder
 
 # Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
 ACROSS = 0.05

@@ -21,7 +21,7 @@ from orchestrator.scene.mesh.faces import Faces, components, pack
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.revolved import recognised
+from orchestrator.scene.shapes import recognised
 
 # Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
 # of a hexagonal nut is plane.

@@ -17,7 +17,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.interfaces.skins import Surface as Smooth, over, surface_of
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point, rounding
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.tools.surfaces import Surface
+from orchestrator.scene.tools.motion import Surface
 
 ASIDE = np.cos(np.deg2rad(30.0))  # a point that is farther than this from straight above a curved face has an edge below it
 STRAIGHT = 1e-9  # the same of plane ones: one less its cosine that is rounding
