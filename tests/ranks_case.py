@@ -234,7 +234,7 @@ CASES = {
 }
 
 
-MADE_BY_ALL = ("tools", "blocks", "contact", "grounds", "bolted", "parts in contact", "parts apart", "parts that slide on")
+MADE_BY_ALL = ("blocks", "contact", "grounds", "parts in contact", "parts apart", "parts that slide on")
 
 
 def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.ndarray] | None:

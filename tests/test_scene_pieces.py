@@ -113,7 +113,7 @@ def write_ell(file):
 
 
 PIECES = ["mono-scale", "soft modes", "blocks", "partitions", "one file", "whole file", "parts bonded", "parts apart", "parts in contact",
-          "slides far", "contact on ten nodes", "loose grains", "grounds", "contact", "tools"]
+          "slides far", "contact on ten nodes", "loose grains", "grounds", "contact"]
 
 
 # Corners are among the nodes of ten-node tets; four-node ones are tried of a box, a file and parts.
@@ -231,9 +231,8 @@ BLOCK = {"mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains":
     {"subdomains": {"slices": {"axis": "x", "count": 100}}},  # some of them empty
     {"boundary": [{"on": "ymin", "foundation": {"normal": 1.0}}, BLOCK["boundary"][1]]},  # which holds across it alone
     {"boundary": [*BLOCK["boundary"], {"on": "ymin", "coupling": {"force": [0, 0, 1]}}]},  # of what several subdomains share
-    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 1.4}, "force": 1.0}], "subdomains": {"grid": [4, 2, 1]}},  # in two of them
-    {"bolts": [{"on": "*", "cut": "auto", "force": 1.0}], "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 1, 1]}}},  # a place among all
-    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 5}, "force": 1.0}]},
+    {"bolts": [{"on": "*", "cut": {"plane": "x", "at": 1.4}, "force": 1.0}]},
+    {"interfaces": [{"law": "contact", "between": ["*", {"plane": {"at": [0, 0, 1], "normal": [0, 0, -1]}}]}]},
     {"interfaces": [{"law": "contact", "between": ["slice 0", "slice 2"]}]},  # which do not touch
     {"output": {"probes": [{"at": [1, 2, 0.5]}]}}, {"output": {"probes": [{"at": [1, 2, 0.5], "part": "slice 3"}]}},
     {"output": {"probes": [{"at": [1, 0.5, 0.5]}]}, "interfaces": [{"law": "contact"}]},  # where bodies meet
@@ -256,44 +255,6 @@ def test_the_element_is_chosen_by_all_of_the_mesh(largest, told, monkeypatch):
                           "blackbox": {"element": "auto"}})
     assert str(build_scene(config).element).startswith(told)
     same_as_one(config, 4)
-
-
-@pytest.mark.parametrize("ranks", [late(2), late(3), 4])
-@pytest.mark.parametrize("plane, cells", [({"plane": "x", "at": 1.4}, [12, 2, 2]), ({"plane": [1, 0.2, 0], "at": [2.6, 0.5, 0.5]}, [16, 3, 2]),
-                                          ({"plane": "x", "at": 2.0}, [8, 2, 2]),  # between two
-                                          ({"plane": "x", "at": 0.5}, [8, 1, 1])])  # at its end; what has corners alone is taken for round
-def test_a_bolt_in_slices(plane, cells, ranks):
-    """Of which one is cut, if any."""
-    config = config_from({"name": "bolt", **BLOCK, "mesh": {"box": {"size": [4, 1, 1], "cells": cells}},
-                          "bolts": [{"on": "*", "cut": plane, "force": 1.0}],
-                          "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "displacement": [0, 0, 0]}]})
-    whole = build_scene(config)
-    assert len(whole.bolts) == 1
-    same_as_one(config, ranks)
-
-
-PLANE = {"plane": {"at": [0, 0, 1.01], "normal": [0, 0, -1]}}
-
-
-@pytest.mark.parametrize("ranks", [late(2), late(3), 4])
-@pytest.mark.parametrize("tool, subdomains", [
-    ({**PLANE, "displacement": [[0, 0, -0.02], [0.1, 0, -0.02]], "rotation": [0, 0.1, 0]}, 8),
-    ({"sphere": {"centre": [3.5, 0.5, 2], "radius": 1}, "force": [0, 0, -2]}, 6), ({**PLANE, "force": [0, 0, -2]}, 6),
-    ({"cylinder": {"at": [2, 0, 2.01], "axis": "y", "radius": 1}, "force": [0, 0, -2]}, 6)])
-def test_rigid_tools(tool, subdomains, ranks):
-    """Behind each block that it touches where it moves as prescribed, else one body behind all; in the middle nobody may have a face."""
-    config = config_from({"name": "tools", **BLOCK, "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}],
-                          "interfaces": [{"law": "contact", "between": ["*", tool], "within": 0.1}]})
-    assert len(build_scene(config).subdomains) == subdomains
-    same_as_one(config, ranks)
-
-
-@pytest.mark.parametrize("tool", [{"plane": {"at": [0, 0, 0.9], "normal": [0, 0, -1]}}, {"plane": {"at": [0, 0, 9], "normal": [0, 0, -1]}},
-                                  {**PLANE, "force": [0, 0, 2]}])
-def test_tools_that_one_has_to_judge_are_left_to_it(tool):
-    """One that begins inside; one that touches nothing; one that is pulled off."""
-    config = config_from({"name": "tools", **BLOCK, "interfaces": [{"law": "contact", "between": ["*", tool]}]})
-    assert_left(among(2, lambda team: make(config, team)))
 
 
 HELD = [{"on": "wall", "displacement": [0, 0, 0]}]
@@ -466,21 +427,6 @@ def test_a_mesh_that_one_has_to_judge_is_made_once(count, tmp_path, monkeypatch)
     whole, other = among(2, lambda team: scene_of(config, Ranks(team)))
     assert (whole.left == "a mesh that one process makes" and other is None) if count == 6 else "1 parts for 2 separate bodies" in str(whole)
     assert len(made) == 1
-
-
-@pytest.mark.parametrize("auto", quick([False, True], True))
-def test_bolts_of_solids(solids, auto):
-    """Cut where one process cuts them, whoever has the plates beside; two of them, one with other matter in contact across its cut."""
-    bolts = [{"on": "solid_4", "cut": "auto" if auto else {"plane": [0.1, 0, 1], "at": [1, 0.5, 1.5]}, "force": 10.0},
-             {"on": "solid_2", "cut": {"plane": "z", "at": 0.5}, "force": 20.0, "history": "late"}]
-    config = config_from({"name": "bolts", "mesh": solids, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "interfaces": [{"law": "contact", "friction": 0.2}, {"law": "perfect", "between": ["solid_2.1", "solid_1"]}],
-                          "bolts": bolts[not auto:] + bolts[:not auto], "histories": {"late": [0, 1]},
-                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
-                                       {"on": {"plane": "z", "at": 2}, "traction": [1, 0, -1]}]})
-    assert len(build_scene(config).subdomains) == 6
-    for ranks in (2, 4) if auto else (3,):
-        same_as_one(config, ranks)
 
 
 def test_fewer_solids_than_ranks_are_left_to_one(solids):

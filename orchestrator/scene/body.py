@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.errors import Problems
-from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.checks import check_memory
 from orchestrator.scene.mesh.faces import Faces
@@ -33,7 +32,7 @@ class Body:
 
     material : (m,) int, index into ``materials``, −1 for none
     choice : of the element, where that was left open
-    partition : where it is known with the mesh, as of a piece of one, and the cuts of its bolts
+    partition : where it is known with the mesh, as of a piece of one
     surfaces : of entries of ``boundary`` of which this piece has some faces, (K, 3, 3) corners of all, see ``OnFaces.whole``
     """
 
@@ -43,7 +42,6 @@ class Body:
     material: np.ndarray
     choice: object = None
     partition: Partition | None = None
-    cuts: Sequence[BoltCut] = ()
     surfaces: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 

@@ -82,14 +82,14 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
 
 def _divided(config: Config, body: Body, problems: Problems) -> Cut:
     """The subdomains, bolts cut."""
-    mesh, cuts, failed = body.mesh, body.cuts, False
+    mesh, cuts, failed = body.mesh, (), False
     try:
         partition = body.partition or make_partition(mesh, body.faces, config.subdomains)
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.
         partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
-    if config.bolts and not failed and body.partition is None:
+    if config.bolts and not failed:
         partition, cuts = cut_bolts(mesh, body.faces, partition, config, problems)
     return Cut(partition, split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes)), cuts, failed)
 

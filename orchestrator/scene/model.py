@@ -6,7 +6,6 @@ Indices are zero-based. Lengths, forces and moduli are in the user's units.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -245,7 +244,11 @@ class Scene:
     @property
     def prints(self) -> np.ndarray:
         """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has the same mesh, cut alike."""
-        return prints(self, self.subdomains) if self.overview is None else self.overview.prints
+        if self.overview is not None:
+            return self.overview.prints
+        made = [hashlib.sha256(np.ascontiguousarray(self.mesh.nodes[s.nodes]).tobytes()
+                               + np.ascontiguousarray(s.connectivity).tobytes()) for s in self.subdomains]
+        return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)
 
     @property
     def bonded(self) -> bool:
@@ -277,10 +280,3 @@ class Scene:
     def __repr__(self) -> str:
         return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "
                 f"{3 * len(self.mesh.nodes)} dofs, {self.steps} load steps)")
-
-
-def prints(scene: Scene, some: Iterable[Subdomain]) -> np.ndarray:
-    """As ``Scene.prints``, of some subdomains that are all there."""
-    made = [hashlib.sha256(np.ascontiguousarray(scene.mesh.nodes[s.nodes]).tobytes() + np.ascontiguousarray(s.connectivity).tobytes())
-            for s in some]
-    return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)

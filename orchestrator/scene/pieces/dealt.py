@@ -14,7 +14,6 @@ from orchestrator.scene.interfaces.opposite import REACH, Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.pieces.piece import Extent, Piece, Share
-from orchestrator.scene.pieces.driven import cells_at_tools
 
 PLACES = 2**17  # along an axis: three of them are a number that messages can hold
 OUTER = ""  # what names the triangles of the whole mesh's outer faces: no surface is called so
@@ -47,10 +46,10 @@ class Dealt:
         pairs, common = met(np.tile(place[faces.triangles[border]].ravel(), 2), np.repeat(sides[:, border].ravel(), 3), team)
         return nodes, pairs[common > 2], common[common > 2]
 
-    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], tools: Sequence[Any], team: Team) -> None:
-        """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's: cells that touch them, those behind
-        outer faces that are near outer faces of theirs, as far as ``entries`` of ``interfaces`` reach, and those that some of the ``tools``
-        that are pushed may touch, too."""
+    def deal(self, rank_of: np.ndarray, entries: Sequence[Any], team: Team) -> None:
+        """Hands the subdomains on to their ranks (subdomains,) int, with what is around each rank's:
+        cells that touch them, and those behind outer faces that are near outer faces of theirs, as
+        far as ``entries`` of ``interfaces`` reach."""
         share, self._share = self._share, None
         home = rank_of[share.partition.subdomain]
         share = share.handed_on([np.flatnonzero(home == rank) for rank in range(team.size)], team)
@@ -62,7 +61,7 @@ class Dealt:
         outer = np.searchsorted(share.number, beside.number[outer])
         del beside, faces, mine
         share = replace(share, mesh=replace(share.mesh, surfaces={**share.mesh.surfaces, OUTER: outer}))
-        found = [around, [_supporting(share.mesh, outer, some) for some in around], cells_at_tools(share.mesh, outer, tools, team)]
+        found = [around, [_supporting(share.mesh, outer, some) for some in around]]
         if len(share.mesh.volumes) > 1:
             found.append(_near(share, outer, entries, team))
         around = [np.unique(np.concatenate(some)) for some in zip(*found)]

@@ -24,10 +24,9 @@ from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.conditions.supports import Supports
 from orchestrator.scene.interfaces.search import Laws
 from orchestrator.scene.mesh.faces import MAX_NODES, components
-from orchestrator.scene.model import Scene, prints
+from orchestrator.scene.model import Scene
 from orchestrator.scene.overview import Beside
 from orchestrator.scene.part import part_of
-from orchestrator.scene.pieces.driven import cut, pushed_tools
 from orchestrator.scene.pieces.dealt import Dealt
 from orchestrator.scene.pieces.outline import AT_NODES, BEHIND, OPPOSITE, Outline
 from orchestrator.scene.pieces.piece import Extent, Piece
@@ -44,6 +43,8 @@ def source_of(config: Config, team: Team, meshed: Meshed) -> Dealt | str:
         return "an accuracy"
     if any(code.brings_loads or code.remembers for code in config.codes):
         return "matter or loads of a code's own"
+    if config.bolts or config.tools:
+        return "bolts or rigid tools"
     return dealt(config, team, meshed) or "a mesh that one process makes"
 
 
@@ -64,11 +65,8 @@ def make(config: Config, team: Team, meshed: Meshed | None = None) -> Scene | st
     rank_of = team.share(None if team.rank else owners(predicted_cost(3 * nodes), pairs, 3 * common, team.size))
     if np.bincount(rank_of, weights=nodes).max() > MAX_NODES / 2:  # with what is around them they have to fit
         return "more nodes of a rank than numbers allow"
-    tools = agreed(lambda: pushed_tools(config), team)
-    if tools is None:
-        return JUDGED
     meshed.let_go()  # of the whole, which from here on nobody has
-    source.deal(rank_of, config.interfaces, tools, team)
+    source.deal(rank_of, config.interfaces, team)
     made, extent = _pieces(config, source, np.flatnonzero(rank_of == team.rank), team)
     surfaces = {} if made[0] is None else gathered(config, made[0], team)
     local = None if made[0] is None else agreed(lambda: Local.of(config, made, surfaces), team)
@@ -81,17 +79,15 @@ def make(config: Config, team: Team, meshed: Meshed | None = None) -> Scene | st
     extent = local.numbered(whole, np.sort(number), extent, team)
     body = components(*whole.sides[whole.order[:, 0] != AT_NODES].T, len(whole.number))[1]
     laws = Laws(config.interfaces, [*whole.names, *local.part.mesh.volumes], config.factors(config.interfaces))
-    grounds = 1 + len(config.interfaces)  # their first kind
-    parted = any(entry.ground and entry.ground.whole and (kind == grounds + entry.index).sum() > 1 for entry in local.part.boundary)
-    bodies = np.flatnonzero(kind < grounds)
+    parted = any(entry.ground and entry.ground.whole and (kind == 1 + entry.index).sum() > 1
+                 for entry in local.part.boundary)
+    bodies = np.flatnonzero(kind == 0)
     free = Supports.joined([whole.kept], bodies).free(np.unique(body[bodies], return_inverse=True)[1].ravel()).any()
     near = _near(local, whole, team)
-    if team.max(float((whole.prints[local.present[local.tools]] != local.prints).any()))[0]:
-        return "a tool that ranks have not made alike"
-    bolts = sorted(bolt.entry for bolt in whole.bolts if bolt and bolt.entry >= 0)  # of each cut one interface
     asked = "interfaces" in config.model_fields_set
-    if near is None or any((free, parted, (whole.faces == 0).any(), bolts != [*range(len(config.bolts))], asked and not _of_use(laws, whole),
-                            source.further and (whole.order[:, 0] == OPPOSITE).any(), any(beside.refused for beside in near.values()))):
+    if near is None or any((free, parted, (whole.faces == 0).any(), asked and not _of_use(laws, whole),
+                            source.further and (whole.order[:, 0] == OPPOSITE).any(),
+                            any(beside.refused for beside in near.values()))):
         return JUDGED
     whole.near = near
     part = whole.around(local.part, local.present, whole.overview(local.part, extent, rank_of), laws)
@@ -107,8 +103,7 @@ def _pieces(config: Config, source: Dealt, mine: np.ndarray, team: Team) -> tupl
     if made[0] is not None:
         piece, nodes = made.pop().of_element(config.codes[0].element, config.matter, extent.nodes, team)
         made, extent = [piece], replace(extent, nodes=nodes)
-        del piece
-    return [cut(made.pop(), config, team) if made[0] is not None and config.bolts else made[0]], extent
+    return made, extent
 
 
 @dataclass
@@ -117,9 +112,8 @@ class Local:
 
     part : theirs of the scene that was made of the piece; its nodes and cells have their numbers in the whole
     present : (subdomains,) int, which of the whole scene's those of the part are; until they are ``numbered`` as of a ``Piece``, and then
-        rigid tools and grounds, entry by entry, by that of what they are behind
+        grounds, entry by entry, by that of what they are behind
     given : how many nodes and cells of the part are the mesh's; count : as of a ``Piece``
-    tools : (t,) int, its rigid tools, of which several ranks may have made one; prints : (t, 32) as of a scene
     """
 
     part: Scene
@@ -127,12 +121,10 @@ class Local:
     outline: Outline
     given: tuple[int, int]
     count: int
-    tools: np.ndarray
-    prints: np.ndarray
 
     @classmethod
     def of(cls, config: Config, made: list[Piece], surfaces: Mapping[int, np.ndarray]) -> Local:
-        """Of the subdomains that are all there, and the tools and grounds behind them.
+        """Of the subdomains that are all there, and the grounds behind them.
 
         made : the piece with them, which is taken out of the list so that it goes when it is not needed any more
         surfaces : as of ``Body``
@@ -143,16 +135,15 @@ class Local:
 
         def meshed(config, run_programs, problems) -> Body:  # its faces go with the last step that needs them
             piece = made.pop()
-            problems.warnings += piece.cautions
-            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems), piece.choice, piece.partition,
-                        piece.cuts, surfaces)
+            return Body(piece.mesh, piece.faces, *assign_materials(piece.mesh, config.matter, problems),
+                        piece.choice, piece.partition, surfaces)
 
         scene = build_scene(config, meshed=meshed)
-        before = {i.subdomains[1]: i for i in reversed(scene.interfaces) if i.tool or i.law.on_ground}
-        for behind in scene.subdomains[len(present):]:  # tools, and grounds, which may be behind tools
-            i = before[behind.index]
-            entry, body = i.entry if i.tool else len(config.interfaces) + int(behind.held_by.max()), i.subdomains[0]
-            here, present = np.append(here, here[body]), np.append(present, (1 + entry) * count + present[body] % count)
+        before = {i.subdomains[1]: i.subdomains[0] for i in reversed(scene.interfaces) if i.law.on_ground}
+        for behind in scene.subdomains[len(present):]:
+            entry, body = int(behind.held_by.max()), before[behind.index]
+            here = np.append(here, here[body])
+            present = np.append(present, (1 + entry) * count + present[body])
         own = np.flatnonzero(here)
         part = part_of(scene, own, None)
         given = np.searchsorted(part.number, len(number)), np.searchsorted(part.cell_number, len(cell_number))
@@ -161,8 +152,7 @@ class Local:
             part.cell_number[part.subdomains[behind.index].cells] -= behind.cells[0]
         part.number, part.cell_number = (np.concatenate([of[at[:end]], at[end:]]) for of, at, end in (
             (number, part.number, given[0]), (cell_number, part.cell_number, given[1])))
-        tools = np.array([e for e, i in before.items() if i.tool], dtype=int)
-        return cls(part, present, Outline.of(scene, part, present, own), given, count, tools, prints(scene, [scene.subdomains[e] for e in tools]))
+        return cls(part, present, Outline.of(scene, part, present, own), given, count)
 
     def numbered(self, whole: Outline, order: np.ndarray, extent: Extent, team: Team) -> Extent:
         """Gives what has been added to the mesh its numbers; and what is around all of it. All ranks ask together.
@@ -187,7 +177,7 @@ def _near(local: Local, whole: Outline, team: Team) -> dict[tuple[int, int], Bes
     has all of one. All ranks ask together."""
     if not whole.near:
         return {}
-    part, body = local.part, components(*whole.sides[whole.order[:, 0] <= OPPOSITE].T, len(whole.number))[1]  # tools connect nothing
+    part, body = local.part, components(*whole.sides[whole.order[:, 0] <= OPPOSITE].T, len(whole.number))[1]
     own = {v: int(body[local.present[part.cell_subdomain[part.mesh.volume == v][0]]]) for v in part.sagitta}
     of = {v: number for told in team.all_gather(own) for v, number in told.items()}
     if any(v not in of for pair in whole.near for v in pair):
@@ -238,4 +228,4 @@ def _of_use(laws: Laws, whole: Outline) -> bool:
             cuts.append((whole.names[one], whole.names[two]))
     laws.refuse_within(cuts, problems)
     named = [name for entry in laws.entries for name in (*chain.from_iterable(entry.exclude or ()), *([entry.slave] if entry.slave else ()))]
-    return not problems.found and all(used or entry.tool for used, entry in zip(laws.used, laws.entries)) and all(laws.meant(name) for name in named)
+    return not problems.found and all(laws.used) and all(laws.meant(name) for name in named)

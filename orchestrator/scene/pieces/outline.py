@@ -28,10 +28,10 @@ class Outline:
     number : (s,) int, which of the scene's subdomains; of some until all are joined a number that only puts them in their order
     names, bodies : theirs; code : (s,) int; heated : (s,) bool; cells : (s,) int, how many each has
     sides : (k, 2) int, subdomains of each interface; called : as these have it; entry : (k,) int, of ``interfaces:`` that governs it, −1 for none
-    order : (k, 2) int, of ``SHARED`` faces, of ``OPPOSITE`` ones, ``AT_NODES`` alone, or ``BEHIND`` bodies, with a rigid tool or a ground; and its
+    order : (k, 2) int, of ``SHARED`` faces, of ``OPPOSITE`` ones, ``AT_NODES`` alone, or ``BEHIND`` bodies, with a ground; and its
         place among those of its pair
     joins : (k,) bool, as their laws have it; apart : (k, 2) least and largest distance before they move
-    laws : of tools, grounds and bolts, at every load step; None of others, which ``entry`` tells of
+    laws : of grounds and bolts, at every load step; None of others, which ``entry`` tells of
     bolts : what is known of a bolt there but for its interface; None where there is none
     mixed, matched, met : (k,) of interfaces, and sizes, … : (s, …) of subdomains, as in ``Overview`` and ``Difficulty``
     faces : (entries,) int, how many of each entry of ``boundary`` are on them
@@ -93,7 +93,7 @@ class Outline:
                    *(x[own] for x in (known.sizes, hard.incompressible_or_slender, hard.soft, hard.slenderness, known.nodes, known.prints)),
                    present[sides], [i.called for i in first], np.array([i.entry for i in first], dtype=int), order[at],
                    np.array([i.law.joins for i in first], dtype=bool), np.array([_ends(i) for i in first]).reshape(-1, 2),
-                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if (i.entry < 0 and not i.law.perfect) or i.tool else None for i in first],
+                   [[law.elsewhere() for law in (i.law, *i.law_at_steps)] if i.entry < 0 and not i.law.perfect else None for i in first],
                    [bolts.get(i.index) for i in first],
                    *(x[at] for x in (hard.mixed_moduli, known.matched, known.met)),
                    np.array([len(entry.triangles) for entry in part.boundary], dtype=int), Supports.joined([known.supports], own),
@@ -164,21 +164,19 @@ class Outline:
         for i in part.interfaces:
             there.setdefault(tuple(present[list(i.subdomains)].tolist()), []).append(i)
         interfaces, none = [], np.empty((0, 3 if part.mesh.cells.shape[1] == 4 else 6), dtype=int)
-        tools = {entry.name: entry.drives for entry in part.boundary if entry.drives}
         for k, (pair, title, entry) in enumerate(zip(map(tuple, self.sides.tolist()), self.titles, self.entry.tolist())):
             own = there[pair].pop(0) if there.get(pair) else None
             if own is not None and len(own.nodes[0]):
                 interfaces.append(replace(own, index=k, subdomains=pair, name=title))
                 continue
             at = np.arange(2)  # of all nodes those that the sides are least and farthest apart at
-            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool), called=self.called[k],
-                            tool=tools.get(self.bodies[pair[1]]))
+            own = Interface(k, title, pair, at, (at, at), none, np.empty((0, 2), int), np.ones((2, 3), bool), called=self.called[k])
             laws.apply(entry, own, self.apart[k])
             if self.laws[k] is not None:
                 own.law, *own.law_at_steps = self.laws[k]
             interfaces.append(without_nodes(own))
-        bolts = [replace(bolt, interface=i, name=bolt.name if bolt.entry >= 0 else i.name) for bolt, i in zip(self.bolts, interfaces) if bolt]
-        bolts.sort(key=lambda bolt: (bolt.entry < 0, bolt.entry))
+        bolts = [replace(bolt, interface=i, name=i.name)
+                 for bolt, i in zip(self.bolts, interfaces) if bolt]
         return replace(part, near=self.near, bolts=bolts, subdomains=subdomains, interfaces=interfaces, overview=known,
                        cell_subdomain=present[part.cell_subdomain])
 
@@ -190,7 +188,7 @@ class Outline:
 def _order(scene: Scene) -> np.ndarray:
     """(interfaces,) two numbers for each, see ``Outline``; the slave of sides that do not match may come first, whichever of the two it is."""
     made = scene.interfaces
-    kind = np.array([BEHIND if i.law.on_ground or i.tool else AT_NODES if not len(i.triangles) else
+    kind = np.array([BEHIND if i.law.on_ground else AT_NODES if not len(i.triangles) else
                      SHARED if np.array_equal(*(scene.side_nodes(i, side) for side in (0, 1))) else OPPOSITE for i in made], dtype=int)
     pairs = np.sort(ends_of(made), axis=1)
     changes = np.diff(np.column_stack([kind, pairs]), axis=0).any(axis=1)

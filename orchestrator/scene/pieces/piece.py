@@ -14,7 +14,6 @@ import numpy as np
 from orchestrator.errors import Problems, wrong
 from orchestrator.parallel.numbering import numbered
 from orchestrator.parallel.team import Team
-from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.conditions.selection import assign_materials
 from orchestrator.scene.mesh.faces import Faces, LOCAL_FACES, pack, pieces
 from orchestrator.scene.mesh.mesh import checked, Mesh
@@ -111,10 +110,9 @@ class Piece:
 
     mesh, faces : of these cells; of its outer faces those alone that are the whole mesh's, too
     partition : its subdomains, also those of which it has a few cells, see ``here``
-    present : (subdomains,) int, ascending, which of the whole scene's these are; where bolts are cut twice that, and one more ahead of a cut
-    count : how many that leaves room for
+    present : (subdomains,) int, ascending, which of the whole scene's these are
+    count : how many the whole scene has
     number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole mesh
-    cuts : of bolts of which some cells are here; cautions : what is said of them
     choice : of the element, where that was left open
     """
 
@@ -125,8 +123,6 @@ class Piece:
     number: np.ndarray
     cell_number: np.ndarray
     count: int
-    cuts: Sequence[BoltCut] = ()
-    cautions: Sequence[str] = ()
     choice: Choice | None = None
 
     @classmethod
