@@ -34,6 +34,8 @@ from orchestrator.svd import svd
 
 # Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
 ALIKE = 1e-4
+# Forces that rounding leaves, relative to the largest of all load steps.
+ROUNDING = 1e-12
 # Facets whose normals have a smaller cosine with an axis look more away from it than along it.
 AROUND = np.sqrt(0.5)
 
@@ -86,7 +88,8 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     """
     if fields is None:
         return []
-    own = [handed_over(scene, i, fields, at, resultants) for i, (_, at) in zip(interfaces, fields.each()) if i.law.slips]
+    own = [handed_over(scene, i, fields, at, resultants) for i, (_, at) in zip(interfaces, fields.each())
+           if i.law.slips and not i.law.follows]  # sides that slide on meet where they have moved to
     push = (np.maximum(fields.pressure, 0.0) * fields.areas).T
     most = np.zeros((len(interfaces) + 1, fields.steps))
     for k, (_, at) in enumerate(fields.each()):
@@ -166,8 +169,9 @@ def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray)
 
     off : relative error of forces; pushes : (T,) the largest Σ p A of an interface
     """
+    nothing = ROUNDING * pushes.max(initial=0.0)
     for one in found:
-        left = one.power - one.capacity - off * (one.size + pushes)
+        left = one.power - one.capacity - off * (one.size + pushes) - nothing
         step = int(np.argmax(left))
         if left[step] > 0:
             what = "friction can hold there" if one.capacity[step] > 0 else "a surface without friction can"
