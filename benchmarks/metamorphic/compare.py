@@ -65,6 +65,8 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
     size = size_of(a)
     extent = np.ptp(mesh.nodes, axis=0).max()
     arm = max(extent, np.abs(mesh.nodes).max())
+    if b.reactions is None:
+        b = replace(b, reactions=a.reactions, moments=a.moments)
     force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0), np.abs(a.moments).max(initial=0.0) / arm,
                 0.01 * np.sqrt(stiff) * size) + TINY
     moved = max(np.abs(u).max() for u in a.parts.values()) + size / np.sqrt(stiff + TINY)

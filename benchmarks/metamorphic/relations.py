@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.metamorphic import models, unchanged
+from benchmarks.metamorphic.mirrored import mirrored
 from benchmarks.metamorphic.tools import tools
 from benchmarks.metamorphic.units import in_units, loaded, turned
 from benchmarks.metamorphic.variant import Variant
@@ -216,7 +217,8 @@ RELATIONS: dict[str, Relation] = {
     "renamed": renamed, "reordered": reordered, "sides swapped": sides_swapped, "cut otherwise": cut_otherwise,
     "solved otherwise": solved_otherwise, "solved roughly": solved_roughly, "in two sittings": in_two_sittings,
     "batched": batched, "step repeated": step_repeated, "superposed": superposed, "said otherwise": said_otherwise,
-    "cancelled": unchanged.cancelled, "after rest": unchanged.after_rest, "read from files": unchanged.read_from_files}
+    "cancelled": unchanged.cancelled, "after rest": unchanged.after_rest, "read from files": unchanged.read_from_files,
+    "mirrored": mirrored}
 # Dearer ones, tried on fewer scenes.
 DOORS: dict[str, Relation] = {
     "another code": models.other_code, "part as matrix": models.part_as_matrix, "part as deck": models.part_as_deck,

@@ -65,7 +65,7 @@ def _row(trial: Trial, verdict: dict[str, Any]) -> dict[str, Any]:
 def keep(trial: Trial, verdict: dict[str, Any], folder: Path) -> str:
     """Leaves what is wrong in a folder of its own, with both scenes; says what it is."""
     wrong = {k: v for k, v in verdict["tried"].items() if v in WRONG}
-    if verdict["outcome"] in WRONG or unsound(trial.data, verdict):
+    if verdict["outcome"] in WRONG or unsound(trial, verdict):
         wrong["itself"] = verdict["outcome"]
     for relation, what in wrong.items():
         place = folder / f"{trial.number[0]}-{trial.number[1]} {relation}"
@@ -77,10 +77,17 @@ def keep(trial: Trial, verdict: dict[str, Any], folder: Path) -> str:
     return ", ".join(f"{k} {v}" for k, v in wrong.items())
 
 
-def unsound(data: dict[str, Any], verdict: dict[str, Any]) -> bool:
-    """Whether a run stopped that should have gone on: a guard spoke, or all is bonded."""
-    bonded = all(e["law"] == "perfect" for e in data.get("interfaces", []))
-    return verdict["outcome"] == "stopped" and (bonded or verdict["said"].startswith("guard"))
+def unsound(trial: Trial, verdict: dict[str, Any]) -> bool:
+    """Return whether a run stopped that should have gone on: a guard spoke, all is bonded, or the
+    scene is an ordinary one, which has a solution."""
+    bonded = all(e["law"] == "perfect" for e in trial.data.get("interfaces", []))
+    return verdict["outcome"] == "stopped" and (
+        bonded or bool(kind(trial.words)) or verdict["said"].startswith("guard"))
+
+
+def kind(words: list[str]) -> str:
+    """Return the kind of an ordinary scene, else nothing."""
+    return next((word.removeprefix("kind ") for word in words if word.startswith("kind ")), "")
 
 
 def read(table: Path) -> list[dict[str, str]]:
@@ -89,6 +96,18 @@ def read(table: Path) -> list[dict[str, str]]:
         return []
     with open(table, newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def tell_kinds(rows: list[dict[str, str]], study) -> None:
+    """Print, of each kind of ordinary scenes, how they ended and how many relations fail."""
+    ends: dict[str, Counter] = {}
+    for row in rows:
+        if of := kind(row["features"].split("|")):
+            found = ends.setdefault(of, Counter())
+            found[row["said"].split(",")[0] if row["outcome"] == "stopped" else row["outcome"]] += 1
+            found["relations that fail"] += sum(text.partition("=")[2] in WRONG for text in row["relations"].split("|"))
+    for name, found in sorted(ends.items()):
+        study.console.print(f"  kind {name:14} " + ", ".join(f"{n} {k}" for k, n in found.most_common() if n))
 
 
 def tell(rows: list[dict[str, str]], study) -> None:
@@ -106,6 +125,7 @@ def tell(rows: list[dict[str, str]], study) -> None:
             words = sorted(r["features"].split("|"))
             features.update(words)
             pairs.update(combinations(words, 2))
+    tell_kinds(rows, study)
     for name, verdicts in sorted(relations.items()):
         study.console.print(f"  {name:22} " + ", ".join(f"{n} {k}" for k, n in verdicts.most_common()))
     study.folder.joinpath("features.csv").write_text("feature,scenes\n" + "".join(f"{k},{n}\n" for k, n in features.most_common()))

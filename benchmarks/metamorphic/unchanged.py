@@ -49,7 +49,7 @@ def after_rest(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def read_from_files(data: dict, rng: np.random.Generator) -> Variant | None:
     """Every part's mesh from a file, its nodes and tets in another order, its faces named there."""
-    if data["subdomains"] not in ("groups", {"groups": True}):
+    if data["subdomains"] not in ("groups", {"groups": True}) or not all("box" in part["mesh"] for part in data["parts"]):
         return None  # METIS and cuts go by the order of the tets
     files: dict[str, str] = {}
     parts = []

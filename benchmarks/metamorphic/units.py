@@ -10,7 +10,8 @@ import numpy as np
 # (length, force) exponents of the numbers under a key, or under a key of that parent; what is not here is a bare number.
 # Time stays as it is, so that a density is force · time² / length⁴.
 DIMENSIONS: dict[str, tuple[int, int]] = {
-    "size": (1, 0), "h": (1, 0), "radius": (1, 0), "centre": (1, 0), "level": (1, 0), "translate": (1, 0), "about": (1, 0), "at": (1, 0),
+    "size": (1, 0), "scale": (1, 0),
+    "h": (1, 0), "radius": (1, 0), "centre": (1, 0), "level": (1, 0), "translate": (1, 0), "about": (1, 0), "at": (1, 0),
     "box": (1, 0), "displacement": (1, 0), "jump": (1, 0), "gap": (1, 0), "within": (1, 0), "young": (-2, 1), "density": (-4, 1),
     "gravity": (1, 0), "body_force": (-3, 1), "traction": (-2, 1), "pressure": (-2, 1), "value pressure": (-2, 1),
     "gradient pressure": (-3, 1), "gradient temperature": (-1, 0), "force": (0, 1), "moment": (1, 1), "normal": (-3, 1),

@@ -23,6 +23,7 @@ class Variant:
     without : parts that are not compared: models of others, of which joints alone are known
     joint : supports that share nodes may have shared their reaction otherwise; their sum counts
     shuffled : its nodes are in another order, and known by their places
+    whole : the first scene is a part of it behind planes of symmetry: energies and reactions are not compared
     rough : soon content, so that what it guarantees counts
     cuts : cut otherwise, so that some cuts may be refused, and operators between meshes that do not match are others
     """
@@ -40,11 +41,14 @@ class Variant:
     rough: bool = False
     cuts: bool = False
     shuffled: bool = False
+    whole: bool = False
 
     def seen(self, answer: Answer) -> Answer:
         """Of the variant's, in the axes, units and names of the first scene."""
         seen = answer.seen(self.turn.T, 1 / self.length, 1 / self.force, 1 / self.factor, self.names)
         order = slice(None) if self.order is None else [*self.order, *range(len(seen.reactions) - len(tools(self.data)), len(seen.reactions))]
+        if self.whole:
+            return replace(seen, reactions=None, moments=None, energy=np.full(len(seen.energy), np.nan), probes={})
         sums = np.eye(len(answer.energy)) if self.sums is None else self.sums
         one = (sums.sum(axis=1) == 1).all() and (np.count_nonzero(sums, axis=1) == 1).all()
         return replace(
