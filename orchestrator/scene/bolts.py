@@ -70,7 +70,7 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, config: Any,
     threads = {i: threads_of(mesh, faces, own[i], shank, bonds(config.interfaces, mesh.volumes, config.bolts[i].on))
                for i, shank in round_ones.items()}
     made = planes(mesh, faces, partition, config.bolts, Shanks(shanks, beside, threads), problems)
-    return cut_at(made, faces, partition, problems)[:2]
+    return cut_at(made, faces, partition, problems)
 
 
 def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
@@ -80,15 +80,12 @@ def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
 
 
 def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], shanks: Shanks, problems: Problems) -> list[Plane]:
-    """Planes of the bolts; of a piece of a mesh of those that subdomains have which are all there."""
+    """Return the planes of the bolts."""
     made: list[Plane] = []
     for i, bolt in enumerate(bolts):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
 
-        here = np.ones(len(mesh.cells), dtype=bool) if partition.here is None else partition.here[partition.subdomain]
-        if partition.here is not None and not here[bolt_cells(mesh, bolt)].any():
-            continue  # another rank's
         shank, ends, threads = shanks.of.get(i), shanks.beside.get(i), shanks.threads.get(i, ())
         if found := _plane(mesh, partition, bolt, (shank, ends, threads), [plane.name for plane in made], wrong):
             name, own, axis, point = found
@@ -105,10 +102,7 @@ def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
                                          f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
             height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
             ahead, crossed = ahead_of(mesh, own, axis, point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
-            turned, unsure = _lonely(faces, own, ahead, crossed, here[own])
-            if unsure:
-                wrong("cut", "a plane that leaves tets on either side alone", "all of the mesh, to tell how many")
-            made.append(Plane(i, name, axis, point, own, ahead ^ turned))
+            made.append(Plane(i, name, axis, point, own, ahead ^ _lonely(faces, own, ahead, crossed)))
     return made
 
 
@@ -117,35 +111,30 @@ def ahead_of(mesh: Mesh, cells: np.ndarray, axis: np.ndarray, point: np.ndarray)
     return (mesh.nodes[mesh.cells[cells, :4]].mean(axis=1) - point) @ axis > 0
 
 
-def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition, problems: Problems,
-           split: np.ndarray | None = None) -> tuple[Partition, list[BoltCut], np.ndarray]:
-    """The partition with bolts cut at planes, the cuts, and (subdomains,) int, twice the subdomain that each was, one more ahead of a plane.
-
-    split : (s,) int, subdomains that are cut, of which a piece of a mesh may have one side alone
-    """
+def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition,
+           problems: Problems) -> tuple[Partition, list[BoltCut]]:
+    """Return the partition with bolts cut at planes, and the cuts."""
     if not made:
-        return partition, [], 2 * np.arange(len(partition.names))
+        return partition, []
     ahead = np.zeros(len(partition.subdomain), dtype=bool)
     for plane in made:
         ahead[plane.own] = plane.ahead
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
-    before, count, here = keys // 2, np.bincount(keys // 2), partition.here
-    if split is not None:
-        count[split] = 2
+    before, count = keys // 2, np.bincount(keys // 2)
     names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}" for e, key in zip(before, keys)]
-    cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before], None if here is None else here[before])
+    cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before])
     cuts = [BoltCut(plane.index, plane.name, plane.axis, plane.point, *(
         tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist()) for side in (False, True))) for plane in made]
     number, piece = pieces(faces, subdomain)
     if number != len(names):
         parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
         for one in cuts:
-            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1 and (here is None or cut.here[e])]
+            broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]
             if broken:
                 problems.add(("bolts", one.index, "cut"), f"a plane that leaves {' and '.join(broken)} in pieces",
                              "a plane across the shank that meets nothing else of the bolt, and subdomains in one piece on either "
                              "side of it", "move the plane, or write subdomains: groups, which leaves bolts whole")
-    return cut, cuts, keys
+    return cut, cuts
 
 
 def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequence[Thread], axis: np.ndarray,
@@ -185,7 +174,7 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any,
     else:
         axis, point = shank.axis, auto_cut(mesh, own, shank, threads, ends)
     ahead = ahead_of(mesh, own, axis, point)
-    if mesh.within is None and (ahead.all() or not ahead.any()):
+    if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
         return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
                      f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
@@ -195,15 +184,14 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any,
     return name, own, axis, point
 
 
-def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray, here: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(k,) bool, tets that a plane crosses and that share no face with others of their side: they go to the other one; and whether some
-    that are here may share faces with more than are known.
+def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:
+    """Return (k,) bool, tets that a plane crosses and that share no face with others of their side:
+    they go to the other one.
 
-    cells : (k,) int, of the bolt; ahead : (k,) bool, where their centroids are; crossed : (k,) bool, cut by the plane
-    here : (k,) bool, of which all that share faces with them are known
+    cells : (k,) int, of the bolt; ahead : (k,) bool, where their centroids are
+    crossed : (k,) bool, cut by the plane
     """
     part = np.full(len(faces.owner) and int(max(faces.owner.max(), faces.neighbour.max())) + 1, 2)
     part[cells] = ahead
     piece = pieces(faces, part)[1][cells]
-    lonely = np.bincount(piece, weights=~crossed)[piece] == 0  # no tet beside the plane: not the bolt's end
-    return lonely, bool((lonely & here & (np.bincount(piece, weights=~here)[piece] > 0)).any())
+    return np.bincount(piece, weights=~crossed)[piece] == 0  # no tet beside the plane: not the bolt's end

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.numbering import ordered
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
@@ -96,29 +94,23 @@ def elsewhere(mesh: Mesh, own: np.ndarray, around: tuple[Shank | None, np.ndarra
     return "" if better == at else format_point(shank.middle + better * shank.axis)
 
 
-def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray, own: np.ndarray | None = None, team: Team = ALONE,
-                 number: np.ndarray | None = None) -> Shank | None:
-    """The longest cylinder that some cells are round; None where there is none.
+def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> Shank | None:
+    """Return the longest cylinder that some cells are round; None where there is none.
 
     The axis is first the principal axis of inertia that is least like the others, then what the faces that look across it
     all look across.
-
-    own : (k,) bool, cells (k,) that are this rank's, of several which ask together; number : (n,) int, as of a piece of a mesh
     """
-    mine = cells if own is None else cells[own]
-    volume, middle = np.abs(tet_volumes(mesh.nodes, mesh.cells[mine])), mesh.nodes[mesh.cells[mine, :4]].mean(axis=1)
-    total, centre = team.sum(volume.sum(), volume @ middle)
-    if not total:
+    volume = np.abs(tet_volumes(mesh.nodes, mesh.cells[cells]))
+    middle = mesh.nodes[mesh.cells[cells, :4]].mean(axis=1)
+    if not volume.any():
         return None
-    centre = centre / total
+    centre = volume @ middle / volume.sum()
     r = middle - centre
-    inertia, = team.sum(np.einsum("k,ki,kj->ij", volume, r, r))
-    moments, axes = np.linalg.eigh(inertia)
+    moments, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", volume, r, r))
     axis = axes[:, np.argmax(np.abs(moments - np.median(moments)))]
     inside = np.isin(faces.owner, cells), np.isin(faces.neighbour, cells) & (faces.neighbour >= 0)
-    skin = (inside[0] ^ inside[1]) & np.isin(np.where(inside[0], faces.owner, faces.neighbour), mine)
-    triangles = faces.triangles[skin, :3]
-    corners = ordered(np.sort(triangles if number is None else number[triangles], axis=1), mesh.nodes[triangles], team)
+    triangles = faces.triangles[inside[0] ^ inside[1], :3]
+    corners = mesh.nodes[triangles[np.lexsort(np.sort(triangles, axis=1).T[::-1])]]
     normal, area = facet_normals(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
     for _ in range(2):
         beside = np.abs(normal @ axis) < ACROSS
