@@ -72,19 +72,15 @@ _LISTED = {
     "certified": ("studies.certified:run",
                   "the energy error with contact beside the true one: 200 random scenes against solutions in one piece"),
     "places": ("studies.places:run", "how far grains may be off their places beside how far they are: 60 random crowds"),
-    "intervals": ("studies.intervals:run",
-                  "intervals of displacements, reactions and interfaces' forces beside true values: 60 random scenes"),
     "accuracy": ("studies.accuracy:run",
                  "accuracies that are asked for, beside true errors and uniform meshes: L, hole, slit, punch, ball, grains"),
     "elements_by_part": ("studies.elements_by_part:run",
                          "what four-node tets in some parts beside ten-node ones would save: a lap joint, an assembly"),
-    "quantities": ("studies.quantities:run",
-                   "accuracies of displacements and forces at probes, beside true errors and the whole field's seconds"),
     "gallery": ("studies.gallery:run", "every configuration and tutorial, with a picture: writes docs/gallery.md"),
     "metamorphic": ("metamorphic.study:run",
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }
-KEPT = frozenset(("certified", "gallery", "grains", "intervals", "large", "load_paths", "metamorphic", "places"))  # row by row, for ``--resume``
+KEPT = frozenset(("certified", "gallery", "grains", "large", "load_paths", "metamorphic", "places"))  # row by row, for ``--resume``
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
 
 

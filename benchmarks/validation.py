@@ -68,7 +68,6 @@ WHOLE = [
          "orchestrator study certified", "ratio: least, median, largest"),
     Line("*guaranteed* with Coulomb", "the same", "orchestrator study certified", "ratio: least, median, largest"),
     Line("*estimated* (Coulomb", "the same", "orchestrator study certified", "ratio: least, median, largest"),
-    Line("all *guaranteed* intervals", "solutions in one piece: intervals that lack the true value", "orchestrator study intervals"),
 ]
 
 

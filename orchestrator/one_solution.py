@@ -16,10 +16,8 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.dual import check_duals
-from orchestrator.method.delivery.quantities import check_sections, quantities, unit_answers
-from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.delivery.deliver import Delivered, deliver
+from orchestrator.method.delivery.flux import Forces
 from orchestrator.method.delivery.recovery import Parts, on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscribers
@@ -73,10 +71,6 @@ class Solving:
         whole = hollow(scene) if self.apart and not team.rank else None if self.apart else scene
         self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
-        if config.accuracies and not team.rank:
-            check_sections(self.whole, config.accuracies)
-        self.asked: Wanted = team.share(Wanted() if team.rank or not config.accuracies else Wanted.of(
-            self.whole, list(config.accuracies), (), np.zeros(3)))
         self.rank_of: np.ndarray = scene.overview.rank_of if self.apart else team.share(
             None if team.rank else ranks_of(self.whole, team.size))
 
@@ -86,24 +80,22 @@ class Solving:
         with watch("parts"):
             part = Part.of(self.scene, self.rank_of, team) if self.apart else \
                 Part.handed_out(self.whole, self.rank_of, team)
-            self.wanted = self._wanted(part.scene)
+            self.forces = Forces.of(part.scene, self.rank_of if team.size > 1 else None, team)
             own = [part.scene.subdomains[e] for e in part.space.subdomains]
             self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
             estimate = DiscretisationEstimate(self.whole, self.cases, partial(_estimated, part.meeting))
         with set_aside(self.whole, team.size > 1 and not self.reference and not self.apart):
-            delivered, piece, answers, setup_sweeps, spent = self._part_solved(part, estimate)
+            delivered, piece, setup_sweeps, spent = self._part_solved(part, estimate)
             del part, own
             trim()
         fields, lost = None, [] if team.rank else unsound(self.whole, spent)
-        delivered = delivered.without(self.wanted, lost)
+        delivered = delivered.without(self.forces, lost)
         if not (self.apart or team.rank):
             with watch("output"):
                 delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
                 fields = fields_of(self.whole, delivered if piece is None else replace(delivered, interfaces=None), lost)
         with watch("bound"):
             delivered = self._with_error(delivered, piece, estimate)
-            if answers is not None:
-                delivered = replace(delivered, quantities=quantities(self.whole, delivered, self.asked, answers, self.config.accuracies))
         if piece is not None:
             piece.disbelieve(lost)
             piece.interfaces = delivered.interfaces
@@ -118,13 +110,6 @@ class Solving:
             fields = fields and fields.with_error(known.cells) if known else fields
             return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece)
 
-    def _wanted(self, scene: Scene) -> Wanted:
-        """What is to be certified, and told of forces, of a rank's part of the scene; all ranks ask together."""
-        output, team = self.config.output, self.ranks.team
-        certified = [name for name, probe in output.named_probes.items() if probe.certified]
-        wanted = Wanted.of(scene, certified, output.certified, output.moments_about, self.rank_of if team.size > 1 else None, team)
-        return replace(wanted, balanced=bool(self.config.accuracies))
-
     def _undecomposed(self) -> Reference:
         check_reference(self.whole)
         self.told.stage("solving undecomposed")
@@ -132,9 +117,9 @@ class Solving:
             return solve_reference(self.whole, whole)
 
     def _part_solved(self, part: Part, estimate: DiscretisationEstimate) -> tuple[
-            Delivered, Piece | None, np.ndarray | None, float, list[Spent] | None]:
-        """This rank's part: what is delivered, its piece of the fields where there are several, on rank 0 answers to unit loads where an
-        accuracy is asked of quantities, back-substitutions in set-up, and on rank 0 what all have spent.
+            Delivered, Piece | None, float, list[Spent] | None]:
+        """This rank's part: what is delivered, its piece of the fields where there are several,
+        back-substitutions in set-up, and on rank 0 what all have spent.
         """
         team, method, watch, savings = self.ranks.team, self.config.method, self.watch, Savings()
         meeting = part.meeting
@@ -152,9 +137,6 @@ class Solving:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
             d = prepare(part, soles, method, blackbox, watch, savings)
-            self.wanted.check(d.own, blackbox)
-            if self.asked:
-                check_duals(d)
             del soles  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")
@@ -169,14 +151,11 @@ class Solving:
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
-            delivered, answers = deliver(d, chosen, self.cases, iterated, watch, self.wanted, not self.apart), None
-            if self.asked:
-                with watch("bound"):
-                    answers = unit_answers(d, delivered, self.asked, method, watch)
+            delivered = deliver(d, chosen, self.cases, iterated, watch, self.forces, not self.apart)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
         piece = None if meeting is None else Piece.of(d.scene, d.own, delivered.continuous, delivered.sides is not None, meeting)
-        return delivered, piece, answers, d.made.sweeps, spent
+        return delivered, piece, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """Iterate from where the run begins; ``monitors``: what some of them are given."""

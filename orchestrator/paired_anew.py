@@ -103,8 +103,7 @@ def _stays(config: Config, scene: Scene) -> str:
     """Why pairs stay as they are in all of a scene; empty: they need not."""
     method = config.method
     return next((why for there, why in (
-        (bool(config.accuracies), "an accuracy is asked for"),
-        (bool(config.output.certified) or any(p.certified for p in config.output.probes), "certified values are asked for"),
+        (config.refines, "an accuracy is asked for"),
         (method.tolerance.error == "auto", "the tolerance follows the mesh's error"),
         (method.macro.on == "all", "the macro problem is on all interfaces"),
         (method.increment not in ("auto", 1), "several load steps are solved together"),

@@ -34,22 +34,6 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
     "sliding beside nonlinear matter": (
         ("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
         "one of the two: both go from load step to load step by themselves", "write pairing: fixed"),
-    "certified in a foreign part": (
-        ("output", "probes"), "certified: true at {name}, in a part that is a model of another program's",
-        "a place in a part whose mesh is ours: of the others displacements are known at their joints alone", "remove certified there"),
-    "certified stress in own matter": (
-        ("output", "probes"), "certified: true at {name}, a stress or a force in a part whose code has matter of its own",
-        "a stress or a force in matter of the YAML's young and poisson: of the other displacements are known", "remove certified there"),
-    "dual problem": (
-        ("output", "probes"), "accuracy {why}", "a scene in which the answer to a small load is linear and known: bonds, contact of bodies "
-        "that are held, springs", "remove accuracy there; method.accuracy asks for the whole field's"),
-    "section that ends where something acts": (
-        ("output", "probes"), "accuracy at {name}, whose plane cuts faces that are held, loaded, or may slide on others",
-        "a plane that cuts free faces alone: what acts between it and the nearest tets is another force on every mesh",
-        "move the plane, or ask for the resultant on faces"),
-    "accuracy beside a rim": (
-        ("output", "probes"), "accuracy at {name}, at whose rim {interface} acts as well",
-        "a surface at whose rim nothing acts but what acts on its faces", "remove accuracy there; method.accuracy asks for the whole field's"),
     "no undecomposed solution": (
         ("interfaces",), "--reference with interfaces that are not perfect", "perfect interfaces: the undecomposed solution has no other",
         "leave out --reference; judge by the law residuals in the summary"),

@@ -20,10 +20,8 @@ from orchestrator.run import Means, follow, run
 from orchestrator.solving import Ranks, solve
 
 
-CERTIFIED = {"probes": [{"at": [1.1, 0.3, 0.4], "certified": True}, {"on": {"plane": "z", "at": 1}, "certified": True},
-                        {"section": {"plane": "z", "at": 0.25}, "certified": True},
-                        {"on": {"plane": "z", "at": 0}, "quantity": "resultant", "certified": True}],
-             "certified": ["reactions", "sections", "resultants"]}
+PROBES = {"probes": [{"at": [1.1, 0.3, 0.4]}, {"on": {"plane": "z", "at": 1}}, {"section": {"plane": "z", "at": 0.25}},
+                     {"on": {"plane": "z", "at": 0}, "quantity": "resultant"}]}
 # in a tet, where blocks meet, along an edge and out of the body, of one block
 WATCHED = [{"at": [0.31, 0.77, 0.2]}, {"at": [0.5, 0.5, 0.5], "quantity": "stress"}, {"along": [[0, 1, 1], [2, 0, 0]], "points": 9},
            {"along": [[0, 0.5, 0.5], [1.5, 0.5, 0.5]], "quantity": "stress"}, {"at": [0.5, 0.5, 0.2], "part": "block 1-*"},
@@ -39,7 +37,7 @@ CASES = {
         "materials": [{"young": 200e3, "poisson": 0.3}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 4}, "traction": [[10, 0, 5], [0, 10, 1]]}],
-        "output": CERTIFIED,
+        "output": PROBES,
     },
     # cross points, mono-scale: the bound balances by a problem of its own; η decides; k⁺ is one's own sole
     "mono-scale": {
@@ -98,7 +96,7 @@ CASES = {
         "boundary": [{"on": "wall", "displacement": [0, 0, 0]}, {"on": "end", "traction": [[10, 0, 5], [0, 10, 1]]},
                      {"on": "end", "resultant": {"force": [0, 10, 1]}},
                      {"on": {"plane": "x", "at": 8}, "displacement": [None, 0, None]}],
-        "loads": [{"gravity": [0, 0, -1]}, {"temperature": 3.0, "on": "bar_2"}], "output": {"certified": CERTIFIED["certified"]},
+        "loads": [{"gravity": [0, 0, -1]}, {"temperature": 3.0, "on": "bar_2"}],
         "blackbox": {**IN_PROCESS, "element": "P2"},
     },
     "soft modes": {
@@ -147,7 +145,7 @@ CASES = {
                        {"between": ["base", "left"], "law": "perfect"}],
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
-        "method": {"tolerance": {"error": 1e-6}}, "output": CERTIFIED,
+        "method": {"tolerance": {"error": 1e-6}}, "output": PROBES,
     },
     "parts that slide on": {
         "parts": [boxed("base", [4, 1, 0.5], [8, 2, 1], [0, 0, 0]), boxed("block", [1, 1, 0.5], [3, 3, 2], [0.25, 0, 0.5])],
@@ -219,7 +217,7 @@ CASES = {
         "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "left/xmin", "displacement": [0, None, None]},
                      {"on": "top/zmax", "displacement": [[0, 0, -0.006], [0.004, 0, -0.006]]}],
         "method": {"tolerance": {"error": 1e-4}},
-        "output": {"certified": CERTIFIED["certified"], "probes": [{"at": [0.5, 0.5, 0.5], "part": "base"}, {"along": [[0, 0, 0.4], [2, 1, 1.2]]}]},
+        "output": {"probes": [{"at": [0.5, 0.5, 0.5], "part": "base"}, {"along": [[0, 0, 0.4], [2, 1, 1.2]]}]},
     },
     # two tools: a plane that comes down on two bodies, and a ball that is pushed into three from aside
     "tools": {
@@ -265,13 +263,8 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     carried = solved.answers.interfaces.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
                "stresses": solved.answers.extremes.value[:, :, 4:]}
-    if (known := summary["intervals"]) is not None:
-        ends = [value for one in known["probes"] for ends in one["values"].values() for value in (ends["low"], ends["high"])]
-        ends += [np.transpose(one[end]) for key in CERTIFIED["certified"] for one in known[key] for end in ("low", "high")]
-        result["intervals"] = np.nan_to_num(np.vstack(ends), posinf=0.0, neginf=0.0)
-    certified = {one["name"] for one in (known or {"probes": ()})["probes"]}  # the force of one of these is nothing but rounding
     result |= {one["name"]: np.nan_to_num(np.array(list(one["values"].values()), float))
-               for one in (*summary["probes"], *summary["paths"]) if one["name"] not in certified}
+               for one in (*summary["probes"], *summary["paths"])}
     if (met := solved.answers.met) is not None:  # what nodes add up to, which are on all ranks
         result |= {"taken": met.work, "lost": met.dissipation, "pressed": met.pressure, "each": met.resultant,
                    "far": np.nan_to_num([met.slid, met.amiss]),
@@ -309,7 +302,7 @@ REFINED = {  # bonds at a cross point, which are guaranteed, and contact beside 
 
 
 def refined(name: str, folder: Path, team: Team = ALONE) -> None:
-    """A run on finer and finer meshes until a field, a displacement and two forces are told to accuracies."""
+    """A run on finer and finer meshes until a field is told to its accuracy."""
     if team.rank:
         follow(team)
         return
@@ -319,7 +312,7 @@ def refined(name: str, folder: Path, team: Team = ALONE) -> None:
         "materials": [{"young": 1000.0, "poisson": 0.3}], "blackbox": IN_PROCESS,
         "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [0.3, 0.1, -0.3]},
                      {"on": {"box": [[1, 0, 1], [1, 1, 2]]}, "traction": [50, 25, 0]}],
-        "output": {"figures": False, "probes": [{"accuracy": 0.1, **probe} for probe in probes]},
+        "output": {"figures": False, "probes": probes},
         "method": {"accuracy": {"error": 0.1, "elements": 800}}})
     assert accuracy(Loaded(config), output=folder, quiet=True, means=Means(Ranks(team))) == NOT_CONVERGED
     team.share(None)

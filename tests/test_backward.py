@@ -18,7 +18,8 @@ from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.increments import iterate
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.iterated import load_cases
-from orchestrator.method.stopping import backward, judged
+from orchestrator.method.delivery import lawful
+from orchestrator.method.stopping import backward
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
@@ -52,7 +53,7 @@ def delivered(name, error=ROUGH):
     made = SCENES[name](error)
     scene = build_scene(made)
     with box_of(made) as blackbox, pytest.MonkeyPatch.context() as patch:
-        for module in (backward, judged):
+        for module in (backward, lawful):
             patch.setattr(module, "CLOSELY", 1e-18)
         d = prepared(made, scene, blackbox)
         iterated = iterate(d, made.method, [], Stopwatch())

@@ -202,8 +202,7 @@ def test_sides_that_have_slid_are_paired_anew():
             [0.5, 0, -0.002]]}]}, "they share faces of one mesh"),
     ({"subdomains": {"groups": True, "split_above": 60}}, "bodies are cut further"),
     ({"method": {"tolerance": {"law": 1e-7}, "macro": {"on": "all"}}}, "the macro problem is on all interfaces"),
-    ({"output": {"certified": ["reactions"]}, "method": {"tolerance": {"error": 1e-4}}}, "certified values are asked for"),
-], ids=["shared", "cut", "macro", "certified"])
+], ids=["shared", "cut", "macro"])
 def test_sides_that_cannot_follow_stay_and_it_is_said_why(more, why):
     data = {key: value for key, value in dragged([1.2, 0, -0.002], **more).items() if value is not None}
     solved = solve(config_from(data))

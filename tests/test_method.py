@@ -10,13 +10,14 @@ from method_case import (
 from quick import late, quick, quick_sets
 
 from orchestrator.blackbox.models import extended_model
-from orchestrator.method.delivery.lawful import certificate_of
+from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.increments import Start, iterate
 from orchestrator.method.latin import Latin
 from orchestrator.method.linear import macro_basis
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.monitors import Monitor, Verdict
+from orchestrator.method.stopping.admissible_forces import AdmissibleForces
 from orchestrator.method.stopping.bound import relative
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
 from orchestrator.method.stopping.softest import BesideRigid, softest
@@ -321,7 +322,9 @@ def test_bodies_that_count_no_longer_are_not_asked_again(guaranteed):
         h = d.space.loads(0.5 * (s + d.space.across(s)))
         for e, part in enumerate(d.space.boundary):
             h[:, part] *= 1.0 if e == 1 else 1e-4
-        softness = softest(d.stage, BesideRigid(d.stage, certificate_of(d).forces.u)) if guaranteed else None
+        pairs, modes = make_pairs(scene, d.space, d.stage.direction.whole), zip(d.made.modes, d.made.traces)
+        rigid = AdmissibleForces(d.stage.direction, pairs, [m[t] for m, t in modes]).u
+        softness = softest(d.stage, BesideRigid(d.stage, rigid)) if guaranteed else None
         asked, inner = [], d.stage.solve
         d.stage.solve = lambda f: asked.append([f[:, part].any() for part in d.space.boundary]) or inner(f)
         told = dual_energy(d.stage, h, np.zeros(1), Enough(share=1e-3), softness=softness)

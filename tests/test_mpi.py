@@ -120,9 +120,6 @@ def test_ranks_find_what_one_process_finds(ranks, few, tmp_path):
                 assert np.abs(together[name] - expected).max() <= 1e-6, case
             elif "shifts" in name or name in ("places", "shares"):  # they are, or hang on an error that is, solved for to a hundredth
                 assert np.abs(together[name] - expected).max() <= 0.02 * np.abs(expected).max(), (case, name)
-            elif name == "intervals":  # rows of ends, which are known to a hundredth of their distance
-                off, far = np.abs(together[name] - expected).max(axis=1), np.abs(expected[1::2] - expected[::2]).max(axis=1)
-                assert (off <= 0.01 * np.repeat(far, 2) + 1e-10 * np.abs(expected).max()).all(), case
             else:
                 off = np.abs(together[name] - expected).max()
                 # where springs of stabilisation alone hold a grain, rounding of 1e-16 is ten million times larger
@@ -156,9 +153,6 @@ def same_meshes(name: str, folder: Path, ranks: int) -> None:
         assert [ours[key] for key in ("elements", "nodes", "refined")] == [theirs[key] for key in ("elements", "nodes", "refined")]
         assert theirs["error"] == pytest.approx(ours["error"], rel=1e-9)
         assert theirs["numbers"] == pytest.approx(ours["numbers"], rel=1e-8, abs=1e-8 * max(map(abs, ours["numbers"].values())))
-        for probe, told in ours["quantities"].items():
-            other = theirs["quantities"][probe]
-            assert (other["error"], other["value"]) == pytest.approx((told["error"], told["value"]), rel=1e-9)
     cells = one.fields.discretisation_error
     assert two.fields.discretisation_error == pytest.approx(cells, rel=1e-8)
     pieces = [meshio.read(folder / name / f"fields/step_0001_{rank}.vtu").cell_data["discretisation_error"][0] for rank in range(ranks)]

@@ -54,10 +54,6 @@ def test_either_engine_finds_what_one_process_finds(ranks, tmp_path):
             for name in ("displacement", "reactions", "energy", "carried", "stresses"):
                 off = np.abs(together[name] - alone[name]).max()
                 assert off <= 1e-10 * np.abs(alone[name]).max(), (scene, engine, name, off)
-            if "intervals" in alone:  # rows of ends, which are known to a hundredth of their distance
-                expected = alone["intervals"]
-                off, far = np.abs(together["intervals"] - expected).max(axis=1), np.abs(expected[1::2] - expected[::2]).max(axis=1)
-                assert (off <= 0.01 * np.repeat(far, 2) + 1e-10 * np.abs(expected).max()).all()
 
 
 def test_what_is_lacking_is_told(monkeypatch, tmp_path):

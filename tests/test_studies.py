@@ -315,17 +315,6 @@ def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
 
 
 @pytest.mark.long
-def test_intervals_are_kept_and_judged(tmp_path, capsys, saved_figures):
-    wanted = ["scenes=1", "first=3", "code=in-process"]
-    run_study("intervals", tmp_path, wanted)
-    shown = capsys.readouterr().out
-    assert "all of 4" in shown and "0 of 50, 1 scenes" in shown
-    assert is_drawn(tmp_path / "intervals.png", saved_figures[-1])
-    run_study("intervals", tmp_path, wanted, resume=True)
-    assert "0 of 50, 1 scenes" in capsys.readouterr().out
-
-
-@pytest.mark.long
 def test_places_are_compared_with_true_ones(tmp_path, capsys, saved_figures):
     asked = ["scenes=1", "first=4", "code=in-process"]
     run_study("places", tmp_path, asked)

@@ -49,7 +49,7 @@ def answers(summary: Mapping[str, object]) -> dict[str, float]:
 
 
 def errors(done: Sequence[Pass]) -> dict[str, float]:
-    """Name → what it is off by, from mesh and iterations, estimated; what nothing tells of is left out, and quantities, of which more is known.
+    """Name → what it is off by, from mesh and iterations, estimated; what nothing tells of is left out.
 
     done : meshes so far, the last one's numbers are meant
     """
@@ -60,7 +60,7 @@ def errors(done: Sequence[Pass]) -> dict[str, float]:
             times = last.error / (before.error - last.error)
             for name in last.numbers.keys() & before.numbers.keys():
                 found[name] = max(found.get(name, 0.0), times * abs(last.numbers[name] - before.numbers[name]))
-    return {name: found[name] for name in last.numbers if name in found and name.rpartition(".")[0] not in last.quantities}
+    return {name: found[name] for name in last.numbers if name in found}
 
 
 def peak_of(solution: Solution) -> Peak | None:

@@ -1,24 +1,23 @@
-"""``method: {accuracy: 0.02}``, or ``accuracy: 0.01`` at a probe: solve, estimate the error, make finer what pays, solve again."""
+"""``method: {accuracy: 0.02}``: solve, estimate the error, make finer what pays, solve again."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
 from orchestrator.accuracy.changes import answers, errors, growth, peak_of
-from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criteria, together
+from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criterion
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import (
     NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again, tightest)
 from orchestrator.accuracy.sizes import GROWTH, needed, wanted
 from orchestrator.apart import Mesher
 from orchestrator.config.load import Loaded
-from orchestrator.config.method import Accuracy, Tolerance
+from orchestrator.config.method import Tolerance
 from orchestrator.config.model import Config
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
 from orchestrator.method.stopping.element_problems import estimator_of
@@ -38,8 +37,8 @@ STALLED = 0.9  # two meshes, one after the other, that leave this much of the er
 LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
 BETWEEN = "the next mesh has not been made yet; --resume goes on"
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
-UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, of a probe's {TRUSTED**2:.0%}, since no energies measure what the "
-              "estimate tells")
+UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what "
+              "the estimate tells")
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False, means: one.Means = one.Means(),
@@ -68,10 +67,10 @@ class _Refinement:
 
     def __init__(self, loaded: Loaded, output: Path | None, quiet: bool, means: one.Means):
         config = loaded.config
-        self.asked = config.method.accuracy or Accuracy()
+        self.asked = config.method.accuracy
         self.given = "tolerance" in config.method.model_fields_set
-        every = [*config.accuracies.values(), *([self.asked.error] if self.asked.error else [])]
-        self.tolerance = config.method.tolerance if self.given else Tolerance(error=max(ITERATIONS * min(every), LEAST))
+        self.tolerance = config.method.tolerance if self.given else Tolerance(
+            error=max(ITERATIONS * self.asked.error, LEAST))
         self.loaded, self.quiet, self.means = loaded, quiet, means
         self.path = Path(output or config.output.directory or Path("results") / config.name)
         self.begun, self.since = time.perf_counter(), time.perf_counter()
@@ -129,7 +128,7 @@ class _Refinement:
         return not self.given and self.tolerance.error > LEAST
 
     def _plain(self) -> Loaded:
-        """For one mesh: quantities are still estimated, see ``method.delivery.quantities``."""
+        """For one mesh."""
         config = self.config.with_element(self.passes.element) if self.passes.element else self.config
         return replace(self.loaded, config=config.model_copy(update={
             "method": config.method.model_copy(update={"accuracy": None}), "output": config.output.model_copy(update={"figures": False})}))
@@ -154,21 +153,20 @@ class _Refinement:
         believed = solution.scene.bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
         self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
         measurable = now is not None and (now.potential is not None or self.mesher is None)  # halved tets are within those before
-        energy, *quantities = criteria(solution, found, share, measurable, self.asked.error)
-        every = [one for one in (energy, *quantities) if one.asked]
-        made, bound, known = self.passes.mesh, energy.iterations, {one.name: one.told() | {"met": one.met and believed} for one in quantities}
+        energy = criterion(solution, found, share, measurable, self.asked.error)
+        made, bound = self.passes.mesh, energy.iterations
         self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
                                      time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], made.refined, made.kept, made.had,
-                                     share, known, peak_of(solution), answers(summary)))
+                                     share, peak_of(solution), answers(summary)))
         if grows := growth([done.peak for done in self.passes.done]):
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
         if not self.quiet:
             print(self.passes.done[-1].line(len(self.passes.done)), flush=True)
         self.plan, self.why, self.unsolved = None, "", "" if solution.converged else solution.stop_reason
-        met = believed and all(one.met for one in every)
+        met = believed and energy.met
         missed = solution.converged and not met
         if missed:
-            self._decide(solution, every)
+            self._decide(solution, energy)
         if self.plan is None and missed:
             beside = "" if share else UNMEASURED
             summary["converged"], summary["stop_reason"] = False, f"accuracy: {self.why}{beside}"
@@ -176,9 +174,6 @@ class _Refinement:
         summary["config"] = self.config.complete()
         summary["accuracy"] = {"asked": self.asked.error, "reached": energy.error, "met": met,
                                "numbers": errors(self.passes.done), "meshes": [vars(done) for done in self.passes.done]}
-        for probe in summary["probes"]:
-            if probe["name"] in known:
-                probe["accuracy"] = known[probe["name"]]
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
         cells = found.cells / (share or 1.0)
@@ -187,23 +182,20 @@ class _Refinement:
         judged = replace(solution, summary=summary, fields=solution.fields.with_error(cells))
         return judged if self.means.judge is None else self.means.judge(judged)
 
-    def _decide(self, solution: Solution, every: Sequence[Criterion]) -> None:
+    def _decide(self, solution: Solution, energy: Criterion) -> None:
         """The next mesh, or why there is none."""
         asked, done, mesh = self.asked, self.passes.done, solution.scene.mesh
         least = asked.smallest or 0.0
-        for one in every:
-            of, errors = f" of {one.name}" * bool(one.name), [before.estimated_of(one.name) for before in done]
-            if math.isinf(one.error):
-                self.why = f"{one.name} is zero but for rounding: no error is small beside it"
-            elif one.goal(self.follows) <= 0:
-                self.why = f"the iterations alone leave {one.iterations:.1e}{of}"
-            elif not one.met and len(done) > 2 and errors[-1] > STALLED * errors[-2] > STALLED**2 * errors[-3]:
-                self.why = (f"the error{of} has stayed above {STALLED:.0%} of the mesh's before, twice"
-                            + (f", with elements no smaller than {least:g}" if least else ""))
-            if self.why:
-                return
-        enough = max(needed([p.elements for p in done], [p.estimated_of(one.name) ** (1 / one.power) for p in done],
-                            one.goal(self.follows) ** (1 / one.power), 2 if mesh.cells.shape[1] == 10 else 1) for one in every)
+        errors, goal = [before.estimated for before in done], energy.goal(self.follows)
+        if goal <= 0:
+            self.why = f"the iterations alone leave {energy.iterations:.1e}"
+        elif len(done) > 2 and not energy.met and errors[-1] > STALLED * errors[-2] > STALLED**2 * errors[-3]:
+            self.why = (f"the error has stayed above {STALLED:.0%} of the mesh's before, twice"
+                        + (f", with elements no smaller than {least:g}" if least else ""))
+        if self.why:
+            return
+        order = 2 if mesh.cells.shape[1] == 10 else 1
+        enough = needed([p.elements for p in done], errors, goal, order)
         least_count = LEAST_GROWTH * len(mesh.cells)
         limit = tightest(asked, done, time.perf_counter() - self.begun, max(enough, least_count))
         count = min(max(enough, least_count), GROWTH * len(mesh.cells), limit.elements)
@@ -214,12 +206,9 @@ class _Refinement:
         made = self.passes.mesh
         followed = len(mesh.cells) / made.elements if made.elements else 1.0  # how the mesher has followed the last sizes
         count = min(max(count / followed, least_count), limit.elements / followed)
-        plan = wanted(self.config, mesh, together(every, self.follows), count, made.maps, least)
+        plan = wanted(self.config, mesh, energy.cells / goal, count, made.maps, least)
         if plan.refined:
-            self.plan = plan  # solved so well that the iterations leave no more than their share of any quantity
-            much = max((one.iterations / (ITERATIONS * one.asked) for one in every if one.name and math.isfinite(one.iterations)), default=0.0)
-            if self.follows and much > 1:
-                self.tolerance = Tolerance(error=max(self.tolerance.error / much, LEAST))
+            self.plan = plan
         else:
             self.why = f"no elements may be smaller: smallest: {least:g}" if least else short
 

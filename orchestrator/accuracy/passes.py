@@ -24,7 +24,6 @@ from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN
 from orchestrator.results.summary.summary import NAME as SUMMARY, read_summary
-from orchestrator.results.summary.sentences import quantity_text
 from orchestrator.scene.mesh.size_map import SizeMap
 from orchestrator.timing import EXPONENT
 
@@ -46,7 +45,6 @@ class Pass:
     iterations_error : bound or estimate of the iterations', None where it is not known; error : both
     seconds : wall time; memory : the program's and its codes' at the peak so far, bytes
     refined : what was meshed anew for it, nothing in the first; kept : what was not; had : share of the squared error before in the first
-    quantities : name → what is told of each that an accuracy is asked of, see ``Quantity.told``
     peak : the largest stress, and the size of elements there
     numbers : those of its summary, see ``changes.answers``
     """
@@ -62,13 +60,13 @@ class Pass:
     kept: list[str] = field(default_factory=list)
     had: float = 0.0
     told: float | None = None
-    quantities: dict[str, dict] = field(default_factory=dict)
     peak: Peak | None = None
     numbers: dict[str, float] = field(default_factory=dict)
 
-    def estimated_of(self, name: str) -> float:
-        """The mesh's error as its estimate tells it by itself: of the quantity of that name, or of none in the energy norm."""
-        return self.quantities[name]["estimated"] if name else self.mesh_error * (self.told or 1.0)
+    @property
+    def estimated(self) -> float:
+        """The mesh's error as its estimate tells it by itself."""
+        return self.mesh_error * (self.told or 1.0)
 
     def line(self, number: int) -> str:
         """For the screen."""
@@ -76,9 +74,8 @@ class Pass:
         how = "estimated" if self.told is None else "measured against the mesh before"
         kept = f", kept: {some(self.kept)}" if self.kept else ""
         finer = f"; finer: {some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
-        quantities = "".join(f"; {quantity_text(name, told)}" for name, told in self.quantities.items())
         return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
-                f"{quantities}, {self.seconds:.1f} s{finer}")
+                f", {self.seconds:.1f} s{finer}")
 
 
 @dataclass(frozen=True)

@@ -108,8 +108,7 @@ class Tolerance(Part):
 class Accuracy(Part):
     """The error allowed in all, and what that may cost. A number stands for ``{error: number}``."""
 
-    error: Fraction | None = Field(None, description=(
-        "of mesh and iterations together, relative, in the energy norm, between 0 and 1; none: probes have accuracies of their own"))
+    error: Fraction = Field(description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
     elements: Count | None = Field(None, description="no mesh has more tets than about this; none: no limit")
     memory: Positive | None = Field(None, description=(
         "GB that the program and its codes may take on all ranks together: meshes are only as fine as that is foreseen to hold; none: no "

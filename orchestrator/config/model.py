@@ -12,7 +12,7 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
 from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
-from orchestrator.config.probes import Force, Probe
+from orchestrator.config.probes import Probe
 from orchestrator.config.tools import Tool
 from orchestrator.registry import FOREIGN
 
@@ -38,9 +38,6 @@ class Output(Part):
     figures: bool = Field(True, description="draw the figures, as they are what most people look at first")
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv"))
-    certified: list[Force] = Field([], description=(
-        "forces with the intervals that the energy error leaves: reactions, bolts, sections (of bonded interfaces), resultants (of "
-        "others); none, as each costs a few answers of the code"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(
         "reactions' moments are about this point; the origin by default, which no one has to look up"))
     units: Units | None = Field(None, description="names of the units of length and force, shown beside numbers; none: no units")
@@ -103,14 +100,9 @@ class Config(Part):
         return {**data, "blackbox": codes if isinstance(given, list) else codes[0]}
 
     @property
-    def accuracies(self) -> dict[str, float]:
-        """Name of a probe → what is asked of it."""
-        return {name: probe.accuracy for name, probe in self.output.named_probes.items() if probe.accuracy}
-
-    @property
     def refines(self) -> bool:
         """Whether one mesh may not be enough."""
-        return self.method.accuracy is not None or bool(self.accuracies)
+        return self.method.accuracy is not None
 
     @property
     def matter(self) -> list[Material]:

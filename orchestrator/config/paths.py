@@ -109,13 +109,6 @@ def called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator
             yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
 
 
-def accuracies(data: Any) -> list[tuple[KeyPath, Any]]:
-    """The accuracies asked for, of the energy norm and of probes, with their places."""
-    asked = get(data, "method", "accuracy")
-    energy = get(asked, "error") if isinstance(asked, dict) else asked
-    return [(("method", "accuracy"), energy)] * (energy is not None) + list(find(data, ("output", "probes", "*", "accuracy")))
-
-
 def shown(value: Any) -> str:
     """Text of a value that does not depend on the order of keys nor on 1 against 1.0."""
     if isinstance(value, dict):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -11,14 +11,6 @@ from orchestrator.config.boundary import Cut, Where
 
 ProbeName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
 Quantity = Literal["displacement", "stress"]
-Certified = Annotated[bool, Field(description=(
-    "add the interval that the energy error leaves for each component of displacement, of force and moment, or of stress: the mean over "
-    "the tet at the point, or over those behind the faces, as no energy bounds the stress at a point; off, as it costs a few answers of "
-    "the code"))]
-Accuracy = Annotated[float | None, Field(gt=0, lt=1, description=(
-    "what mesh and iterations together may leave of error, relative to the displacement's or the force's largest length: the run is "
-    "repeated on meshes that are finer where that pays, within method.accuracy's limits; none: no matter"))]
-Force = Literal["reactions", "bolts", "sections", "resultants"]
 
 
 class PointProbe(Part):
@@ -29,15 +21,11 @@ class PointProbe(Part):
     part: Name | None = Field(None, description=(
         "name of the volume or body that is meant, shell wildcards allowed; none: whichever has the point, where it is one"))
     quantity: Quantity = Field("displacement", description="displacement, or the stress at the nodes, linear between them")
-    certified: Certified = False
-    accuracy: Accuracy = None
 
 
 class PathProbe(Part):
     """Values along a straight line through the undeformed body, into paths.csv."""
 
-    certified: ClassVar[bool] = False
-    accuracy: ClassVar[None] = None
     name: ProbeName | None = PointProbe.model_fields["name"]
     along: Annotated[list[Vector], Field(min_length=2, max_length=2)] = Field(description="the line's ends: [[x, y, z], [x, y, z]]")
     points: Annotated[int, Field(ge=2, le=1000)] = Field(21, description=(
@@ -58,8 +46,6 @@ class SurfaceProbe(Part):
         "mean: by area; max, min: of every component, with its place; resultant: force and moment that act on the faces"))
     of: Quantity | None = Field(None, description="what the mean or extreme is of: displacement, as where nothing is said, or stress")
     about: Vector | None = Field(None, description="the moment of a resultant is about this point; none: the surface's centre")
-    certified: Certified = False
-    accuracy: Accuracy = None
 
 
 class SectionProbe(Part):
@@ -70,8 +56,6 @@ class SectionProbe(Part):
     part: Name | None = Field(None, description=(
         "name of the volume or body that is cut, shell wildcards allowed; none: all that the plane cuts"))
     about: Vector | None = Field(None, description="the moment is about this point; none: the plane's point, as at says")
-    certified: Certified = False
-    accuracy: Accuracy = None
 
 
 Probe = one_of({"at": PointProbe, "along": PathProbe, "section": SectionProbe, "on": SurfaceProbe},

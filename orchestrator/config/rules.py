@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from orchestrator.config.conditions import (accuracy_possible, acting, certified_fits, directions,
+from orchestrator.config.conditions import (accuracy_possible, acting, directions,
                                             load_steps, places, planes_have_points, probes_fit,
                                             what_histories_multiply)
 from orchestrator.config.blackbox import settings_class
@@ -215,7 +215,7 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
 
 
 RULES = [following, magnitudes, rounding, exactly_one, belongs_to, places, acting, load_steps, what_histories_multiply, heeded,
-         accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit, planes_have_points, certified_fits,
+         accuracy_possible, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit, planes_have_points,
          tools_fit]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field
 
 from orchestrator.config.base import Axis, Frame, Name, Part, PartlyFree, Positive, Vector, no_direction, one_or_per_step, unit
-from orchestrator.config.paths import accuracies, find, free_at_times, rows_of
+from orchestrator.config.paths import find, free_at_times, get, rows_of
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, TOOL_LAW
 
@@ -115,8 +115,8 @@ def tools_fit(data: Any) -> Iterator[Problem]:
             for shape, key in (("plane", "normal"), ("cylinder", "axis")):
                 yield from (found for place, axis in find(tool, (shape, key), at) for found in no_direction(place, axis))
             yield from _driven(at, tool)
-            if asked := accuracies(data):
-                yield Problem(asked[0][0], "accuracy beside a rigid tool", "a mesh of one's own there",
+            if get(data, "method", "accuracy") is not None:
+                yield Problem(("method", "accuracy"), "accuracy beside a rigid tool", "a mesh of one's own there",
                               "remove accuracy, and refine the mesh by hand where the tool touches")
 
 

@@ -67,8 +67,6 @@ class Answers:
         probes = scene.probes if piece is None else piece.probes
         read = probes and (Reader(fields.nodal) if piece is None else piece.reader)
         found = read_probes(probes, read, delivered.carried)
-        known = {quantity.name: quantity.told() for quantity in delivered.quantities}
-        found = [probe | ({"accuracy": known[probe["name"]]} if probe["name"] in known else {}) for probe in found]
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.met), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
                    read_paths(probes, read), scene.mesh.box, delivered.met)

@@ -16,7 +16,6 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.results.answers import INTERFACES, Answers, of_unheld
 from orchestrator.results.extremes import NAME as EXTREMES
 from orchestrator.results.fields.fields import Fields
@@ -48,7 +47,6 @@ class Solution:
     piece : this rank's of the fields, where there are several ranks
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     config : what was asked for
-    quantities : what an accuracy is asked of, with its errors
 
     Examples
     --------
@@ -83,7 +81,6 @@ class Solution:
     joints: list[np.ndarray | None] | None = None
     piece: Piece | None = None
     config: Config | None = None
-    quantities: Sequence[Quantity] = ()
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields | None, summary: dict[str, object],
@@ -93,7 +90,7 @@ class Solution:
         summary |= answers.summary(config, delivered)
         summary["warnings"] = [*(summary.get("warnings") or ()), *of_unheld(scene, summary.get("detached") or ())]
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints, piece, config, delivered.quantities)
+                   delivered.parts, reference, answers, delivered.joints, piece, config)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:

@@ -9,24 +9,21 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
-from orchestrator.method.delivery.certified import Intervals, intervals
 from orchestrator.method.delivery.checks import checked
+from orchestrator.method.delivery.flux import Forces
 from orchestrator.method.delivery.guards import failed_guards, told_error, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
-from orchestrator.method.delivery.lawful import Lawful
+from orchestrator.method.delivery.lawful import Lawful, Shares, shares
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved, Passed, passing
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
-from orchestrator.method.delivery.shares import Shares, shares
 from orchestrator.method.delivery.tools import Placed, placed
-from orchestrator.method.delivery.wanted import Wanted
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.quantity import Quantity
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, OF_BODIES, LawResiduals, Lengths, LengthScale, law_residuals
 from orchestrator.timing import Stopwatch
 
@@ -59,14 +56,12 @@ class Delivered:
     joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
     discretisation: Estimate | None = None  # its estimated error, if asked for
-    quantities: Sequence[Quantity] = ()  # those that an accuracy is asked of
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
     passed: list[Passed] | None = None  # parts that are inside each other; None: not known, as of subdomains that rank 0 has got from others
     tools: Sequence[Placed] = ()  # where rigid tools are
-    intervals: Intervals | None = None  # of what is to be certified; None where nothing is, or no energy error is known
 
-    def without(self, wanted: Wanted, unsound: Collection[int]) -> Delivered:
+    def without(self, wanted: Forces, unsound: Collection[int]) -> Delivered:
         """The same, but for forces in matter of which stresses are not known: of some subdomains."""
         lost = {name: np.isin(within, list(unsound)).any() for name, within in wanted.within.items()}
         return replace(self, carried={name: np.where(lost[name], np.nan, values) for name, values in self.carried.items()})
@@ -78,11 +73,11 @@ class Delivered:
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
-            wanted: Wanted = Wanted(), gathered: bool = True) -> Delivered:
+            wanted: Forces = Forces(), gathered: bool = True) -> Delivered:
     """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are rank 0's to add.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
-    wanted : what is to be certified
+    wanted : forces that probes ask for
     gathered : whether rank 0 gets the subdomains' displacements of all ranks
     """
     with watch("linear_stage"):
@@ -91,9 +86,9 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         iterated = expanded(d, iterated, cases)
     contact = lengths = None
     with watch("bound"):
-        lawful = Lawful.of(d, iterated, parts, bool(wanted) or wanted.balanced)
+        lawful = Lawful.of(d, iterated, parts)
         backward = _backward(d, iterated, parts, lawful)
-    interfaces = interface_fields(d, iterated, lawful and lawful.judged, backward and backward.shift)
+    interfaces = interface_fields(d, iterated, lawful and lawful.pair, backward and backward.shift)
     inside = interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
@@ -107,15 +102,12 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful) if iterated.converged else []
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
-    f, taken, known = iterated.fields.f, None, None
+    f, taken = iterated.fields.f, None
     if lawful is not None:
         parts, f, taken = lawful.parts, lawful.f, lawful.taken
     resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
     if iterated.converged and contact is not None:
         iterated = _checked(d, iterated, interfaces, resultants)
-    if lawful is not None and wanted:
-        with watch("bound"):
-            known = intervals(d, iterated, lawful, wanted, ours, reactions(d, parts, f), resultants, through)
     iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
     tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
@@ -124,7 +116,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
     return Delivered(iterated, everyones(d, parts), everyones(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
                      reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [],
-                     carried=through, intervals=known, moved=moved, tools=tools, passed=None if gathered else passing(d.scene, ours, d.space.team))
+                     carried=through, moved=moved, tools=tools,
+                     passed=None if gathered else passing(d.scene, ours, d.space.team))
 
 
 def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:
@@ -154,4 +147,5 @@ def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful
     u = on_boundary(d, [parts[s.index] for s in d.own], d.steps)
     between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + on_boundary(
         d, repositioned(d, x.bound), len(x.bound.repositioned))) for x in parts] for step, parts in iterated.between.items()}
-    return backward_error(Solved(d.certificate, iterated.bound, iterated.fields, u, None if lawful is None else lawful.judged.x), between)
+    return backward_error(
+        Solved(d.certificate, iterated.bound, iterated.fields, u, lawful and lawful.x), between)

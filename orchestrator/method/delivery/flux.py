@@ -18,12 +18,13 @@ node, for the last, as among the reactions. Where a node has both, what the othe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.blackbox.models import Matter
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
@@ -41,23 +42,16 @@ class Measured:
 
     weights : of the displacements of nodes; a node may be there several times
     given : (T, c) what it tells where nothing moves, of matter that is heated or loaded
-    matter : whether it hangs on the moduli of the matter there
-    energy : (c,) of forces, ‖χ‖² of the motions that tell them, see ``flux``; None of others
     """
 
     weights: Weights
     given: np.ndarray
-    matter: bool = False
-    energy: np.ndarray | None = None
 
     @staticmethod
     def at(copies: Copies, chosen: np.ndarray, weight: np.ndarray) -> Weights:
         """Weights (c, n, 3) of copies of nodes (n,) int, by the subdomains that these are of."""
         whose = np.searchsorted(copies.ends, chosen, side="right") - 1
         return {int(e): (chosen[whose == e] - copies.ends[e], weight[:, whose == e]) for e in np.unique(whose)}
-
-    def __len__(self) -> int:
-        return self.given.shape[1]
 
     def of(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """(T, c) of displacements, per subdomain (T, n_E, 3)."""
@@ -94,11 +88,6 @@ class Carrier:
         self.probe, self.copies = probe, copies
         self.layers = self._across() if isinstance(probe, Section) else [self._through()]
 
-    @property
-    def tets(self) -> np.ndarray:
-        """(k,) int, all of them."""
-        return np.concatenate([layer.tets for layer in self.layers])
-
     @cached_property
     def measured(self) -> Measured:
         """Force and moment, six components; of a section the force along its normal besides. All ranks ask together."""
@@ -106,7 +95,7 @@ class Carrier:
         given = np.zeros((scene.steps, count))
         if isinstance(self.probe, Surface):
             given = self._loads()
-        chosen, weights, energy = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))], np.zeros(count)
+        chosen, weights = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))]
         for layer in self.layers:
             if not len(layer.tets):
                 continue  # others'
@@ -114,17 +103,13 @@ class Carrier:
             moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[layer.tets]]
             points, motions = scene.mesh.nodes[self.copies.node[used]], layer.moved[:, used].reshape(count, -1)
             weight = Matter(points, corners.reshape(len(layer.tets), -1), *moduli.T).forces(motions)
-            energy += np.einsum("kn,kn->k", motions, weight)
             if isinstance(self.probe, Section) and scene.thermal is not None:
                 given -= _heated(self.copies, layer.tets)[:, used].reshape(scene.steps, -1) @ motions.T
             chosen.append(used)
             weights.append(weight.reshape(count, -1, 3))
-        given, energy = self.copies.meeting.team.sum(given, energy)
-        return Measured(Measured.at(self.copies, np.concatenate(chosen), np.concatenate(weights, axis=1)), given, True, energy)
-
-    def lifted(self) -> np.ndarray:
-        """χ (3, k, 4 or 10, 3) of the three components of the force at the nodes of the tets."""
-        return np.concatenate([layer.moved[:3, self.copies.cells[layer.tets]] for layer in self.layers], axis=1)
+        given, = self.copies.meeting.team.sum(given)
+        at = Measured.at(self.copies, np.concatenate(chosen), np.concatenate(weights, axis=1))
+        return Measured(at, given)
 
     def rims(self) -> list[Rim]:
         """All of a surface's; of a part those on sides of its own subdomains."""
@@ -214,6 +199,35 @@ class Carrier:
             if entry.forces and faces.any():
                 given += entry.forces.of(faces).resultant(scene.mesh.nodes[entry.triangles[faces]], self.probe.about)
         return given
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What probes of forces ask for, by their names.
+
+    carried : the maps that tell them; within : (k,) int, subdomains that carry them
+    rims : of a resultant, what others do at its rim, where they do anything
+    """
+
+    carried: dict[str, Measured] = field(default_factory=dict)
+    within: dict[str, np.ndarray] = field(default_factory=dict)
+    rims: dict[str, list[Rim]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Forces:
+        """Return what is asked of a scene, or of a rank's part of it; all ranks ask together.
+
+        rank_of : as of ``Copies``
+        """
+        forced, count = [p for p in scene.probes if p.quantity in FORCES], len(scene.subdomains)
+        copies = Copies.of(scene, rank_of, team) if forced else None
+        carriers = {p.name: Carrier(p, copies) for p in forced}
+        carried = {name: carrier.measured for name, carrier in carriers.items()}
+        within = {name: np.flatnonzero(team.sum(np.bincount(list(probe.weights), minlength=count))[0])
+                  for name, probe in carried.items()}
+        rims = {p.name: carriers[p.name].rims() for p in forced if isinstance(p, Surface)}
+        return cls(carried, within,
+                   {name: own for name, own in rims.items() if team.max(float(len(own)))[0]})
 
 
 def _heated(copies: Copies, chosen: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from orchestrator.method.interface.pairing import Geometry, geometry_of, lawful_
 from orchestrator.method.interface.rows import joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.judged import Judged
+from orchestrator.method.stopping.certificate import Pair
 from orchestrator.parallel.numbering import runs
 from orchestrator.scene.interfaces.mortar.operators import scalar
 from orchestrator.scene.mesh.geometry import areas
@@ -134,11 +134,11 @@ def own_interfaces(d: Decomposition) -> list[Interface]:
     return [i for i in d.scene.opening if i.subdomains[0] in here]
 
 
-def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None = None,
+def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = None,
                      shift: np.ndarray | None = None) -> InterfaceFields | None:
     """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are.
 
-    judged : the admissible fields, if an energy error is known
+    pair : the admissible fields, if an energy error is known
     shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces last; None: not known
     """
     if d.scene.bonded:
@@ -164,7 +164,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, judged: Judged | None
         at = geometry_shown(scene, chosen)
         normal, acting, length, every[t] = at.normal, at.acting, at.length, at.area
         area = at.area
-        jumps, forces, statuses, own_values = _stages(here, iterated, judged, t)
+        jumps, forces, statuses, own_values = _stages(here, iterated, pair, t)
         jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
         jump[:, place[own_node]], force[t, place[own_node]] = jumps[:, own_node], forces[:, own_node]
@@ -213,13 +213,13 @@ def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return along, x - along[:, :, None] * normal
 
 
-def _stages(pairs: Pairs, iterated: Iterated, judged: Judged | None, t: slice) -> tuple:
+def _stages(pairs: Pairs, iterated: Iterated, pair: Pair | None, t: slice) -> tuple:
     """Jumps and forces (steps, 3, P) at load steps ``t``, statuses (steps, P), and the laws' own variables, by their names."""
-    if judged is None:
+    if pair is None:
         at = pairs.traces(*(x[t] for x in iterated.fields.extended))
         return at.jump, at.force, iterated.local.status[t], {name: x[t] for name, x in iterated.local.own.items()}
-    first, answers = slice(0, len(pairs)), judged.pair.answers[t]  # those of perfect interfaces come last
-    return (judged.pair.jump[t][:, :, first], judged.pair.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
+    first, answers = slice(0, len(pairs)), pair.answers[t]  # those of perfect interfaces come last
+    return (pair.jump[t][:, :, first], pair.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
             {name: np.array([a.own[name][first] for a in answers]) for name in answers[0].own})
 
 

@@ -13,7 +13,6 @@ Where there is no such force something pushes bodies that the true laws do not h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,17 +83,14 @@ class AdmissibleForces:
         self.problem.reduction, self.problem.most = 0.0, MOST
         self.exact = not team.max(float(not all(i.law.convex for i in pairs.interfaces)))[0]
 
-    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int, radius: float,
-                 more: Sequence[np.ndarray] | None = None) -> Balanced:
+    def __call__(self, F: np.ndarray, f: np.ndarray, before: History, number: int, radius: float) -> Balanced:
         """λ̂ of one load step.
 
         F : (3, P) predicted forces; f : (D,) forces of the linear stage, which the loads balance
-        more : per own subdomain (6,) resultants of further loads; None: there are none
         """
         team, own = self.space.team, self.space.subdomains
         pushed = np.array([self.U[:, part] @ f[part] for part in self.parts])
-        further = np.zeros_like(pushed) if more is None else np.array(more)
-        resultant, further = of_all(team, self.bodies, own, np.stack([pushed - further, further], axis=1)).swapaxes(0, 1)
+        resultant = of_all(team, self.bodies, own, pushed)
         carried = np.einsum("pif,ip->f", self.sizes, np.abs(np.where(self.pairs.mine, F, 0.0)))
         everything = float(np.linalg.norm(team.sum(carried)[0]))
         rounding = BALANCED * everything
@@ -104,8 +100,8 @@ class AdmissibleForces:
         y, there = self.problem.solve(0, number, F, resultant, before, np.full(self.bodies, FAR * radius))
         answer, fields = self.pairs.force(there, before, number), self.problem.fields
         carried, = team.sum(fields.carried(answer.force, self.pairs.mine.astype(float)))
-        left, added = np.linalg.norm(resultant - carried, axis=1), np.linalg.norm(further, axis=1).max() if further.any() else np.inf
-        return Balanced(answer, there, y, left > min(max(goal, TOLERATED * rounding), CARRIED * added))
+        left = np.linalg.norm(resultant - carried, axis=1)
+        return Balanced(answer, there, y, left > max(goal, TOLERATED * rounding))
 
     def displacement(self, y: np.ndarray) -> np.ndarray:
         """(B,) R y."""

@@ -27,8 +27,7 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, Certified
-from orchestrator.method.stopping.dual_energy import Enough, dual_energy
-from orchestrator.method.stopping.judged import CLOSELY
+from orchestrator.method.stopping.dual_energy import CLOSELY, Enough, dual_energy
 
 EXACT, LAWFUL = 1e-13, 1e-12  # of the largest force: what a jump is improved to, and what is a law's to rounding
 FAR = 8 * np.finfo(float).eps  # of what a jump is worth as a force, which is its rounding

@@ -35,7 +35,7 @@ from orchestrator.method.interface.rows import Blocks, dots
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement, Placed
+from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
 from orchestrator.method.stopping.admissible_forces import AdmissibleForces
 from orchestrator.method.stopping.bound import ROUNDING, Bound, Reached, moved_energy, relative
 from orchestrator.method.stopping.continuity import Continuity
@@ -201,24 +201,17 @@ class Certificate:
         change = self.pairs.transfer.opposed(forces) - fields.extended[1]
         return self.space.loads(change[:, : self.space.size])
 
-    def radius(self, fields: Admissible) -> float:
-        """The largest displacement of the interfaces, beside which bodies may move."""
-        return max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
-
-    def pair(self, fields: Admissible, given: np.ndarray | None = None) -> Pair:
-        """v and λ̂ of fields; ``given``: (T, B) v, where all are bonds, with which displacements have been found already."""
+    def pair(self, fields: Admissible) -> Pair:
+        """Return v and λ̂ of fields."""
         pairs, found, before = self.pairs, [], [self.before]
-        F, held, radius = pairs.traces(*fields.extended).predicted(), self.stage.loading.known, self.radius(fields)
-        jumps = None if given is None else pairs.transfer.jump(self.space.extended(self.stage.trace(given))[0])
+        F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
+        # the largest displacement of the interfaces, beside which bodies may move
+        radius = max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
         for t, number in enumerate(pairs.numbers):
             balanced = self.forces(F[t], fields.f[t], before[t], number, radius)
             answer, u = balanced.answer, fields.u[t] + self.forces.displacement(balanced.y)
-            if jumps is None:
-                known = None if held is None else held[t]
-                placed = self.displacement(u, known, answer, balanced.F, before[t], number)
-            else:
-                gap = pairs.duality_gap(answer.force, jumps[t], before[t], number)
-                placed = Placed(given[t], jumps[t], gap, True)
+            known = None if held is None else held[t]
+            placed = self.displacement(u, known, answer, balanced.F, before[t], number)
             before.append(History(placed.jump, answer.own))
             found.append((balanced.F, placed.v - u, self.forces.moved(balanced.y), placed.jump, placed.gap.sum(), balanced.unbalanced,
                           not placed.admissible, answer))

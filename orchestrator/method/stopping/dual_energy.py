@@ -19,6 +19,7 @@ from orchestrator.method.linear.stage import LinearStage
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
 MAX_STEPS = 100
 LONGER = 3
+CLOSELY = 1e-4  # of the smaller of E² and ‖S⁺h‖², what may be left of the latter: a hundredth of û − u
 LEFT = 0.1  # the same of what is left where it is known from above: a twentieth of the error
 MET = 0.5  # the same where the sum is small enough all the same: the error is told as at most 1.4 times what it is
 IDLE = 0.1  # of what may be left in all, what bodies that are not asked again may keep together

@@ -14,7 +14,7 @@ from orchestrator.registry import LAWS
 from orchestrator.results.extremes import COLUMNS, NAME as EXTREMES
 from orchestrator.results.folder import read_table
 from orchestrator.results.report.document import plain, section, table
-from orchestrator.results.summary.sentences import largest, quantity_text, ROUNDED, shown_statuses, vector
+from orchestrator.results.summary.sentences import largest, ROUNDED, shown_statuses, vector
 from orchestrator.results.summary.summary import (
     BLACKBOX_STAGES, blackbox_seconds, code_label, jsonable, stage_seconds, STAGES, units_of)
 from orchestrator.results.summary.workload import PERIODS
@@ -148,8 +148,7 @@ def _errors(summary: Mapping[str, object], history: Mapping[str, Sequence[float]
     yield Table("Meshes", ("mesh", "elements", "its error", "iterations'", "together", "seconds", "peak stress, size there", "meshed anew"), [
         (k, f"{one['elements']:,}", f"{one['mesh_error']:.2%}",
          "not known" if one["iterations_error"] is None else f"{one['iterations_error']:.1e}", f"{one['error']:.2%}", float(one["seconds"]),
-         one["peak"], ", ".join(one["refined"]) or "–") for k, one in enumerate(found, 1)], "; ".join(
-             f"mesh {k}: {quantity_text(name, told)}" for k, one in enumerate(found, 1) for name, told in one["quantities"].items()))
+         one["peak"], ", ".join(one["refined"]) or "–") for k, one in enumerate(found, 1)])
     shares = summary.get("error_shares") or {"own": {}, "bodies": {}, "interfaces": {}, "load_step": None}
     own = {name: "all of it" if value is None else f"{value:.1e}" for name, value in shares["own"].items()}
     parts = {**shares["bodies"], **dict.fromkeys(own.keys() - shares["bodies"], 0.0), **shares["interfaces"]}

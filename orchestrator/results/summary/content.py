@@ -10,12 +10,11 @@ from itertools import islice
 import numpy as np
 
 from orchestrator.config.model import Config
-from orchestrator.config.probes import PointProbe, SectionProbe, SurfaceProbe
 from orchestrator.errors import some
 from orchestrator.method.acceleration import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.reference import Reference
-from orchestrator.method.delivery.shares import Shares
+from orchestrator.method.delivery.lawful import Shares
 from orchestrator.method.halving import path_sentence
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
@@ -23,22 +22,16 @@ from orchestrator.method.stopping.backward import Backward
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.processes import memory_peak_mb
 from orchestrator.results.answers import reaction_names
-from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions, tool_cautions
 from orchestrator.results.summary.contact_faces import contact_faces
 from orchestrator.results.summary.workload import Spent, total
-from orchestrator.scene.conditions.probes import Section
-from orchestrator.scene.elasticity import von_mises
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 # What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
 OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain energy"]
 MOST_SHARES = 20  # bodies, and interfaces, of which a share of the error is told
-UNKNOWN = "no energy error is known, so that no interval is"
-NOT_CARRIED = "no forces that the laws allow carry a load there in some direction, which has no end then"
-NOT_PARTED = "it meets others in an edge, and what each carries there is not determined: no interval"
 
 
 def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float, exact: Reference | None,
@@ -81,7 +74,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if nonlinear else delivered.energy,
-        "reactions": delivered.reactions[:, :, :3].tolist(), "intervals": _intervals(config, scene, delivered, reaction_names(config)),
+        "reactions": delivered.reactions[:, :, :3].tolist(),
         **contact,
         "tools": [{"name": one.tool.name, "about": one.tool.driven.about.tolist(), "displacement": one.moved[:, :3].tolist(),
                    "rotation": np.degrees(one.moved[:, 3:]).tolist()} for one in delivered.tools],
@@ -94,75 +87,6 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
-
-
-def _intervals(config: Config, scene: Scene, delivered: Delivered, names: Sequence[str]) -> dict[str, object] | None:
-    """Least and greatest values; None where nothing is to be certified; ``names``: of the entries of ``boundary``."""
-    probes = {name: probe for name, probe in config.output.named_probes.items() if probe.certified}
-    if not (probes or config.output.certified):
-        return None
-    if (found := delivered.intervals) is None:
-        return {"kind": None, "why": UNKNOWN}
-    told: dict[str, object] = {"kind": "guaranteed" if found.guaranteed else "estimated"}
-    normals = {probe.name: probe.normal for probe in scene.probes if isinstance(probe, Section)}
-    told["probes"] = [{"name": name, "of": _what(probe), **_components(_what(probe), found.probes[name], normals.get(name))}
-                      for name, probe in probes.items()]
-    if found.reactions is not None:
-        about = config.output.moments_about
-        told["reactions"] = [{"name": name, **_with_moment(own, about)} for name, own in zip(names, found.reactions)]
-    for key, perfect in (("sections", True), ("resultants", False)):
-        if key in config.output.certified:
-            told[key] = [{"name": i.name, **_with_moment(found.interfaces[i.index], found.centre[i.index].tolist(), NOT_PARTED)}
-                         for i in scene.interfaces if i.law.perfect == perfect]
-    if "bolts" in config.output.certified:
-        told["bolts"] = [{"name": name, **_ends(own, NOT_PARTED)} for name, own in found.bolts.items()]
-    return told
-
-
-def _ends(interval: np.ndarray, why: str = "") -> dict[str, object]:
-    """Least and greatest values (T, …) of (T, …, 2)."""
-    ends = {"low": interval[..., 0].tolist(), "high": interval[..., 1].tolist()}
-    return ends if np.isfinite(interval).all() else ends | {"why": why}
-
-
-def _with_moment(interval: np.ndarray, about: Sequence[float], why: str = "") -> dict[str, object]:
-    """Ends of a force, and of its moment about a point, (T, 6, 2) together."""
-    return {**_ends(interval[:, :3], why), "moment": {**_ends(interval[:, 3:], why), "about": list(about)}}
-
-
-def _what(probe: PointProbe | SurfaceProbe | SectionProbe) -> str:
-    """Quantity that a probe's interval is of: no energy bounds the stress at a point."""
-    if isinstance(probe, PointProbe):
-        return "stress, mean over the tet at the point" if probe.quantity == "stress" else "displacement"
-    if isinstance(probe, SectionProbe) or probe.quantity == "resultant":
-        return "force"
-    return "stress, mean over the tets behind the faces" if probe.of == "stress" else "displacement"
-
-
-def _components(kind: str, interval: np.ndarray, normal: np.ndarray | None) -> dict[str, object]:
-    """Components of a displacement (T, 3, 2), and of its magnitude; of a stress (T, 6, 2), and von Mises' of it; of force and moment (T, 6, 2).
-
-    normal : of a section, (T, 7, 2) with the force along it, and what is across
-    """
-    if kind == "force":
-        names, ends = (*RESULTANT, "normal", "shear"), np.zeros((2, len(interval), 0))
-        if normal is not None:  # across is at most as far from the middle's as the whole vector
-            middle, half = interval[:, :3].mean(axis=-1), 0.5 * np.ptp(interval[:, :3], axis=-1)
-            across, far = np.linalg.norm(middle - np.outer(middle @ normal, normal), axis=1), np.linalg.norm(half, axis=1)
-            ends = np.maximum(across - far, 0.0)[:, None], (across + far)[:, None]
-    elif kind == "displacement":
-        near = np.where((interval[..., 0] > 0) | (interval[..., 1] < 0), np.abs(interval).min(axis=-1), 0.0)
-        most = np.abs(interval).max(axis=-1)
-        names, ends = DISPLACEMENT, (np.linalg.norm(near, axis=-1)[:, None], np.linalg.norm(most, axis=-1)[:, None])
-    else:  # at most as far from the middle's as that of the half widths, of which differences are at most the sums
-        known = np.isfinite(interval).all(axis=(1, 2))
-        low, high = np.moveaxis(np.where(known[:, None, None], interval, 0.0), -1, 0)
-        middle, half = von_mises(0.5 * (low + high)), 0.5 * (high - low)
-        far = np.sqrt(von_mises(half) ** 2 + 2 * (half[:, :3] * np.roll(half[:, :3], -1, axis=1)).sum(axis=1))
-        names, ends = STRESS[:7], (np.maximum(middle - far, 0.0)[:, None], np.where(known, middle + far, np.inf)[:, None])
-    whole = np.concatenate([interval, np.stack(ends, axis=-1)], axis=1)
-    told = {name: {"low": whole[:, k, 0].tolist(), "high": whole[:, k, 1].tolist()} for k, name in enumerate(names[: whole.shape[1]])}
-    return {"values": told} | ({} if np.isfinite(interval).all() else {"why": NOT_CARRIED})
 
 
 def problem_size(scene: Scene) -> dict[str, int]:

@@ -53,7 +53,7 @@ LINES = (
          "‹; shear {shear:.4g}{unit[force]}, bending {bending:.4g}{unit[moment]}›", "bolts"),
     Line("interfaces", sentences.statuses),
     Line("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
-    Line("probes", sentences.probes), Line("certified", sentences.certified),
+    Line("probes", sentences.probes),
     Line("iterations", "{iterations:,}‹, {sweeps[total]:.4g} sweeps›"),
     Line("error bound", "{error_bound:.2e}  ({kind}‹, {error_factor:.3g} times what it is with limits of friction that are known›, "
          "relative, energy norm)"),

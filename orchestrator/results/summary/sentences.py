@@ -6,7 +6,7 @@ Every function takes a summary as it is written to summary.json; nothing comes b
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import ceil, hypot, inf, isfinite, log10
+from math import hypot, inf, isfinite
 
 import numpy as np
 
@@ -85,56 +85,7 @@ def probes(summary: Summary) -> list[str]:
         least = ROUNDED * max((abs(values[-1]) for values in probe["values"].values() if values), default=0.0)
         texts.append(f"{probe['name']}: " + (probe.get("why") or kind + ", ".join(
             f"{name} {values[-1] if abs(values[-1]) > least else 0.0:.5g}" for name, values in probe["values"].items()) + unit))
-        if told := probe.get("accuracy"):
-            texts.append(quantity_text(probe["name"], told, unit or units["force"]) + f", asked: {told['asked']:.2%}")
     return texts
-
-
-def quantity_text(name: str, told: Mapping[str, object], unit: str = "") -> str:
-    """Return the length of a displacement or force with what mesh and iterations leave of error."""
-    if told["error"] is None:
-        return f"|{name}| is zero but for rounding"
-    beside = "not known" if told["iterations"] is None else f"{told['iterations']:.1e}"
-    return (f"|{name}| {told['value']:.6g} ± {told['error'] * told['value']:.1e}{unit} ({told['error']:.2%}: mesh's {told['mesh']:.2%} "
-            f"estimated, iterations' {beside})")
-
-
-def certified(summary: Summary) -> list[str]:
-    """Return intervals that contain true values, at the last load step."""
-    found, units = summary.get("intervals"), units_of(summary)
-    if not found or not found["kind"]:
-        return [str(found["why"])] if found else []
-    texts, lost = [f"{found['kind']}, of the solution of this mesh:"], {}
-    for key in ("probes", "reactions", "sections", "resultants", "bolts"):
-        for one in found.get(key) or ():
-            if why := one.get("why"):
-                lost.setdefault(why, []).append(one["name"])
-            if key == "probes":
-                kind, _, how = one["of"].partition(", ")
-                ends = {name: (of["low"][-1], of["high"][-1]) for name, of in one["values"].items()}
-                unit = {name: units[{"displacement": "length", "force": "moment" if name[0] == "m" else "force"}.get(kind, kind)]
-                        for name in ends}
-                texts.append(f"{one['name']}{how and f' ({how})'}: {_intervals(ends, unit)}")
-            elif not why:
-                ends = _components("f", one) | (_components("m", one["moment"]) if "why" not in one.get("moment", {"why": ""}) else {})
-                texts.append(f"{one['name']}: {_intervals(ends, {name: units['moment' if name[0] == 'm' else 'force'] for name in ends})}")
-    return [*texts, *(f"{some(names)}: {why}" for why, names in lost.items())]
-
-
-def _components(letter: str, ends: Mapping[str, object]) -> dict[str, tuple[float, float]]:
-    """Ends of a vector's components, or of a number."""
-    low, high = (np.atleast_1d(ends[end][-1]).tolist() for end in ("low", "high"))
-    return dict(zip([letter + axis for axis in "xyz"] if len(low) == 3 else ["force"], zip(low, high)))
-
-
-def _intervals(ends: Mapping[str, tuple[float | None, float | None]], units: Mapping[str, str]) -> str:
-    """Both ends of each, with as many digits as they differ in, and two; each unit behind the last that has it."""
-    told = []
-    for name, (low, high) in ends.items():
-        width, size = (high - low, max(abs(low), abs(high))) if None not in (low, high) else (0.0, 0.0)
-        digits = min(max(ceil(log10(size / width)) + 2, 2), 12) if width > 0 else 6
-        told.append((units[name], f"{name} " + " … ".join("–" if end is None else f"{end:.{digits}g}" for end in (low, high))))
-    return "; ".join(", ".join(text for own, text in told if own == unit) + unit for unit in dict.fromkeys(own for own, _ in told))
 
 
 def own_errors(summary: Summary) -> str:

@@ -23,7 +23,7 @@ KEYS = (
     "error_factor true_error error_shares backward discretisation_error accuracy tolerance residuals stabilised places element dofs "
     "subdomains interfaces "
     "interface_nodes load_steps energy peak_stress peak_displacement reactions reaction_names reaction_kinds reaction_moments probes "
-    "paths intervals status_counts interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held unbalanced "
+    "paths status_counts interface_resultants contact_faces bolts tools load_path limit_load detached weakly_held unbalanced "
     "far_bodies warnings timing workload codes asking_seconds orchestrator_seconds versions memory_peak_mb rank_memory_peak_mb "
     "skipped config").split()
 # key in ``timing`` → what it is called; in the order of a run
