@@ -374,9 +374,9 @@ def _stiffness(scene: Scene, s: Any) -> sp.csr_array:
 
 
 def normals(scene: Scene, interface: Any) -> np.ndarray:
-    """(n, 3) unit normals out of the first side: a rigid tool's, else along the area vectors of the
-    facets around."""
-    if interface.tool is not None:
+    """(n, 3) unit normals out of the first side: of a surface that is known, as a rigid tool's or a
+    cylinder's, else along the area vectors of the facets around."""
+    if interface.normals is not None:
         return interface.normals
     result = np.zeros((len(interface.global_nodes), 3))
     x = scene.points(interface)

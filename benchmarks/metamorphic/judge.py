@@ -93,7 +93,8 @@ def _verdict(first: Answer, second: Answer, variant: Variant) -> tuple[str, str]
         seen = variant.seen(second)
         if (ANEW in first.said) != (ANEW in second.said):  # one has slid so far that it is another discrete problem
             return "warned", ""
-        pushed = any("force" in tool for tool in tools(variant.data))  # what it rests on may be held: rigid on rigid
+        walls = tools(variant.data)  # a node between two of them, or a pushed one on what is held, may lean on either
+        pushed = len(walls) > 1 or any("force" in tool for tool in walls)
         apart = distance(first, in_order_of(first, seen) if variant.shuffled else seen, variant.joint or pushed)
         if any(loose(x) for x in (first, second)):  # pieces of a body too, which would strain it where they stand elsewhere
             apart = replace(apart, displacement=0.0, probe=0.0, allowed=max(apart.allowed, LOOSE))
