@@ -40,26 +40,6 @@ def test_a_force_and_a_moment_act_as_a_whole(element, on):
     assert np.allclose(moment, np.outer([1, -2], about), rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_a_body_half_in_a_liquid_is_lifted_by_what_it_displaces(element):
-    up = np.array([1.0, 0.0, 2.0])  # below x + 2 z = 3 lies a prism of area 3 · 1.5 / 2, of which the centre is known
-    level = 3.0 / np.linalg.norm(up)
-    liquid = {"on": "*", "hydrostatic": {"level": level, "weight": 5.0, "up": up.tolist()}}
-    force, moment = acting(problem([HELD, liquid], element=element))
-    lift = 5.0 * 2.25 * up / np.linalg.norm(up)
-    assert np.allclose(force, [lift], atol=1e-12) and np.allclose(moment, [np.cross([1.0, 0.5, 0.5], lift)], atol=1e-12)
-
-
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_weight_and_rotation_pull_at_the_mass(element):
-    mass, centre = 7.85e-9 * 8, np.array([2.0, 0.5, 1.0])
-    force, moment = acting(problem([HELD], [{"gravity": [0, 0, -9810.0]}], element))
-    assert np.allclose(force, [[0, 0, -9810.0 * mass]], rtol=1e-12)
-    assert np.allclose(moment, [np.cross(centre, [0, 0, -9810.0 * mass])], rtol=1e-12)
-    force, _ = acting(problem([HELD], [{"spin": {"axis": [0, 0, 2.0], "rate": 30.0, "about": [-1, 0.5, 0]}}], element))
-    assert np.allclose(force, [[900 * mass * 3.0, 0, 0]], rtol=1e-12, atol=1e-12 * 900 * mass)
-
-
 def test_a_turning_bar_is_stretched_as_theory_says():
     """ν = 0, axis through its free end's opposite: u(L) = ρ ω² L³ / (3 E), which P2 has at the nodes."""
     data = problem([{"on": "xmin", "displacement": [0, 0, 0]}], [{"spin": {"axis": "z", "rate": 1000.0, "about": [0, 0.5, 1]}}],

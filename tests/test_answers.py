@@ -112,41 +112,6 @@ def test_resultants_are_in_equilibrium_where_meshes_do_not_match(element, law):
     assert close(free, 0.0, 1e-10)
 
 
-@pytest.mark.parametrize("cut", ["groups", {"groups": True, "split_above": 60}], ids=["whole", "cut"])
-def test_resultants_are_their_own_where_contact_meets_the_rim(cut):
-    """A pillar is pushed from beside, up to the rims of faces that are held, sprung or loaded: resultants are what acts on these alone."""
-    held = [{"on": "pillar/zmax", "displacement": [0, 0, 0]}, {"on": "pillar/zmin", "foundation": {"normal": 50.0, "tangential": 20.0}},
-            {"on": "pillar/ymax", "pressure": 0.3}, {"on": "side/xmax", "displacement": [0, None, None]}]
-    made = {
-        "name": "pillar", "subdomains": cut, "materials": [{"young": 100.0, "poisson": 0.3}], "boundary": [
-            *held, {"on": "side/ymax", "displacement": [None, 0, 0]}], "loads": [{"on": "side", "body_force": [-1, 0, 0]}],
-        "parts": [boxed("pillar", [1, 1, 2], [2, 2, 4]), boxed("side", [1, 1, 2], [2, 3, 3], [1, 0, 0])],
-        "interfaces": [{"between": ["side", "pillar"], "law": "contact", "friction": 0.3, "gap": -0.01}], "blackbox": IN_PROCESS,
-        "method": {"tolerance": {"error": 1e-8}}, "output": {"probes": [
-            {"on": entry["on"], "quantity": "resultant", "about": [0, 0, 0]} for entry in held]}}
-    found = solve(config_from(made)).summary
-    reactions = np.concatenate([np.array(found["reactions"])[:, 0], np.array(found["reaction_moments"]["moments"])[:, 0]], axis=1)
-    for probe, one in zip(found["probes"], reactions):
-        assert close(np.array(list(probe["values"].values()))[:, 0], one, 1e-7)
-
-
-@pytest.mark.parametrize("gap, thick", [({}, 2.0), ({"gap": "geometry"}, 2.0), ({"gap": "geometry"}, 0.2)],
-                         ids=["touching", "as the geometry has it", "plates"])
-def test_moments_balance_where_meshes_are_shifted(gap, thick):
-    """By a quarter of an element: nodes that are no partners are none under gap: geometry either. Outer sides of plates that are thinner than
-    an element, back to back, are no sides in each other."""
-    block = {"size": [2, 2, thick], "cells": [2, 2, 1]}
-    found = solve(config_from({
-        "name": "shifted", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}],
-        "parts": [boxed("base", **block), boxed("top", **block, at=[0.2, 0.15, thick])],
-        "interfaces": [{"between": ["base", "top"], "law": "contact", "friction": 0.5, **gap}], "blackbox": IN_PROCESS,
-        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "top/zmax", "displacement": [0.002, 0, -0.01]}],
-        "method": {"tolerance": {"error": 1e-6}}})).summary
-    forces, moments = np.array(found["reactions"])[:, 0], np.array(found["reaction_moments"]["moments"])[:, 0]
-    assert np.abs(forces).max() > 1 and close(forces[0], -forces[1], 1e-7)
-    assert np.abs(moments.sum(axis=0)).max() < 1e-7 * np.abs(moments).max()
-
-
 def test_probes_of_bodies_that_nothing_holds_are_told():
     """Lifted off at the second load step: its displacement means nothing there, that of the other body does."""
     block = {"size": [1, 1, 1], "cells": [1, 1, 1]}
@@ -161,25 +126,6 @@ def test_probes_of_bodies_that_nothing_holds_are_told():
     told = [text for text in found["warnings"] if "mean nothing there" in text]
     assert len(told) == 2 and all(f"'{name}' tells displacements of top, which nothing holds at load step 2" in text
                                   for name, text in zip(("above", "seat"), told))
-
-
-def test_sections_carry_the_whole_wherever_they_go():
-    """Half an element from a support, and from a joint of meshes that do not match; beside a foundation and a tool, of a part by name."""
-    section = [{"section": {"plane": "z", "at": z}, "about": [0, 0, 0], **more} for z, more in (
-        (0.2, {}), (0.7, {}), (1.2, {}), (1.8, {}), (0.7, {"part": "base"}), (1.2, {"part": "t*"}))]
-    made = {
-        "name": "column", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3}],
-        "parts": [boxed("base"), boxed("top", [1, 1, 1], [3, 3, 2], [0, 0, 1])],
-        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}], "interfaces": [
-            {"between": ["base", "top"], "law": "perfect"},
-            {"between": ["top", {"plane": {"at": [0, 0, 2], "normal": [0, 0, -1]}, "displacement": [1e-3, 0, -0.01]}], "law": "contact",
-             "friction": 0.2}], "method": {"tolerance": {"error": 1e-9}}, "blackbox": IN_PROCESS, "output": {"probes": section}}
-    for held in made["boundary"], [{"on": "base/zmin", "foundation": {"normal": 1e3, "tangential": 1e3}}]:
-        found = solve(config_from({**made, "boundary": held})).summary
-        support = np.array([*found["reactions"][0][0], *found["reaction_moments"]["moments"][0][0]])
-        for probe in found["probes"]:
-            carried = np.array([probe["values"][key] for key in ("fx", "fy", "fz", "mx", "my", "mz")])[:, 0]
-            assert close(carried, -support, 1e-6)
 
 
 def test_friction_turns_work_into_heat():

@@ -1,14 +1,12 @@
 """``orchestrator init``: what it writes can be checked and run as it stands; ``inspect`` beside it."""
 
 
-import gmsh
 import numpy as np
 import pytest
 from yaml_case import call
 
 from orchestrator.config.load import load_config
 from orchestrator.scene.inspection import units_remark
-from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import bricks
 
 
@@ -39,30 +37,6 @@ def test_nothing_is_overwritten(tmp_path):
 def test_files_that_are_not_there(tmp_path, target, source, words):
     done = call("init", tmp_path / target, *([tmp_path / source] if source else []))
     assert done.exit_code == 2 and words in done.stderr
-
-
-def test_labels_that_programs_made_up_become_short_names_and_surfaces_are_told_apart(tmp_path):
-    """Solids that nobody has named; a shaft in a plate, with a ball on it: planes, cylinders, spheres, who is beside whom."""
-    model = tmp_path / "unnamed.step"
-    with session():
-        occ = gmsh.model.occ
-        occ.addBox(-20, -20, 0, 40, 40, 5)
-        shaft = occ.addCylinder(0, 0, 5, 0, 3, 20, 4)
-        occ.addSphere(60, 0, 0, 8)
-        occ.synchronize()
-        assert shaft
-        gmsh.write(str(model))
-    done = call("inspect", model, "--h", 4)
-    assert done.exit_code == 0, done.output
-    lines = done.stdout.splitlines()
-    assert "translator" not in done.stdout and {"solid_1", "solid_2", "solid_3"} <= {line.split()[0] for line in lines if line.strip()}
-    assert any(line.startswith("box ") and ("extent 88" in line or "extent 87." in line) and "plausible" in line for line in lines)
-    rows = {line.split()[0]: line for line in lines if ":" in line.split(" ")[0]}
-    round_ones = [row for row in rows.values() if "cylinder, radius 4" in row]
-    assert len(round_ones) == 1 and "(0, 0.1483, 0.9889)" in round_ones[0]
-    assert sum("sphere, radius 8" in row for row in rows.values()) == 1 and sum(" plane " in row for row in rows.values()) == 8
-    top = next(row for row in rows.values() if row.startswith("solid_1") and row.rstrip().split("  ")[-1].count(":") == 4)
-    assert " plane " in top
 
 
 def test_moduli_tell_units_that_do_not_fit():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from contact_case import contact, converged, monolithic, start_from, written
 
-from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -73,28 +72,3 @@ def test_one_piece_says_the_same(tmp_path, name, element):
     left = solved.scene.mesh.nodes[:, 0] <= 1
     for reaction, there in zip(ours, (left, ~left)):
         assert reaction == pytest.approx(exact[there].sum(axis=0), abs=1e-7 * np.abs(ours).max())
-
-
-def test_bonded_neighbours_share_the_condition(tmp_path):
-    """Perfect interfaces: shared nodes are one node; separately numbered ones move as one."""
-    shared, apart = (converged(scene_of(tmp_path, {"law": "perfect"}, s, poisson=0.3)) for s in (True, False))
-    for solved in (shared, apart):
-        (interface,) = solved.scene.interfaces
-        one, two = (s.fixed[own] for s, own in zip(solved.scene.subdomains, interface.nodes))
-        assert one.any() and np.array_equal(one, two) and np.array_equal(interface.free, ~one)
-    assert np.array(apart.reactions) == pytest.approx(np.array(shared.reactions), rel=1e-6)
-
-
-def test_three_bodies_at_one_edge():
-    """A quarter held, bonded to one neighbour and in contact with the other: the condition goes where the bond goes."""
-    made = contact(law=[{"law": "contact"}, {"between": ["block 0-0-0", "block 0-1-0"], "law": "perfect"}],
-                   mesh={"box": {"size": [2, 2, 1], "cells": [4, 4, 2]}}, subdomains={"grid": [2, 2, 1]},
-                   boundary=[{"on": {"box": [[0, 0, 0], [1, 1, 0]]}, "displacement": [0, 0, 0]},
-                             {"on": "xmax", "displacement": [-1e-3, 0, 0]}])
-    scene = build_scene(made)
-    edge = np.flatnonzero((scene.mesh.nodes == [1, 1, 0]).all(axis=1))
-    fixed = {s.name: s.fixed[np.searchsorted(s.nodes, edge)].all() for s in scene.subdomains}
-    assert fixed == {"block 0-0-0": True, "block 0-1-0": True, "block 1-0-0": False, "block 1-1-0": False}
-    by_name = {i.name: i for i in scene.interfaces}
-    assert by_name["block 0-0-0 | block 1-0-0"].free.all()
-    assert not by_name["block 0-0-0 | block 0-1-0"].free.all()

@@ -8,16 +8,11 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-import results_case as case
 from processes import begin, gone, running
 from yaml_case import call
 
 from orchestrator import doctor
 from orchestrator.errors import BlackBoxError, InputError, Problem
-from orchestrator.parallel.team import ALONE
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import write_history
-from orchestrator.results.summary.summary import write_summary
 
 ROOT = Path(__file__).parents[1]
 BEAM = str(ROOT / "configs" / "traction_beam.yaml")
@@ -57,11 +52,6 @@ def test_missing_configuration():
     assert done.exit_code == 2 and "nowhere.yaml\n  found:    no such file" in done.stderr
 
 
-def test_check_syntax_only():
-    done = call("check", BEAM, "--syntax-only")
-    assert (done.exit_code, done.stdout) == (0, "OK\n")
-
-
 def test_check_shows_the_scene_or_its_problems():
     done = call("check", BEAM, "--set", "mesh.beam.h=5")
     assert done.exit_code == 0 and done.stdout.startswith("OK") and "32 subdomains" in done.stdout
@@ -81,22 +71,6 @@ def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
 
 
 MEANS = {"Means": lambda *given, verbose: given, "Ranks": lambda team: team}  # what a stand-in for ``orchestrator.run`` has beside ``run``
-
-
-def test_run_hands_over_its_options_and_exit_code(room):
-    seen = {}
-
-    def run(loaded, **options) -> int:
-        seen.update(options, error=loaded.config.method.tolerance.error, figures=loaded.config.output.figures)
-        return 1
-
-    room("orchestrator.run", run=run, **MEANS)
-    assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
-    team, artist = seen.pop("means")
-    assert team == ALONE
-    assert seen == {"error": 1e-8, "figures": True, "output": Path("there"), "resume": True, "reference": False, "quiet": True}
-    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and (seen["figures"], seen["means"]) == (False, (ALONE, None))
-    assert gone([artist._process.pid]), "who would have drawn the figures"
 
 
 @pytest.mark.parametrize("error, code, words", [
@@ -140,24 +114,6 @@ def test_sigterm_interrupts_in_order(room):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.long
-def test_report(tmp_path):
-    """Words and pictures beside the results; a folder without results is bad input."""
-    folder = ResultsFolder(tmp_path / "results")
-    write_summary(folder, case.summary())
-    write_history(folder, case.history())
-    done = call("report", str(folder.path))
-    assert done.exit_code == 0 and done.stderr == ""
-    text = (folder.path / "report.md").read_text()
-    assert "# made_up" in text and "| error bound | 2.00e-07" in text
-    assert {path.name for path in (folder.path / "figures").iterdir()} == {"convergence.png", "time.png"}
-    assert all(f"(figures/{name})" in text for name in ("convergence.png", "time.png"))
-    (tmp_path / "empty").mkdir()
-    for place in ("empty", "nowhere"):
-        refused = call("report", str(tmp_path / place))
-        assert refused.exit_code == 2 and str(tmp_path / place) in refused.stderr and "Traceback" not in refused.stderr
-
-
 def test_doctor(monkeypatch):
     """What every run needs and is missing ends with exit code 2; other codes are optional."""
     monkeypatch.setattr(doctor, "compiled_once", lambda: "loops of contact: compiled")  # that takes as long as twenty of these tests
@@ -169,20 +125,3 @@ def test_doctor(monkeypatch):
     monkeypatch.setenv("ORCHESTRATOR_FREEFEM", "/nowhere/FreeFem++")
     broken = call("doctor")
     assert broken.exit_code == 2 and "missing FreeFEM: apt-get install freefem++" in broken.stdout
-
-
-def test_studies_are_listed_and_run(room):
-    seen = []
-    room("benchmarks.registry", STUDIES={"fig7": "convergence", "fig10": "soles"},
-         run_study=lambda *asked: seen.append(asked))
-    assert "fig7" in call("study").stdout and call("study").exit_code == 0
-    assert call("study", "fig7").exit_code == 0 and seen == [("fig7", None, [], False)]
-    assert call("study", "fig10", "--set", "counts=[2]", "--set", "ranks=2", "--resume", "--output", "here").exit_code == 0
-    assert seen[1] == ("fig10", Path("here"), ["counts=[2]", "ranks=2"], True)
-    unknown = call("study", "fig77")
-    assert unknown.exit_code == 2 and "did you mean 'fig7'?" in unknown.stderr
-
-
-def test_unknown_option_and_help():
-    assert call("run", BEAM, "--sett", "a=1").exit_code == 2
-    assert all(name in call("--help").stdout for name in ("run", "check", "report", "study", "doctor"))

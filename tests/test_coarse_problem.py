@@ -57,25 +57,6 @@ def test_sums_over_points_do_the_work_of_the_fields(coarse, steps):
     assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(slopes.shape) - slopes).max() < 1e-5 * np.abs(slopes).max()
 
 
-def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
-    """Six fields per body, that strain nothing; where bodies end is no matter of how many there are."""
-    config = contact(0.3, error=1e-8)
-    d = decomposed(rigidly(config))
-    x = d.scene.mesh.nodes[d.space.dof // 3]
-    assert d.coarse.response.U.shape == (6, d.space.size) and d.coarse.sweeps == 6
-    for e, part in enumerate(d.coarse.parts):
-        of_node = {}
-        for column, dof in zip(range(part.start, part.stop), d.space.dof[part]):
-            of_node.setdefault(dof // 3, {})[dof % 3] = column
-        whole = np.array([[c[0], c[1], c[2]] for c in of_node.values() if len(c) == 3])
-        apart = np.linalg.norm(x[whole[1:, 0]] - x[whole[0, 0]], axis=1)
-        u = d.coarse.response.U[:, whole]  # distances between nodes do not change to first order
-        way = (x[whole[1:, 0]] - x[whole[0, 0]]) / apart[:, None]
-        assert np.abs(((u[:, 1:] - u[:, :1]) * way).sum(axis=2)).max() < 1e-10 * np.abs(u).max()
-    one, two = converged(config), converged(rigidly(config))
-    assert two.displacement == pytest.approx(one.displacement, abs=1e-7 * np.abs(one.displacement).max())
-
-
 def test_the_first_half_of_affine_fields_is_rigid_and_may_be_eliminated_alone(monkeypatch):
     """The same end as with all fields in the fronts, in a coarse problem whose stretches follow by GMRES."""
     config = contact(0.3, error=1e-8)

@@ -38,27 +38,6 @@ def test_numbers_are_freefems(name):
     assert difference(answers[1][2][0], assemble(models[0])) < 1e-12
 
 
-@pytest.mark.parametrize("code", ["freefem", "calculix"])
-def test_the_compliance_takes_the_place_of_runs(code):
-    """Asked again and again, a code that ends after every run is asked for its compliance, once; answers stay."""
-    model = box((3, 3, 3), "cube")
-    with make_blackbox(settings()) as blackbox:
-        blackbox.load([model])
-        first = blackbox.traces({0: forces(model)})[0]
-    with make_blackbox(settings(code=code, transport="file")) as blackbox:
-        blackbox.load([model])
-        assert blackbox.usage.codes()[0]["compliances"] == []
-        for _ in range(200):
-            again = blackbox.traces({0: forces(model)})[0]
-            if noted := blackbox.usage.codes()[0]["compliances"]:
-                break
-        assert noted[0]["subdomain"] == "cube" and noted[0]["unit_loads"] == len(model.trace)
-        assert difference(again, first) < 1e-11
-        spent = blackbox.usage.clock()
-        blackbox.traces({0: forces(model)})
-        assert blackbox.usage.clock() == spent, "no further run"
-
-
 def test_a_failure_of_one_code_ends_all(tmp_path):
     """The error names the subdomain; no process of any code goes on."""
     path = tmp_path / "moody.py"

@@ -5,8 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_mpi import orchestrate
-from yaml_case import bar, blocks, call
+from yaml_case import bar, call
 
 from orchestrator.config.load import load_config
 from orchestrator.results.compare import compare
@@ -71,16 +70,6 @@ def test_another_mesh_adds_the_meshes_errors(bars, tmp_path):
     told = [Solution.read(path).summary["discretisation_error"] for path in (bars / "one", tmp_path / "finer")]
     assert rows["energy, load step 1"].allowed == pytest.approx(sum(told), rel=0.01) and not rows["energy, load step 1"].differs
     assert "displacement field" not in {name.partition(",")[0] for name in rows}
-
-
-@pytest.mark.long
-def test_two_ranks_and_one_are_equal(tmp_path):
-    """With friction, by the real code."""
-    path = blocks(tmp_path, blackbox={"code": "freefem", "workers": 1}, subdomains={"grid": [2, 1, 2]})
-    for ranks in (1, 2):
-        assert orchestrate(ranks, path, "--output", tmp_path / str(ranks)).wait() == 0
-    found = call("compare", tmp_path / "1", tmp_path / "2")
-    assert found.exit_code == 0 and "displacement field" in found.stdout, found.stdout
 
 
 def test_python_writes_what_the_command_line_writes(bars, tmp_path):

@@ -1,24 +1,16 @@
 """What a run with contact leaves behind: both sides, statuses, resultants, bodies that come loose, warnings."""
 
-import dataclasses
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 
-import meshio
 import method_case as case
 import numpy as np
 import pytest
 
-from orchestrator.method.delivery.interface_fields import UNWRITTEN
 from orchestrator.laws.contact import OPEN, SLIP, STICK
 from orchestrator.laws.points import BONDED
 from orchestrator.method.delivery.moved import rotations
 from orchestrator.results.summary.cautions import cautions
-from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.figures.charts import tolerance
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.results.summary.summary import jsonable
 
@@ -51,10 +43,6 @@ def loose():
     return case.solved(False, **stack(3, [[0, 0, -3e-3], [0, 0, 3e-3]]))
 
 
-def fields_of(solved) -> Fields:
-    return Fields.of(solved.scene, solved.displacement, solved.fields.sides, solved.interfaces)
-
-
 def test_statuses_agree_with_gaps_pressures_and_friction(pressed):
     i = pressed.interfaces
     assert pressed.converged and (i.steps, len(i.nodes)) == (3, 9)
@@ -79,42 +67,6 @@ def test_residuals_of_the_laws(pressed):
     assert r["law_residual"] == max(r[p] for p in parts) <= 1e-8
     assert r["law_residual"] == pytest.approx(pressed.iterated.last.law_residual, rel=1e-12)
     assert jsonable(pressed.summary)["error_bound"] is None
-
-
-def test_files_hold_bodies_that_separate(pressed, tmp_path):
-    mine = fields_of(pressed)
-    write_fields(ResultsFolder(tmp_path), mine)
-    sets = ET.parse(tmp_path / "fields/interfaces.pvd").getroot().findall("Collection/DataSet")
-    assert [s.get("file") for s in sets] == ["interface_0001.vtu", "interface_0002.vtu", "interface_0003.vtu"]
-
-    body = meshio.read(tmp_path / "fields/step_0003.vtu")
-    assert len(body.points) == sum(len(s.nodes) for s in pressed.scene.subdomains)
-    subdomain = body.cell_data["subdomain"][0]
-    lower, upper = (np.unique(body.cells_dict["tetra"][subdomain == e]) for e in (0, 1))
-    assert len(np.intersect1d(lower, upper)) == 0
-    where = body.points + body.point_data["displacement"]
-    assert where[upper, 2].min() - where[lower, 2].max() == pytest.approx(4e-3, rel=1e-6)
-
-    i = mine.interfaces
-    patch = meshio.read(tmp_path / "fields/interface_0002.vtu")
-    np.testing.assert_array_equal(patch.points, pressed.scene.mesh.nodes[i.nodes])
-    np.testing.assert_array_equal(patch.cells_dict["triangle"], i.triangles)
-    for name in ("gap", "slip", "pressure", "friction_traction", "status"):
-        np.testing.assert_array_equal(patch.point_data[name], getattr(i, name)[1])
-    jump = patch.point_data["displacement_2"] - patch.point_data["displacement_1"]
-    np.testing.assert_allclose(jump, i.slip[1] + (i.gap - i.initial_gap)[1][:, None] * i.normal, atol=1e-15)
-    assert set(patch.cell_data["interface"][0]) == {0}
-
-    read = read_npz(tmp_path)
-    for e, u in enumerate(mine.sides):
-        np.testing.assert_array_equal(read.sides[e], u)
-        np.testing.assert_array_equal(np.load(tmp_path / "fields.npz")[f"displacement_sides_{e}"], u)
-    for field in dataclasses.fields(i):
-        if field.name not in UNWRITTEN:
-            np.testing.assert_array_equal(getattr(read.interfaces, field.name), getattr(i, field.name))
-    with np.load(tmp_path / "fields.npz") as data:
-        assert {"interface_nodes", "interface_offsets", "gap", "slip", "pressure", "friction_traction", "status"} \
-            <= set(data)
 
 
 def test_detached_body_is_named(loose):

@@ -63,18 +63,6 @@ def test_monolithic_solver_agrees(name, friction):
     assert_agrees(contact(friction, **CASES[name]), loose=name == "ten grains")
 
 
-def test_perfect_and_contact_interfaces_meet():
-    """Two layers of four glued blocks each: contact and perfect interfaces share cross points."""
-    laws = [{"law": "perfect"}, {"between": ["block *-0", "block *-1"], "law": "contact", "friction": 0.3}]
-    made = contact(law=laws, **CASES["eight cubes"])
-    solved = converged(made)
-    assert sorted({i.law.name for i in solved.scene.interfaces}) == ["contact", "perfect"]
-    for t, step in enumerate(monolithic(solved).solve()):
-        assert step.converged
-        difference = max(np.abs(u[t] - other).max() for u, other in zip(solved.parts, step.parts))
-        assert difference <= 1e-6 * max(np.abs(u).max() for u in step.parts)
-
-
 # --- closed forms -----------------------------------------------------------------------------------------
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from test_discretisation import bent, hanging
+from test_discretisation import bent
 
 from orchestrator.config.load import config_from
 from orchestrator.method.stopping.element_problems import ElementProblems
@@ -16,29 +16,6 @@ P2 = {"output": {"figures": False}, "blackbox": {**IN_PROCESS, "element": "P2"}}
 def solved(problem):
     config = config_from({"name": "t", **problem, **P2})
     return solve(config, build_scene(config))
-
-
-def layered(law, tolerance="auto"):
-    """Two layers of different moduli, squeezed: the stress jumps at the interface along the layers only."""
-    return {
-        "mesh": {"box": {"size": [2, 1, 2], "cells": [4, 2, 4]}}, "subdomains": {"grid": [1, 1, 2]},
-        "materials": [{"young": 1000.0, "poisson": 0.3}], "interfaces": [{"law": law}],
-        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [None, None, 0]},
-                     {"on": {"plane": "x", "at": 0}, "displacement": [0, None, None]},
-                     {"on": {"plane": "y", "at": 0}, "displacement": [None, 0, None]},
-                     {"on": {"plane": "z", "at": 2}, "displacement": [None, None, -0.01]}],
-        "method": {"tolerance": {"error": tolerance}},
-    }
-
-
-def test_nothing_where_elements_hold_the_solution():
-    run = solved(hanging(2, tolerance=1e-9))  # quadratic, under its weight: without the body force all would be error
-    assert run.scene.body_force is not None and ElementProblems.of(run.scene)(run.sides).relative < 1e-7
-    run.scene.body_force = None
-    assert ElementProblems.of(run.scene)(run.sides).relative > 1e-2
-    for law in ("perfect", "contact"):  # side by side, each stretched as it likes: no leap is taken across what may open
-        run = solved(layered(law, 1e-9))
-        assert ElementProblems.of(run.scene)(run.sides).relative < 1e-6
 
 
 def test_a_force_that_varies_within_tets():

@@ -1,9 +1,6 @@
 """Linear algebra of the coarse contact problem: elimination front after front, and what is compiled."""
 
 import fcntl
-import os
-import subprocess
-import sys
 import threading
 
 import numpy as np
@@ -85,19 +82,6 @@ def test_fronts_that_nothing_changes_are_left_as_they_are(monkeypatch, cores, ri
     assert 0 < len(one.elimination._stale(stale).order) < len(one.elimination.fronts)
 
 
-def test_what_is_not_worth_messages_rank_0s_cores_take(monkeypatch):
-    """Where it is worth them, all ranks have some."""
-    pattern = BlockPattern(*lattice(6), SIZE)
-    made = Elimination(pattern.indptr, pattern.indices, SIZE)
-    tree = made.layout.parent, np.array([elimination.operations(*front, SIZE) for front in made.fronts]), 2
-    monkeypatch.setattr(layout, "WORTH", 0.0)
-    alone, few = layout.side_by_side(*tree), layout.side_by_side(*tree, ranks=3)
-    assert len(alone.bounds) > 3 and all(np.array_equal(a, b) for a, b in zip(few[:2], alone[:2]))
-    assert not few.rank.any() and few.ranks.tolist() == [0, *3 * [len(alone.bounds) - 2]]
-    monkeypatch.setattr(layout, "WORTH_RANKS", 0.0)
-    assert set(layout.side_by_side(*tree, ranks=3).rank) == {0, 1, 2}
-
-
 def stretched(rng, pattern):
     """Values in whose last two rows bodies resist ten times as much, and a body, the last, that a millionth holds in the first."""
     values = rng.normal(scale=0.5, size=(len(pattern.indices), SIZE, SIZE))
@@ -157,26 +141,3 @@ def test_one_process_compiles_a_loop_at_a_time(tmp_path, monkeypatch):
         assert waits.is_alive() and not done
     waits.join()
     assert done == [6] and loop(np.ones(2)).tolist() == [2, 2]
-
-
-WRITE_NOTHING = """
-import resource, sys
-import numpy as np
-resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))    # as on a full disk
-from orchestrator.method.coarse.kernels import spread
-F = np.zeros((3, 1))
-spread(0, 1, np.ones((1, 3, 2)), np.array([0]), np.array([0, 1]), np.ones((1, 2)), F)
-sys.exit(not (F == 2).all())
-"""
-
-
-@pytest.mark.long
-def test_machine_code_that_cannot_be_kept_serves_its_process(tmp_path):
-    """No room in the cache; and no cache for a function that no file holds."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", WRITE_NOTHING], capture_output=True, text=True, env=environment, timeout=120)
-    assert done.returncode == 0, done.stderr
-    assert not [name for _, _, names in os.walk(tmp_path) for name in names if name.endswith(".nbc")]
-    names = {}
-    exec("def twice(x):\n    return 2 * x", names)
-    assert compiled(names["twice"])(21) == 42

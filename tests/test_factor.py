@@ -83,17 +83,6 @@ def test_a_solver_that_gets_it_wrong_is_not_trusted(macro, monkeypatch):
 
 
 @needs_cholmod
-def test_cholmod_of_another_shape_is_not_taken(monkeypatch):
-    """Its defaults are looked for where they should be: whatever settings would be written elsewhere."""
-    monkeypatch.setattr(cholmod, "ORDERS", {"amd": 3, "metis": 2})
-    cholmod.library.cache_clear()
-    try:
-        assert cholmod.library() is None
-    finally:
-        cholmod.library.cache_clear()
-
-
-@needs_cholmod
 @pytest.mark.parametrize("order", cholmod.ORDERS)
 def test_cholmod_says_what_is_not_positive_definite(macro, order):
     indefinite = lower(macro - 2 * sp.diags_array(macro.diagonal()))

@@ -9,13 +9,9 @@ from mortar_case import POISSON, YOUNG
 from quick import late, quick
 
 from orchestrator.config.load import config_from, Loaded
-from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.method.delivery.met import work as work_of
 from orchestrator.method.monitors.following import FollowingMonitor
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.checkpoint import load_checkpoint
-from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.results.solution import Solution
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
@@ -147,19 +143,6 @@ def test_where_pairs_cannot_follow(changes, told):
         build_scene(config_from({k: v for k, v in {**made, **changes}.items() if v is not None}))
 
 
-@pytest.mark.parametrize("most", [5, late(17)])
-def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, most):
-    """After the fifth iteration the sides are to be paired anew, before the seventeenth they have been."""
-    made = sliding([[2.4, 0, -0.002]], error=1e-8)
-    scene, keeper = build_scene(made), CheckpointWriter(ResultsFolder(tmp_path), "key")
-    whole = solve(made, scene)
-    few = Config.model_validate({**made.complete(), "method": {**made.complete()["method"], "max_iterations": most}})
-    assert solve(few, scene, [keeper]).stop_reason == "max_iterations"
-    resumed = solve(made, scene, start=load_checkpoint(tmp_path, "key"))
-    assert whole.iterations <= resumed.iterations <= whole.iterations + 1 and whole.iterations > most
-    assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-10  # rounding of 5e-3
-
-
 def test_distances_are_those_of_the_jump_where_points_stand_for_their_neighbours():
     """Nodes that are held altogether have no point, and what they stand for goes to those beside: the distance of the sides has to go with it."""
     made = sliding([[0, 0, 0]], slab=(8, 4, 1), slave="block", block=(3, 3, 1)).model_dump(exclude_unset=True)
@@ -185,6 +168,7 @@ def dragged(*path, **more):
 DRAGGED, ROUGH = ([0, 0, -0.002], [1.7, 0, -0.002], [0.6, 0, -0.002]), 1e-4
 
 
+@pytest.mark.long
 def test_sides_that_have_slid_are_paired_anew():
     """As if they had been asked to follow; below a fifth of an element, and where it is asked for, pairs stay."""
     solved, follow = solve(config_from(dragged(*DRAGGED))), solve(sliding([*DRAGGED], error=ROUGH))

@@ -8,7 +8,6 @@ from ring_case import ring
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.interface.pairing import geometry_of
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
@@ -57,20 +56,6 @@ def test_a_foundation_is_what_springs_at_the_nodes_are_in_calculix(tmp_path):
 
 
 @pytest.mark.parametrize("element", quick(ELEMENTS, "P2"))
-def test_a_bed_carries_all_there_is_and_sinks_by_its_mean(element):
-    """Two blocks, one on the other with friction, on springs: k A ū = F, whatever bends above."""
-    solution = solved([{"on": "zmin", "foundation": {"normal": 1000.0, "tangential": 300.0}}, LOADED], element,
-                      mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, subdomains={"slices": {"axis": "z", "count": 2}},
-                      interfaces=[{"law": "contact", "friction": 0.8}], method={"tolerance": {"error": 1e-7}})
-    i = solution.scene.interfaces
-    ground = next(k for k in i if k.subdomains[1] == 2)
-    area = geometry_of(solution.scene.mesh.nodes[ground.global_nodes], ground, ground.shares).area
-    mean = area @ solution.sides[0][0, ground.nodes[0]]
-    assert solution.reactions[0, 0] == pytest.approx([-3, -1, 5], abs=1e-6)
-    assert mean == pytest.approx([3 / 300, 1 / 300, -5 / 1000], abs=1e-8)
-
-
-@pytest.mark.parametrize("element", quick(ELEMENTS, "P2"))
 def test_a_rigid_coupling_is_calculix_rigid_body(element, tmp_path):
     point, force, moment = [0.4, 0.7, 3.0], [10.0, -4.0, 2.0], [1.0, 5.0, -3.0]
     solution = solved([HELD, {"on": "zmax", "coupling": {"about": point, "force": force, "moment": moment}}], element)
@@ -102,32 +87,6 @@ def test_couplings_do_what_else_says_the_same(element):
         assert np.isfinite(acted).all() and found.reactions[:, 0] == pytest.approx(told.reactions[:, 0], abs=1e-7)
         # lumped and consistent nodal forces differ by what bends between neighbours
         assert np.abs(found.displacement[:, :n] - told.displacement).max() < 2e-2 * np.abs(told.displacement).max()
-
-
-def quarter(tmp_path, degrees: float, boundary: list, element: str = "P1", **changes):
-    """A quarter ring, turned about its axis, in plane strain."""
-    x = ring(tmp_path / "ring.msh", 1.0, 2.0, 0.3, (3, 6, 1))
-    part = {"name": "ring", "mesh": {"file": str(tmp_path / "ring.msh")}, "move": {"rotate": {"axis": "z", "degrees": degrees}}}
-    flat = [{"on": f"ring/{side}", "symmetry": True} for side in ("low", "high")]
-    data = bar([*boundary, *flat], element, parts=[part], subdomains="groups", **changes)
-    del data["mesh"]
-    solution = solve(config_from(data))
-    assert solution.converged, solution.stop_reason
-    return solution, len(x)
-
-
-@pytest.mark.parametrize("element", quick(ELEMENTS, "P2"))
-def test_planes_across_no_axis_are_held_in_cylindrical_directions(element, tmp_path):
-    """Turned by 30 degrees, the pressed ring does what it does between planes of symmetry."""
-    pressed = {"on": "ring/inner", "pressure": 50.0}
-    plain, n = quarter(tmp_path, 0.0, [{"on": f"ring/{side}", "symmetry": True} for side in ("start", "end")] + [pressed], element)
-    held = [{"on": f"ring/{side}", "displacement": [None, 0, None], "frame": {"axis": "z"}} for side in ("start", "end")]
-    turned, _ = quarter(tmp_path, 30.0, [*held, pressed], element)
-    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
-    n = body(plain)
-    back = turned.displacement[0, :n] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]).T
-    assert np.abs(back - plain.displacement[0, :n]).max() < 1e-7 * np.abs(back).max()
-    assert np.linalg.norm(turned.reactions[0, 0]) == pytest.approx(np.linalg.norm(plain.reactions[0, 0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

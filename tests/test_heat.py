@@ -115,27 +115,6 @@ def test_a_thick_cylinder_under_pressure_and_heat_is_what_lame_says(tmp_path):
     assert hoop == pytest.approx(exact, rel=2e-2)  # nodal stresses at an edge, whose elements are a fifth of the wall
 
 
-@pytest.mark.parametrize("place, warmth, told", [
-    ((0.5, 0.5, 0.0), 51.0, "two temperatures"), ((0.5, 0.5, 4e-7), 51.0, None), ((0.5, 0.5, 0.0), 5.000001, None),
-    ((0.5, 0.5, 0.0), 5.0, None)],
-    ids=["another temperature", "a place beside", "rounded", "repeated"])
-def test_two_rows_at_one_place_agree(place, warmth, told, tmp_path):
-    """What differs by the digits of a file only agrees; of two temperatures at one place, the file has to say which is meant."""
-    x = build_scene(config_from(bar(loads=[]))).mesh.nodes
-    rows = np.r_[np.c_[x, 10 * x[:, 0]], [[*place, warmth]]]
-    at = int(np.flatnonzero((x == [0.5, 0.5, 0.0]).all(axis=1))[0])
-    text = ["# x y z T", "", *(" ".join(map(repr, map(float, row))) for row in rows)]
-    (tmp_path / "warm.csv").write_text("\n".join(text))
-    heated = config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}}]))
-    if told is None:
-        assert np.allclose(build_scene(heated).thermal[0, :, 0], 1.2e-5 * 10 * x[build_scene(heated).mesh.cells[:, 0], 0], rtol=1e-12,
-                           atol=1e-12)
-        return
-    with pytest.raises(InputError, match="two temperatures at") as caught:
-        build_scene(heated)
-    assert f"5 on line {at + 3} and 51 on line {len(text)}" in str(caught.value) and "a file for each" in caught.value.problems[0].cure
-
-
 WRONG = {
     "no expansion": ({"materials": [{"young": 1.0, "poisson": 0.3}]}, ("loads", 0, "temperature"), "materials[0]"),
     "two kinds": ({"loads": [{"temperature": 1.0, "gravity": [0, 0, 1.0]}]}, ("loads", 0, "gravity"), "together"),
@@ -154,20 +133,6 @@ def test_what_is_wrong_with_a_temperature_is_told_with_its_place(what):
     with pytest.raises(InputError) as caught:
         build_scene(config_from(bar(**changes)))
     assert caught.value.problems[0].path == path and words in str(caught.value.problems[0]) and caught.value.problems[0].cure
-
-
-def test_a_thin_part_needs_rows_on_both_faces(tmp_path):
-    """A row belongs to the node at its place, and not to the one behind it that is as near beside the scene's size."""
-    plate = {"box": {"size": [1000, 1000, 0.001], "cells": [4, 4, 1]}}
-    x = build_scene(config_from(bar(mesh=plate, subdomains={"metis": 2}))).mesh.nodes
-    for rows, fails in ((x, False), (x[x[:, 2] == 0], True)):
-        np.savetxt(tmp_path / "warm.csv", np.c_[rows, 1e6 * rows[:, 2]])
-        made = config_from(bar(mesh=plate, subdomains={"metis": 2}, loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}}]))
-        if fails:
-            with pytest.raises(InputError, match="no row for 25 of 50 nodes; .* is 0.001 from the nearest row"):
-                build_scene(made)
-        else:
-            assert build_scene(made).thermal is not None
 
 
 @pytest.mark.parametrize("content, words", [

@@ -4,7 +4,7 @@ import pytest
 from contact_case import BOTTOM, CASES, TOP, contact
 from in_process import FREEFEM, IN_PROCESS
 from method_case import CLAMP, CUBES, METIS, close, config, irregular, layered, method
-from test_method import BENT, LOADS, STRIPES
+from test_method import BENT, LOADS
 from test_soft_modes import flat, mixed
 from quick import quick
 
@@ -16,6 +16,7 @@ HISTORIES = {"histories": {"pull": [0.5, 0.0, 1.0], "press": [1.0, 0.0, -1.0]}, 
     CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 0.0, 1.0], "history": "pull"},
     {"on": {"plane": "z", "at": 2.0}, "pressure": 2.0, "history": "press"}]}
 P2 = {"element": "P2"}
+STRIPES = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "*2"}]
 BONDED = {  # name: folder → configuration but for the black box, and what is changed in that
     "slices": (lambda f: {**BENT, **PRECISE}, {}),
     "cubes, every load": (lambda f: {**CUBES, **LOADS["everything"], **PRECISE}, {}),

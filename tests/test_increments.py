@@ -51,7 +51,6 @@ def test_a_reference_with_contact_is_refused():
 
 
 PRESSED, SHEARED = [0, 0, -0.002], [0.002, 0, -0.002]
-MIDDLE, QUARTER = [0.001, 0, -0.002], [0.0005, 0, -0.002]
 HALVES = [(1, 0.0, 1.0), (1, 0.0, 0.5)]  # load step, from 0, and the parts of it that are halved: its first half is halved again
 
 
@@ -76,23 +75,6 @@ def halved(monkeypatch):
     monkeypatch.setattr(increments._Run, "_smaller", smaller)
 
 
-def test_halves_are_load_steps_of_which_nothing_is_delivered(halved):
-    """The same as with load steps in the configuration, at those that were asked for."""
-    ours, theirs = solve(*pressed(PRESSED, SHEARED)), solve(*pressed(PRESSED, QUARTER, MIDDLE, SHEARED))
-    assert ours.converged and ours.displacement.shape[0] == 2 and len(ours.summary["backward"]["load_steps"]["normal"]) == 2
-    asked = [0, 3]
-    scale = np.abs(theirs.displacement).max()
-    assert np.abs(ours.displacement - theirs.displacement[asked]).max() <= 1e-9 * scale
-    assert np.abs(ours.interfaces.slip - theirs.interfaces.slip[asked]).max() <= 1e-9 * scale
-    assert (ours.interfaces.status == theirs.interfaces.status[asked]).all()
-    np.testing.assert_allclose(ours.iterated.bound.errors, theirs.iterated.bound.errors[asked], rtol=1e-3)
-    assert ours.error_bound == pytest.approx(theirs.iterated.bound.errors.max() / theirs.iterated.bound.size, rel=0.2)
-    for name in ("normal", "tangential"):
-        here, there = (np.array(x.summary["backward"]["load_steps"][name]) for x in (ours, theirs))
-        np.testing.assert_allclose(here, there[asked], rtol=0.05)  # energies inside are known to 1e-4 of the largest load step's
-    assert [found["part"] for found in ours.summary["load_path"]] == [[0.0, 1.0], [0.0, 0.5]]
-
-
 def test_a_run_that_is_stopped_within_a_load_step_goes_on_there(halved, tmp_path):
     made, scene = pressed(PRESSED, SHEARED)
     whole = solve(made, scene)
@@ -101,12 +83,3 @@ def test_a_run_that_is_stopped_within_a_load_step_goes_on_there(halved, tmp_path
     assert [event.iteration for event in told] == list(range(1, whole.iterations + 1))
     assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * np.abs(whole.displacement).max()
     assert resumed.summary["load_path"] == whole.summary["load_path"]
-
-
-def test_a_limit_load_is_told_at_its_share_of_the_whole_load_step(halved):
-    """Pulled by twice and a half what friction carries: 40 % of it are carried, in whatever part it is found."""
-    found = solve(*pressed([0, 0, -10], [7.5, 0, -10], kind="traction")).summary
-    limit, = found["limit_load"]
-    assert found["stop_reason"] == "limit load" and limit["load_step"] == 2 and limit["factor"] == pytest.approx(0.4, rel=1e-6)
-    stuck = found["load_path"][-1]
-    assert stuck["stuck"] and stuck["part"] == [0.25, 0.5] and any("from 0.25 to 0.5 of what it adds" in text for text in found["advice"])

@@ -1,7 +1,6 @@
 """A lap joint as CAD draws it: ``init`` finds bolts, nuts, threads and clearances; element sizes, names and faces of parts."""
 
 
-import gmsh
 import numpy as np
 import pytest
 from boxes import boxed
@@ -9,29 +8,18 @@ from contact_case import contact
 from benchmarks.problems.lap_joint import lap_joint
 from yaml_case import call
 
-from orchestrator import InputError, build_scene, config_from, solve
+from orchestrator import InputError, build_scene, config_from
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.method.delivery.faces import shape
-from orchestrator.results.summary.contact_faces import slip_load
 from orchestrator.results.summary.verdict import verdict
-from orchestrator.results.summary.lines import summary_rows
-from orchestrator.scene.fits import bolts, fits, pressed, round_faces
-from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.fits import bolts
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.shapes import Shape, shape_of
 
 
 def section(**keys):
     return Section.model_validate(keys)
-
-
-def drilled_plates():
-    """Two plates of 6, one on the other, with a hole of radius 4.5; gmsh's modeller."""
-    occ = gmsh.model.occ
-    for z in (0, 6):
-        occ.cut([(3, occ.addBox(0, 0, z, 20, 20, 6))], [(3, occ.addCylinder(10, 10, z, 0, 0, 6, 4.5))])
-    return occ
 
 
 def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
@@ -46,28 +34,6 @@ def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
     contact, *threads = config.interfaces
     assert contact.law == "contact" and contact.between == "auto" and 0.6 < contact.within < 1  # 0.5 of room, 0.1 off the middle
     assert [(entry.law, entry.between) for entry in threads] == [("perfect", [f"bolts/bolt_{k}", f"bolts/nut_{k}"]) for k in (1, 2)]
-
-
-@pytest.mark.long
-def test_a_hole_a_bushing_and_a_screw_are_told_apart(tmp_path):
-    """A screw with its thread in a plate is a bolt without a nut; a bushing with a collar, tight in its hole, clamps nothing."""
-    with session():
-        occ = gmsh.model.occ
-        plate = [(3, occ.addBox(0, 0, 0, 60, 30, 10))]
-        occ.cut(plate, [(3, occ.addCylinder(x, 15, 0, 0, 0, 10, r)) for x, r in ((15, 4), (45, 4))])
-        occ.cut([(3, occ.addBox(0, 0, 10, 30, 30, 6))], [(3, occ.addCylinder(15, 15, 10, 0, 0, 6, 4.5))])
-        occ.fuse([(3, occ.addCylinder(15, 15, 2, 0, 0, 14, 4))], [(3, occ.addCylinder(15, 15, 16, 0, 0, 5, 7))])
-        occ.fuse([(3, occ.addCylinder(45, 15, 0, 0, 0, 10, 4))], [(3, occ.addCylinder(45, 15, 10, 0, 0, 2, 7))])
-        occ.synchronize()
-        gmsh.write(str(tmp_path / "screw.brep"))
-    mesh, faces = make_mesh(section(step=str(tmp_path / "screw.brep"), h={"curvature": 12, "max": 10.0}, conforming=False))
-    found = fits(round_faces(mesh, faces))
-    assert sorted(round(fit.clearance, 9) for fit in found) == [0.0, 0.0, 0.5]
-    (screw,) = bolts(mesh, found, list(pressed(mesh, faces)))
-    (thread,) = screw.threads
-    assert not screw.nuts and mesh.volumes[thread.hole.volume] == "solid_1" and np.isclose(thread.length, 8)
-    (left,) = fits(round_faces(*make_mesh(section(step=str(tmp_path / "screw.brep"), h=5.0))))  # shared faces are inside
-    assert np.isclose(left.clearance, 0.5)
 
 
 def test_sizes_by_curvature_on_faces_and_names(tmp_path):
@@ -116,59 +82,6 @@ def test_faces_of_a_part_on_a_plane():
         build_scene(slabs(part="ldi"))
     with pytest.raises(InputError, match="'base' has none of these faces, which are of lid"):
         build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
-
-
-@pytest.mark.long
-def test_a_cut_keeps_away_from_where_plates_meet_and_gaps_are_told(tmp_path):
-    """A bolt whose middle is where two plates meet is cut amid one of them; its shank has no pair across the gap."""
-    with session():
-        occ = drilled_plates()
-        shank = occ.fuse([(3, occ.addCylinder(10, 10, 0, 0, 0, 12, 4))], [(3, occ.addCylinder(10, 10, 12, 0, 0, 4, 7))])[0]
-        occ.fuse(shank, [(3, occ.addCylinder(10, 10, -4, 0, 0, 4, 7))])
-        occ.synchronize()
-        gmsh.write(str(tmp_path / "clamp.brep"))
-    data = {"name": "clamp", "mesh": {"step": str(tmp_path / "clamp.brep"), "conforming": False, "h": {"curvature": 12, "max": 3.0},
-                                      "rename": {"solid_3": "bolt"}}, "subdomains": "groups",
-            "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"between": "auto", "law": "contact", "friction": 0.2}],
-            "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}], "bolts": [{"on": "bolt", "force": 1000.0}]}
-    scene = build_scene(config_from(data))
-    assert np.allclose(scene.bolts[0].point, [10, 10, 9], atol=0.05)
-    gaps = [beside.gap for beside in scene.near.values() if beside.gap]
-    assert len(gaps) == 2 and all("bolt" in gap and "nothing keeps them apart" in gap for gap in gaps)
-    there = build_scene(config_from({**data, "bolts": [{"on": "bolt", "force": 1000.0, "cut": {"plane": "z", "at": 6.0}}],
-                                     "interfaces": [{"between": "auto", "law": "contact", "friction": 0.2, "within": 0.7}]}))
-    assert any("(10, 10, 9) is amid one" in warning for warning in there.warnings) and not any(beside.gap for beside in there.near.values())
-
-
-def test_a_twist_is_told_as_a_moment():
-    """A block pressed on another and twisted about the normal: what grows is a couple, whose force is rounding alone."""
-    top = {"on": {"plane": "z", "at": 1.0}}
-    made = contact(0.2, error=1e-6, histories={"turn": [0, 0.25, 0.5, 0.75], "on": [1, 1, 1, 1]}, boundary=[
-        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {**top, "pressure": 10.0, "history": "on"},
-        {**top, "resultant": {"moment": [0, 0, 1.0]}, "history": "turn"}],
-        output={"units": {"length": "mm", "force": "N"}})
-    solution = solve(made, build_scene(made))
-    (face,) = solution.summary["contact_faces"]
-    wrench = np.concatenate([solution.summary["reactions"], solution.summary["reaction_moments"]["moments"]], axis=2)
-    slips = slip_load(solution.scene, np.arange(4) == 3, np.array(face["used"]), np.array([0, 0, 1.0]),
-                      solution.summary["reaction_names"], wrench)
-    assert slips["of"] == "moment" and [slips["before"], slips["load"]] == pytest.approx([0.5, 0.75])
-    assert slips["at"] == pytest.approx(0.75)  # the straight line leads to 0.785, beyond what was applied
-    (said,) = verdict({**solution.summary, "contact_faces": [{**face, "slips": slips}]})
-    assert "between 0.5 and 0.75 N·mm" in said
-    told = dict(summary_rows(solution.summary))["loads"].splitlines()
-    assert told == ["z = 1: (0, 0, -10) N  (load step 4 of 4)", "z = 1: moment (0, 0, 0.75) N·mm"]
-
-
-@pytest.mark.long
-def test_the_lap_joint_beside_calculix(tmp_path):
-    """Preload shortening, slip load and bolts' forces on one mesh, within 3 %; by hand."""
-    from benchmarks.kit.study import Study
-    from benchmarks.studies.lap_joint import run
-
-    study = Study("lap_joint", "", tmp_path)
-    run(study)
-    assert len(study.targets) == 9 and all(target.met for target in study.targets), study.targets
 
 
 def test_shanks_that_bear_are_told_above_the_tolerance():

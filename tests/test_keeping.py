@@ -89,7 +89,7 @@ def stopped_and_resumed(tmp_path, made, scene, stops):
     return solve(made, scene, [Told()], start=start), told
 
 
-@pytest.mark.parametrize("case", quick(CASES, "contact", "nonlinear, step by step"))
+@pytest.mark.parametrize("case", quick(CASES, "contact"))
 def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
     """The same iterations, the same values to the last bit but rounding, wherever it was stopped.
 

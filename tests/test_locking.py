@@ -72,11 +72,6 @@ def test_against_a_much_better_solution(case, poisson):
     assert low < estimate / truth < high, (estimate, truth)
 
 
-def test_does_not_fall_as_locking_grows():
-    estimates = [estimated("cantilever", 2, poisson)[0] for poisson in (0.3, 0.499, 0.4999, 0.4999999)]
-    assert (np.diff(estimates) > -1e-3).all() and estimates[-1] > 0.9
-
-
 @pytest.mark.parametrize("poisson", [0.3, 0.49, 0.4999999])
 def test_uniform_stress_is_exact_whatever_the_matter(poisson):
     assert estimated("uniform tension", 2, poisson)[0] < 1e-6

@@ -50,6 +50,7 @@ def test_relations_hold(scene, relations, silent):
     assert {k for k, v in verdict.tried.items() if v != "agree"} <= silent, verdict.tried
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("door", quick(DOORS, *(DOORS.keys() - {"two ranks", "part as deck", "another code"})))
 def test_doors_agree(door):
     """The block in the middle, bonded and in contact, as the model of another program or by another code."""

@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
-from quick import late, quick
+from quick import quick
 from benchmarks.monolithic import Monolithic
 from in_process import IN_PROCESS
-from mortar_case import FOUR, POISSON, SIX, THREE, TURN, TWO, YOUNG, blocks, free_mesh, gradients, off, pairs_looked_at, patch_scene, there
+from mortar_case import POISSON, TURN, TWO, YOUNG, blocks, free_mesh, off, pairs_looked_at, there
 
 from orchestrator.errors import InputError
 from orchestrator import config_from
@@ -196,29 +196,6 @@ def test_work_grows_with_the_facets(monkeypatch):
 
 # --- fields that must pass ------------------------------------------------------------------------------------
 
-LAYOUTS = {"fine on coarse": (TWO, (0.35, 0.12)), "coarse on fine": (TWO, (0.12, 0.35)), "T": (THREE, (0.3, 0.2, 0.17)),
-           "four round an edge": (FOUR, (0.5, 0.4, 0.3, 0.5))}
-QUADRATIC = {"fine on coarse": (TWO, (0.48, 0.35)), "four round an edge": (FOUR, (0.8, 0.45, 0.4, 0.6))}
-
-
-@pytest.mark.parametrize("element, layout", [
-    *(("P1", name) if name == "four round an edge" else late("P1", name) for name in LAYOUTS),
-    *(("P2", name) if name == "fine on coarse" else late("P2", name) for name in QUADRATIC)])
-def test_constant_stresses_pass(element, layout):
-    """All six, across a plane turned anyhow, through the whole program; slaves' nodes are prescribed, too."""
-    bodies, sizes = (LAYOUTS if element == "P1" else QUADRATIC)[layout]
-    meshes = {name: free_mesh(size, h) for (name, (size, _)), h in zip(bodies.items(), sizes)}
-    made = blocks(bodies, meshes, element=element, stresses=SIX, held=[{"on": "a/ymin", "displacement": [0, 0, 0]}],
-                  method={"tolerance": {"error": 6e-11}})
-    strains = gradients(SIX, TURN)
-    scene = patch_scene(made, strains)
-    assert len(scene.interfaces) == len(bodies) - (len(bodies) < 3) and all(i.mortar is not None for i in scene.interfaces)
-    solved = solve(made, scene)
-    assert solved.converged, solved.stop_reason
-    assert off(scene, solved.parts, strains) < 1e-10
-    steps = Monolithic(scene).solve()
-    assert off(scene, [np.stack([s.parts[e] for s in steps]) for e in range(len(bodies))], strains) < 1e-10
-
 
 def test_linear_stresses_pass_between_ten_node_tets():
     """Pure bending is a solution of the discrete equations: no jump, and forces of the stress on either side."""
@@ -241,21 +218,6 @@ def test_linear_stresses_pass_between_ten_node_tets():
         assert inside.sum() > 20 and np.abs(found - force.reshape(-1, 3))[inside].max() < 1e-10 * np.abs(found).max()
 
 
-@pytest.mark.parametrize("layout", quick(["fine on coarse", "T"], "T"))
-def test_the_undecomposed_solution_is_that_of_the_same_operators(layout):
-    """``--reference``: the tests' own monolithic solution; the bound holds against it."""
-    bodies, sizes = LAYOUTS[layout]
-    made = blocks(bodies, {name: free_mesh(size, h) for (name, (size, _)), h in zip(bodies.items(), sizes)},
-                  held=[{"on": "a/xmin", "displacement": [0.001, 0, 0]}, {"on": "b/zmax", "traction": [3, 5, -1]},
-                        {"on": "b/xmin", "displacement": [0.001, None, None]}], method={"tolerance": {"error": 1e-6}})
-    scene = build_scene(made)
-    solved = solve(made, scene, reference=True)
-    assert solved.converged and solved.summary["true_error"] <= solved.error_bound
-    (step,) = Monolithic(scene).solve()
-    for s, u in zip(scene.subdomains, step.parts):
-        assert np.abs(solved.reference.displacement[0, s.nodes] - u).max() < 1e-9 * np.abs(u).max()
-
-
 @pytest.mark.parametrize("young", quick([YOUNG, YOUNG / 1000], YOUNG / 1000), ids=["alike", "1:1000"])
 def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
     """Slices of sizes 1:3, and of moduli 1:1000, against matching ones of the finer size."""
@@ -275,19 +237,6 @@ def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
         assert solved.converged
         counts.append(solved.summary["iterations"])
     assert counts[1] <= 1.2 * counts[0], counts
-
-
-def test_nodes_that_are_paired_stay_together_where_a_face_beside_is_fitted():
-    """Blocks side by side, node for node, and a third bonded to one of them across a slit: its edge is the other's, too."""
-    box = {name: {"box": {"size": [1, 1, 1], "cells": cells}} for name, cells in (("a", [1, 1, 1]), ("b", [1, 1, 1]), ("c", [2, 2, 1]))}
-    made = blocks({"b": ([1, 1, 1], [-1, 0, 0]), "a": ([1, 1, 1], [0, 0, 0]), "c": ([1, 1, 1], [0, 0, 1.3])}, box, turn=None,
-                  held=[{"on": "b/zmin", "displacement": [0, 0, 0]}, {"on": "c/zmax", "traction": [1, 0, -3]}],
-                  interfaces=[{"between": "auto", "law": "perfect", "tolerance": 1.5}], method={"tolerance": {"error": 1e-6}})
-    scene = build_scene(made)
-    pairs = [i for i in scene.interfaces if i.matching]
-    assert len(pairs) == 1 and len(scene.interfaces) == 2
-    assert (scene.side_points(pairs[0], 0) == scene.side_points(pairs[0], 1)).all()
-    assert solve(made, scene).converged
 
 
 @pytest.mark.parametrize("error", quick([1e-2, 1e-3], 1e-2))

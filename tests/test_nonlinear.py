@@ -1,23 +1,20 @@
 """Nonlinear parts: load steps one after the other, against one run of everything; who is refused, and why."""
 
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from boxes import boxed
-from foreign_case import elements, numbered, restart_displacements, tets, write_deck
+from foreign_case import write_deck
 from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
 from quick import late
 
-from orchestrator.blackbox.codes.calculix.deck_runs import EXACT
 from orchestrator.blackbox.codes.adapter import FullModel
 from orchestrator.blackbox.models import whole_model
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
-from orchestrator.registry import FOREIGN
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
@@ -60,28 +57,6 @@ def test_plasticity_with_reversal_against_one_run():
     assert np.isnan(summary["error_bound"]) and np.isnan(summary["energy"]).all()
     assert 1e-9 < summary["residuals"]["law_residual"] <= 1e-6
     assert summary["nonlinear"]["answers"] == 4 * (solution.iterations + 4) and not summary["discretisation_error"]
-
-
-@pytest.mark.long
-def test_a_part_moved_by_its_supports_in_contact_with_an_elastic_one():
-    """Prescribed displacements reach nonlinear parts; as a process it gives the same; below its yield it is elastic."""
-    problem = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subdomains": {"grid": [1, 1, 2]},
-               "interfaces": [{"law": "contact", "friction": 0.3}], "method": {"tolerance": {"error": 1e-6}},
-               "boundary": [{"on": "zmin", "displacement": [0, 0, 0]},
-                            {"on": "zmax", "displacement": [[0, 0, -0.002], [0.001, 0, -0.004], [0, 0, -0.001]]}]}
-
-    def solved(**entry):
-        return solve(config(**problem, blackbox=[IN_PROCESS, {**entry, "on": "block 0-0-1"}]))
-
-    flows, process = solved(**IN_PROCESS_PLASTIC), solved(**AS_PROCESS)
-    assert flows.converged and process.converged
-    assert np.abs(flows.displacement - process.displacement).max() <= 1e-12
-    strong = solved(**{**IN_PROCESS_PLASTIC, "options": {**OPTIONS, "yield_stress": 1e6}})
-    elastic, size = solved(**IN_PROCESS), np.abs(flows.displacement).max()
-    assert np.abs(strong.displacement - elastic.displacement).max() < 1e-5 * size
-    pressed, elastically = (s.reactions[0, :, 2] for s in (flows, elastic))
-    # what has been flattened is not touched any more where the elastic part is still pressed
-    assert pressed[1] < 0.8 * elastically[1] and abs(pressed[2]) < 1e-6 * elastically[2]
 
 
 @pytest.mark.parametrize("change, words", [
@@ -186,64 +161,6 @@ def test_nonlinear_solvers_that_break_their_word(tmp_path, body, words):
 
 
 PLASTIC = "*MATERIAL,NAME=STEEL\n*ELASTIC\n200e3,.3\n*PLASTIC\n200.,0.\n2200.,1.\n*SOLID SECTION,ELSET=EALL,MATERIAL=STEEL\n"
-STEPS, FORCE = (0.9, -0.3), (0.0, 6.3, -4.2)
-
-
-@pytest.mark.long
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
-def test_two_decks_and_a_solver_in_python_that_flow(tmp_path):
-    """A bar of three parts, bent and bent back, load steps replayed by the decks: against one run of CalculiX, nodes shared."""
-    for name, at, clamp in (("one", 0, "ROOT,1,3\n"), ("two", 4, "")):
-        (tmp_path / name).mkdir()
-        write_deck(tmp_path / name, matter=PLASTIC, clamp=clamp, at=(at, 0, 0), turned=name == "two")
-    files = [tmp_path / f"pull{t}.inp" for t in range(len(STEPS))]
-    for file, factor in zip(files, STEPS):
-        file.write_text("*CLOAD\n" + "".join(f"FLANGE,{c},{factor * f!r}\n" for c, f in enumerate(FORCE, 1)))
-    both = {name: {"calculix": str(tmp_path / name / "part.inp"), "nonlinear": True} for name in ("one", "two")}
-    data = {"name": "bar", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [],
-            "parts": [{"name": "one", "deck": {**both["one"], "joints": "FLANGE"}},
-                      boxed("middle", [2, 1, 1], [2, 1, 1], [2, 0, 0]),
-                      {"name": "two", "deck": {**both["two"], "joints": "ROOT", "loads": [str(file) for file in files]}}],
-            "interfaces": [{"between": "auto", "law": "perfect"}], "method": {"tolerance": {"error": 5e-7}},
-            "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "options": {"yield_stress": 200.0, "hardening": 2000.0}, "on": "middle"}]}
-    with pytest.raises(InputError, match="write nonlinear: true"):
-        build_scene(config_from({**data, "parts": [{**p, "deck": {**p["deck"], "nonlinear": False}} if "deck" in p else p
-                                                   for p in data["parts"]]}))
-    solution = solve(config_from(data))
-    exact, nodes = of_one_run(tmp_path)
-    assert solution.converged and solution.iterations <= 40 * len(STEPS) and np.isnan(solution.error_bound)
-    own = next(s for s in solution.scene.subdomains if s.name == "middle")
-    place = [int(np.argmin(np.linalg.norm(nodes - p, axis=1))) for p in solution.scene.mesh.nodes[own.nodes]]
-    assert np.abs(solution.parts[own.index][-1] - exact[place]).max() <= 1e-5 * np.abs(exact).max()
-    entry = config_from(data).codes[-1]
-    two = next(s for s in solution.scene.subdomains if s.name == "two")
-    own = FOREIGN[entry.code](entry).own_fields(*(x[two.index][:, :4] for x in (solution.parts, solution.joints)))
-    place = [int(np.argmin(np.linalg.norm(nodes - p, axis=1))) for p in own.points]
-    assert np.abs(own.displacement[-1] - exact[place]).max() <= 2e-5 * np.abs(exact).max()
-    np.testing.assert_allclose(own.force.sum(axis=1), -4 * np.outer(STEPS, FORCE), atol=1e-3)
-
-
-def of_one_run(folder):
-    """Displacements (n, 3) at the last load step, and nodes."""
-    parts = [elements("C3D8", (2, 1, 1)), tets((2, 1, 1), at=(2, 0, 0)), elements("C3D8", (2, 1, 1), at=(4, 0, 0))]
-    _, first, place = np.unique(np.vstack([x for x, _ in parts]), axis=0, return_index=True, return_inverse=True)
-    x = np.vstack([x for x, _ in parts])[first]
-    text, start, number = "*NODE,NSET=NALL\n" + numbered(x), 0, 0
-    for (own, cells), kind in zip(parts, ("C3D8", "C3D4", "C3D8")):
-        text += f"*ELEMENT,TYPE={kind},ELSET=EALL\n"
-        for row in (1 + place[start + cells]).tolist():
-            number += 1
-            text += f"{number}," + ",".join(map(str, row)) + "\n"
-        start += len(own)
-    for name, at in (("ROOT", 0), ("END", 6)):
-        text += f"*NSET,NSET={name}\n" + "".join(f"{i},\n" for i in 1 + np.flatnonzero(x[:, 0] == at))
-    text += PLASTIC + "*BOUNDARY\nROOT,1,3\n"
-    for t, factor in enumerate(STEPS, 1):
-        text += "*STEP\n" + ("*RESTART,WRITE\n" if t == len(STEPS) else "") + EXACT + "*STATIC,DIRECT\n1.,1.\n*CLOAD,OP=NEW\n"
-        text += "".join(f"END,{c},{factor * f!r}\n" for c, f in enumerate(FORCE, 1)) + "*END STEP\n"
-    (folder / "all.inp").write_text(text)
-    subprocess.run(["ccx", "all"], cwd=folder, check=True, capture_output=True)
-    return restart_displacements(folder / "all.rout", "STEEL"), x
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")

@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 import pytest
 from method_case import CLAMP, PULL
-from own_solvers import Named
 from quick import late
 
 from orchestrator.blackbox.codes.python_code import PythonCode
@@ -51,19 +50,6 @@ def test_a_code_with_an_option_of_its_own(softened):
     assert two.summary["converged"] and two.summary["iterations"] == one.summary["iterations"]
     assert np.abs(two.displacement - 2 * one.displacement).max() < 1e-8 * np.abs(two.displacement).max()
     assert two.summary["codes"][0]["code"] == "softened" and two.summary["config"]["blackbox"]["softening"] == 2.0
-
-
-def test_an_adapter_gets_a_name_by_a_line_alone():
-    """Its attributes say the rest: elements, what may be relied on, the package that it needs."""
-    CODES.add("named", Named)
-    try:
-        one, two = (solve(config_from(problem({"code": code, "workers": 1}))) for code in ("freefem", "named"))
-        assert two.summary["iterations"] == one.summary["iterations"] and two.summary["codes"][0]["code"] == "named"
-        assert np.abs(two.displacement - one.displacement).max() < 1e-9 * np.abs(one.displacement).max()
-        with pytest.raises(InputError, match="expected: P1"):
-            config_from(problem({"code": "named", "element": "P2"}))
-    finally:
-        CODES.remove("named")
 
 
 WRONG = {  # the section, key path, words of the message

@@ -11,7 +11,6 @@ from orchestrator.config.mesh import Mesh, Move
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import make_mesh, moved
 
@@ -108,30 +107,6 @@ def section(**keys) -> Mesh:
     return Mesh.model_validate({"step": AS1, "conforming": False, **keys})
 
 
-@pytest.mark.long
-def test_solids_meshed_one_by_one():
-    """Each at its own size; nothing shared; the volumes those of the model."""
-    mesh, faces = make_mesh(section(h={"*": 12, "bolt*": 6, "nut_1": 4}))
-    assert len(mesh.volumes) == 18 and not mesh.remarks
-    assert (mesh.volume[faces.owner[faces.inner]] == mesh.volume[faces.neighbour[faces.inner]]).all()
-    count = dict(zip(mesh.volumes, np.bincount(mesh.volume)))
-    assert count["nut_1"] > 2 * count["nut_2"] and abs(count["nut_2"] - count["nut_3"]) < 10
-    fewer, _ = make_mesh(section(h=12, exclude=["bolt*", "nut*"]))
-    assert fewer.volumes == ["rod", "l-bracket_1", "plate", "l-bracket_2"]
-    plate = tet_volumes(fewer.nodes, fewer.cells)[fewer.volume == 2].sum()
-    assert plate == pytest.approx(tet_volumes(mesh.nodes, mesh.cells)[mesh.volume == mesh.volumes.index("plate")].sum(), rel=1e-9)
-    surface = np.concatenate([t for name, t in fewer.surfaces.items() if name.startswith("plate:")])
-    outer = faces_of_volume(fewer, 2)
-    assert len(surface) == outer
-
-
-def faces_of_volume(mesh, volume: int) -> int:
-    """Number of outer faces."""
-    from orchestrator.scene.mesh.faces import faces_of
-
-    return len(faces_of(mesh.cells[mesh.volume == volume], len(mesh.nodes)).outer)
-
-
 @pytest.fixture(scope="module")
 def dirty(tmp_path_factory) -> str:
     """A box that lacks a face, a whole one, a tiny one, and a face of nothing."""
@@ -177,8 +152,3 @@ def test_what_can_be_meshed_of_a_dirty_model_is_shown_and_proposed(dirty, tmp_pa
     done = call("init", tmp_path / "dirty.yaml", dirty)
     assert done.exit_code == 0 and "close no solid; it is left out" in " ".join(done.stdout.split())
     assert load_config(tmp_path / "dirty.yaml").config.mesh.exclude == ["shell_1", "solid_1"]
-
-
-def test_solids_left_out_where_solids_share_faces():
-    mesh, _ = make_mesh(Mesh.model_validate({"step": AS1, "h": 12, "exclude": ["bolt*", "nut*", "rod"]}))
-    assert mesh.volumes == ["l-bracket_1", "plate", "l-bracket_2"]

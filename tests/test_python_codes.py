@@ -99,26 +99,6 @@ def test_interpreters_that_will_not_do_are_told(tmp_path, python, words):
     assert words in str(caught.value) and caught.value.problems[0].path == ("blackbox", "python")
 
 
-def test_what_a_model_tells_of_the_mesh(tmp_path, shipped):
-    """A solver whose moduli follow the names of volumes and the places of nodes, not the YAML's: soles stay theirs."""
-    text = BASE + """
-class Solver(Adapter):
-    own_matter = True
-    def stiffness(self, model):
-        body = ~model.sole
-        assert body.shape == model.region.shape and (model.volume[body] >= 0).all() and (model.volume[~body] == -1).all()
-        assert set(model.volumes) <= {"box"} and model.number.shape == (len(model.nodes),)
-        assert (model.number[np.unique(model.cells[body])] >= 0).all()
-        if body.any():
-            assert len(np.unique(model.nodes[model.number >= 0], axis=0)) > 3
-        young = np.where(model.sole, model.materials[model.region, 0], 100e3)
-        stiff = type(model)(model.name, model.nodes, model.cells, np.arange(len(young)),
-                            np.column_stack([young, model.materials[model.region, 1]]), model.fixed, model.trace)
-        return Template().stiffness(stiff)
-"""
-    assert apart(displacement({"code": file(tmp_path, text), "workers": 1}), 2 * shipped) < 1e-8
-
-
 @pytest.mark.parametrize("code", ["ngsolve", "mfem"])
 def test_adapters_shipped(code, shipped):
     """Where the package is installed; a folder named by CODE_PYTHON may hold an interpreter that has it."""

@@ -6,12 +6,10 @@ from pyvista import CellType, read
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from blackbox_case import box, chain, difference, settings
-from contact_case import contact
 from in_process import FREEFEM
 from method_case import CLAMP, CUBES, close, config, irregular, method, naked_beside, solved
 from quadratic_case import assemble_ten, with_middles
-from test_contact_verification import assert_agrees
-from quick import late, quick
+from quick import quick
 
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.results.fields.fields import Fields
@@ -158,15 +156,3 @@ def test_field_files(tmp_path):
 
 
 # --- contact ----------------------------------------------------------------------------------------------
-
-SMALL = {"two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}, "subdomains": {"grid": [1, 1, 2]}},
-         "four blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]}}}
-
-
-@pytest.mark.parametrize("name, friction", [late("two blocks", 0.0), ("two blocks", 0.3), late("four blocks", 0.2)])
-def test_monolithic_contact_agrees(name, friction):
-    """Pressed, sheared, let go: the independent formulation, cold and from our solution.
-
-    The interface between the four blocks' upper and lower halves meets the moved top: corners there are prescribed.
-    """
-    assert_agrees(contact(friction, **SMALL[name], **P2), loose=False)

@@ -86,23 +86,3 @@ def test_heat_that_is_kept_from_expanding_is_a_pressure():
     warm = replace(fields, thermal=np.full((2, len(fields.cells), 4), 1e-3))
     lost = 1e-3 * (3 * fields.lame[:, :1] + 2 * fields.lame[:, 1:]) * [1, 1, 1, 0, 0, 0]
     np.testing.assert_allclose(warm.stress(1) - fields.stress(1), -lost, atol=1e-11 * np.abs(fields.lame).max())
-
-
-def test_files_name_parts_and_interfaces_and_tell_tension_from_pressure(tmp_path):
-    """Read by meshio and by VTK."""
-    fields = case.opened()
-    pressed = fields.interfaces.pressure[1]
-    named = replace(fields, part=fields.subdomain, parts=('bolt "1"', "plate"))
-    pulled = replace(fields.interfaces, laws=np.array(["pretension"]), pressure=-fields.interfaces.pressure)
-    write_fields(ResultsFolder(tmp_path), replace(named, interfaces=pulled))
-    grid = meshio.read(tmp_path / "fields" / "step_0002.vtu")
-    assert grid.field_data == {'part bolt "1"': 0, "part plate": 1}
-    assert np.array_equal(grid.cell_data["part"][0], fields.subdomain)
-    assert np.allclose(grid.point_data["nodal_von_mises"], recovery.von_mises(grid.point_data["nodal_stress"]))
-    cut = meshio.read(tmp_path / "fields" / "interface_0002.vtu")
-    assert cut.field_data == {"interface a - b": 0} and not cut.point_data["pressure"].any()
-    assert np.array_equal(cut.point_data["tension"], pressed)
-    assert read(tmp_path / "fields" / "step_0002.vtu").field_data['part bolt "1"'] == [0]
-    write_fields(ResultsFolder(tmp_path / "plain"), fields)
-    contact = meshio.read(tmp_path / "plain" / "fields" / "interface_0002.vtu")
-    assert np.array_equal(contact.point_data["pressure"], pressed) and "tension" not in contact.point_data

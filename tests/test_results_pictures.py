@@ -95,6 +95,7 @@ def test_each_nodes_status_fills_its_share():
 # --- what one sees ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @in_a_window
 def test_colours_are_those_of_the_statuses(draw, tmp_path):
     """Seen from where all of the interface is seen, each status has its share of the pixels; the figure names them."""

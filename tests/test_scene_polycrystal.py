@@ -14,16 +14,14 @@ from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh import polycrystal
-from orchestrator.scene.mesh.polyhedra import cut, narrowest, scattered
-from orchestrator.scene.mesh.grains import Grains, tidied
-from orchestrator.scene.mesh.faces import faces_of, pieces
+from orchestrator.scene.mesh.polyhedra import narrowest, scattered
+from orchestrator.scene.mesh.grains import tidied
+from orchestrator.scene.mesh.faces import pieces
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
-from orchestrator.scene.mesh.gmsh_session import TET, session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher, mended
-from orchestrator.scene.mesh.mending import Stars
 from orchestrator.scene.mesh.skeleton import Skeleton
 from orchestrator.scene.mesh.sources import bricks, make_mesh
-from benchmarks.problems.soundness import is_ball, split_interfaces, unsound
+from benchmarks.problems.soundness import is_ball, unsound
 
 pytestmark = pytest.mark.xdist_group("polycrystals")  # meshes are made once for many tests
 ONE = np.ones(3)
@@ -93,13 +91,6 @@ def test_sides_of_the_box_are_named_outward_surfaces():
         assert area_vectors(mesh.nodes, triangles).sum(axis=0)[axis] == pytest.approx(area if end else -area)
 
 
-def test_same_seed_same_mesh_and_other_seed_other_mesh():
-    (one, _), (two, _), (other, _) = known(), made(), made(seed=8)
-    assert np.array_equal(one.nodes, two.nodes) and np.array_equal(one.cells, two.cells) and one.source == two.source
-    assert not np.array_equal(one.nodes[:100], other.nodes[:100])
-    assert one.source == "polycrystal of 15 grains, seed 7"
-
-
 @pytest.mark.parametrize("grains, h, seed", quick_sets(BAD, BAD[0], BAD[2]))
 def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     raw = []
@@ -145,44 +136,6 @@ def test_ranks_that_round_differently_are_told():
 
     assert among(3, lambda team: of_rank(team, 0.0)) == [None] * 3
     assert among(3, lambda team: of_rank(team, 1.0)) == ["ranks that have meshed a face differently"] * 3
-
-
-def test_mending_is_told_with_the_warnings_and_repeats():
-    one, two = build_scene(config(grains=6, h=0.25, seed=14)), made(grains=6, size=1e3, h=250.0, seed=14)[0]
-    assert [warning for warning in one.warnings if "mended" in warning] == one.mesh.remarks == two.remarks != []
-    assert np.array_equal(one.mesh.cells, two.cells) and np.abs(two.nodes - 1e3 * one.mesh.nodes).max() < 1e-11
-
-
-def bodies(counts, volume):
-    """A box of unit bricks, the body of each tet by its centre."""
-    mesh = bricks(np.array(counts, dtype=float), np.array(counts), "box")
-    label = volume(*mesh.nodes[mesh.cells].mean(axis=1).T)
-    return replace(mesh, volume=label.astype(int), volumes=[f"body_{k}" for k in range(int(label.max()) + 1)])
-
-
-@pytest.mark.parametrize("what, counts, volume, one, other, may", [
-    ("within a side of the box", (4, 2, 2), lambda x, y, z: x > 2, (1, 1, 0), (0, 1, 0), True),
-    ("along its edge", (4, 2, 2), lambda x, y, z: x > 2, (1, 0, 0), (0, 0, 0), True),
-    ("from inside into a face", (4, 2, 2), lambda x, y, z: x > 2, (1, 1, 1), (2, 1, 1), True),
-    ("through a body one element thick", (3, 2, 2), lambda x, y, z: x // 1, (1, 1, 1), (2, 1, 1), False),
-    ("across a face between two others", (2, 3, 2), lambda x, y, z: np.where(y < 1, 0, np.where(y > 2, 3, 1 + (x > 1))),
-     (1, 1, 1), (1, 2, 1), False),
-    ("no edge", (4, 2, 2), lambda x, y, z: x > 2, (0, 0, 0), (3, 1, 1), False),
-])
-def test_edges_merge_only_where_bodies_stay_balls(what, counts, volume, one, other, may):
-    mesh = bodies(counts, volume)
-    u, v = (int(np.flatnonzero(np.all(mesh.nodes == at, axis=1))[0]) for at in (one, other))
-    stars, before = Stars(mesh), split_interfaces(mesh.cells, mesh.volume)
-    assert stars.may_merge(u, v) == may and before == 0
-    if "no edge" in what:
-        return
-    # and that is what happens: bodies or faces fall apart where it must not be
-    stars.merge(u, v)
-    after, _ = stars.compact()
-    faces = faces_of(after.cells, len(after.nodes))
-    sound = not len(faces.crowded) and split_interfaces(after.cells, after.volume) == 0 and all(
-        is_ball(after.cells[after.volume == k]) for k in range(len(after.volumes)))
-    assert sound == may
 
 
 def test_soundness_sees_what_is_wrong():
@@ -235,28 +188,6 @@ def test_few_grains(grains):
     assert len(mesh.volumes) == grains and tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(1)
 
 
-def test_short_edges_go_and_the_box_stays():
-    h, cells = 0.05, scattered(40, ONE, 2, 0)
-    before, after = Grains(cells), tidied(cells, h)
-    shortest = [grains.edges(grains.loops)[0].min() for grains in (before, after)]
-    assert before.sound and after.sound and shortest[0] < 0.005 < 0.04 < shortest[1]
-    kept = sorted({vertex for loop in after.loops.values() for vertex in loop})
-    for axis in range(3):
-        for end in (0, 1):
-            assert np.all(after.points[kept][after.sides[kept][:, 2 * axis + end], axis] == end)
-    assert after.sides[kept].all(axis=1).sum() == 0 and (after.sides[kept].sum(axis=1) == 3).sum() == 8
-
-
-def test_polygons_are_cut_where_angles_stay_large():
-    kite = np.array([[0.0, 0, 0], [2, -0.3, 0], [4, 0, 0], [2, 0.3, 0.1]])
-    arrow = np.array([[0.0, 0, 0], [2, 1, 0], [0, 2, 0], [0.5, 1, 0]])
-    crossed = np.array([[0.0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0]])
-    one, two, none = cut(np.concatenate([kite, arrow, crossed]), [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11]])
-    assert {tuple(sorted(t)) for t in one} == {(0, 1, 3), (1, 2, 3)}
-    assert {tuple(sorted(t)) for t in two} == {(4, 5, 7), (5, 6, 7)}
-    assert none is None
-
-
 def test_bodies_that_are_folded_open_or_inside_out():
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     tet = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -267,16 +198,3 @@ def test_bodies_that_are_folded_open_or_inside_out():
     two = np.concatenate([tet, tet + 4])
     assert np.degrees(narrowest(twice, two, np.repeat([3, 9], 4))) == pytest.approx([45, 45])
     assert narrowest(twice, two, np.zeros(8, dtype=int)) is None
-
-
-def test_quality_is_that_of_gmsh():
-    mesh, _ = made(grains=3, h=0.4)
-    with session():
-        solid = gmsh.model.addDiscreteEntity(3)
-        gmsh.model.mesh.addNodes(3, solid, np.arange(len(mesh.nodes)) + 1, mesh.nodes.reshape(-1))
-        tags = np.arange(len(mesh.cells)) + 1
-        gmsh.model.mesh.addElementsByType(solid, TET, tags, mesh.cells.reshape(-1) + 1)
-        gamma = gmsh.model.mesh.getElementQualities(tags, "gamma")
-    assert roundness(mesh.nodes, mesh.cells) == pytest.approx(gamma, rel=1e-10)
-    corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    assert dihedral_range(corner, np.array([[0, 1, 2, 3]])) == pytest.approx((np.degrees(np.arccos(3**-0.5)), 90))

@@ -83,6 +83,7 @@ def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
     assert 300 <= len(compared) <= 310
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), late(METIS, 7)], ids=["slices", "cubes", "metis"])
 def test_congruent_subdomains_share(case, factorised):
     """Slices: both ends and one for all between; a grid: one per position beside the outer faces; METIS: none."""

@@ -7,11 +7,11 @@ import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
 
-from orchestrator.blackbox.models import extended_model, rim_model, sides_by_subdomain
+from orchestrator.blackbox.models import extended_model, sides_by_subdomain
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import WALL, Facets, between, facets_of, stiffer
-from orchestrator.scene.soles.make import make_soles, merge, prisms
+from orchestrator.scene.soles.make import make_soles, prisms
 
 YOUNG, POISSON = 200e3, 0.3
 KINDS = ["layer", "symmetric"]
@@ -104,18 +104,6 @@ def test_neighbouring_prisms_agree_on_diagonals(direction):
     assert np.allclose(outer, direction, rtol=0, atol=1e-14), "outer face one thickness away, on the right side"
 
 
-def test_merged_soles_share_the_interface_alone():
-    """Two layers on one interface keep outer nodes of their own."""
-    facets = patch()
-    one, two = prisms(facets, 1), prisms(facets, -1)
-    both, n = merge(one, two, len(facets.points)), len(facets.points)
-    assert len(both.points) == len(one.points) + len(two.points)
-    first, second = both.cells[: len(one.cells)], both.cells[len(one.cells):]
-    shared = np.intersect1d(first, second)
-    assert np.array_equal(shared, np.arange(n))
-    assert volumes(facets, both).sum() == pytest.approx(volumes(facets, one).sum() + volumes(facets, two).sum())
-
-
 @pytest.mark.parametrize("fold, thickness", [(120, 2.0), (90, 1.0), (60, 0.5), (60, 5.0), (30, 1.0), (10, 5.0)])
 def test_concave_creases_do_not_invert(fold, thickness):
     """Where prisms would invert the layer shrinks, or gets outer nodes of its own, but never turns over."""
@@ -138,22 +126,6 @@ def test_too_sharp_creases_get_outer_nodes_of_their_own():
     assert full.any() and np.all(sole.young.reshape(-1, 3)[full & (sole.young[::3] == YOUNG)] == YOUNG)
 
 
-@pytest.mark.parametrize("fold, thickness", [(120, 5.0), (60, 1.0), (60, 5.0), (30, 1.0)])
-def test_modulus_shrinks_with_the_thickness(fold, thickness):
-    """E/thickness is the wanted one on every prism, shrunk or not: it sets the stiffness."""
-    facets = patch(cells=(4, 4), fold=fold, thickness=thickness)
-    sole = prisms(facets, 1)
-    points, n = np.vstack([facets.points, sole.points]), len(facets.points)
-    for (first, second, third), young in zip(sole.cells.reshape(-1, 3, 4), sole.young[::3]):
-        # the split (a, b, c, c'), (a, b, c', b'), (a, a', b', c'); a, b and a, a' may have changed places
-        a, a_outer = sorted(third[:2])
-        (b,) = set(first[:2]) - {a}
-        assert a < n <= a_outer
-        legs = points[[a_outer, second[3], first[3]]] - points[[a, b, first[2]]]
-        assert young == pytest.approx(YOUNG * np.linalg.norm(legs, axis=1).mean() / thickness, rel=1e-12)
-    assert sole.young.min() < 0.6 * YOUNG
-
-
 def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
     """E_S = ratio · max(E_E, E_E'), ν_S = min(ν, ν', 0.3), on both sides (method.sole's reasons)."""
     scene = build_scene(config(mesh=layered(tmp_path / "two.meshb", [0, 1]), subdomains="groups", materials=[
@@ -167,25 +139,6 @@ def test_modulus_beside_contact_is_near_the_softer_side():
     """√E is the harmonic mean of √E₁ and √E₂: equal moduli bit for bit, four times the softer beside a rigid body."""
     assert np.array_equal(between(np.array([0.1, 70e3, 1 / 3]), np.array([0.1, 70e3, 1 / 3])), [0.1, 70e3, 1 / 3])
     assert np.allclose(between(np.array([100.0, 1.0]), np.array([1.0, 1e16])), [(2 / 1.1) ** 2, 4.0])
-
-
-def test_rims_have_complete_rows():
-    """The rim's stiffness equals the subdomain's on rows of interface and clamped dofs."""
-    made = config(**CUBES)
-    scene = build_scene(made)
-    subdomain = scene.subdomains[0]
-    sides = sides_by_subdomain(scene)[0]
-    rim = rim_model(scene, subdomain, sides)
-    with box_of(made) as blackbox:
-        whole, part = blackbox.stiffness([extended_model(scene, subdomain, [], []), rim.model])
-    on = subdomain.fixed.any(axis=1)
-    for index, side in sides:
-        on[scene.interfaces[index].nodes[side]] = True
-    dofs = (3 * rim.nodes[:, None] + np.arange(3)).ravel()
-    rows = np.flatnonzero(np.repeat(on[rim.nodes], 3))
-    expected = whole[dofs[rows]]
-    spread = sp.csr_array((np.ones(len(dofs)), (np.arange(len(dofs)), dofs)), shape=(len(dofs), whole.shape[1]))
-    assert abs(part[rows] @ spread - expected).max() <= 1e-12 * abs(expected).max()
 
 
 def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed():
@@ -207,18 +160,3 @@ def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed
         assert factor[(met == 1) & ~wall] == pytest.approx(1) and factor[(met == 1) & wall] == pytest.approx(WALL)
         assert (factor[(met == 2) & ~wall] > 1.2).all() and (factor[met == 3] > 1.5).all()
     assert seen == 6  # three nodes on the clamp's rim, of two interfaces
-
-
-@pytest.mark.parametrize("mesh", [CUBES, METIS])
-@pytest.mark.parametrize("kind", KINDS)
-def test_layers_that_are_alike_are_made_once(mesh, kind):
-    """Cubes of equal bricks, whose layers are a few, and irregular parts, all different."""
-    made = config(**mesh)
-    scene = build_scene(made)
-    shared, apart = (make_soles(scene, settings(kind=kind), share=share) for share in (True, False))
-    assert len({id(one.cells) for pair in shared for one in pair}) < len(shared) or mesh is METIS
-    for pair, other in zip(shared, apart):
-        assert (pair[0] is pair[1]) == (other[0] is other[1])
-        for one, two in zip(pair, other):
-            assert np.array_equal(one.cells, two.cells) and np.array_equal(one.young, two.young)
-            assert one.points == pytest.approx(two.points, abs=1e-13)

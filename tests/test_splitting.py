@@ -6,7 +6,6 @@ import pytest
 from in_process import IN_PROCESS
 
 from orchestrator.config.model import Config
-from orchestrator.timing import predicted_cost
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -70,21 +69,6 @@ def test_pieces_are_connected_named_and_small_enough(tmp_path):
     assert pieces(faces_of(made.mesh.cells, len(made.mesh.nodes)), made.cell_subdomain)[0] == len(made.subdomains)
     assert all((made.mesh.volume[s.cells] == (s.body == big)).all() for s in made.subdomains)
     assert sum(len(s.cells) for s in made.subdomains) == len(made.mesh.cells)
-
-
-def test_smallest_pieces_are_single_tets(tmp_path):
-    mesh = case.layered(tmp_path / "bar.mesh", [0, 1], cells=(2, 1, 1), size=(2.0, 1.0, 1.0))
-    made = build_scene(split(12, mesh=mesh, boundary=[case.CLAMP]))
-    assert len(made.subdomains) == len(made.mesh.cells)
-
-
-def test_auto_evens_the_predicted_costs(tmp_path):
-    mesh = case.layered(tmp_path / "bar.mesh", [0, 1, 2] + [3] * 9, cells=(24, 2, 2), size=(12.0, 1.0, 1.0))
-    boundary = [case.CLAMP]
-    made = {above: build_scene(split(above, mesh=mesh, boundary=boundary)) for above in (None, "auto")}
-    costs = {above: predicted_cost([len(s.nodes) for s in scene.subdomains]) for above, scene in made.items()}
-    assert len(costs[None]) == 4 and len(costs["auto"]) > 4
-    assert costs["auto"].max() <= 2 * costs[None].mean() < costs[None].max()
 
 
 def test_laws_are_those_of_the_bodies(tmp_path):

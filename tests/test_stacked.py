@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from method_case import box_of, config, prepared
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface.rows import placed
-from orchestrator.method.interface.rows import Segments
-from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 
@@ -58,12 +53,6 @@ def test_soles_by_products(case):
             assert found.shape == block.shape and abs(found - block).max() <= 1e-13 * abs(block).max()
 
 
-def test_blocks_are_kept_once_where_subdomains_are_alike(case):
-    blocks, shared = case.stage.macro.blocks, case.blackbox
-    assert sum(len(b.sees) for b in blocks) == len(shared.model_of)
-    assert sum(len(b.answers) for b in blocks) == len(np.unique(shared.model_of))
-
-
 def test_macro_problem(case):
     """V and the macro matrix against one answer of the black box per macro unknown."""
     macro, space = case.stage.macro, case.space
@@ -85,17 +74,6 @@ def test_macro_problem(case):
     assert macro.number.tolist() == list(range(macro.size)) and not macro.shared.any()
 
 
-def test_macro_answers_are_counted_beside_what_their_bases_have_cost(case):
-    """One back-substitution per subdomain and unknown that it sees, on the mean."""
-    bases = [interface_basis(case.scene.mesh.nodes[i.global_nodes], i.free, "rigid") for i in case.scene.interfaces]
-    seen = np.zeros(len(case.scene.subdomains))
-    for interface, basis in zip(case.scene.interfaces, bases):
-        seen[list(interface.subdomains)] += basis.shape[1]
-    for spent in (0.0, 1.5):
-        macro = Macro(case.space, case.stage.direction, bases, "equilibrium", *([spent] if spent else []))
-        assert macro.solve(case.stage.blackbox) == pytest.approx(spent + seen.mean())
-
-
 def test_guard_finds_the_one_that_is_wrong(case, monkeypatch):
     space, guarded = case.space, case.stage.blackbox
     forces = np.random.default_rng(0).standard_normal((2, len(space.global_dof)))
@@ -112,28 +90,3 @@ def test_guard_finds_the_one_that_is_wrong(case, monkeypatch):
     with pytest.raises(BlackBoxError) as caught:
         guarded.all_traces(2 * forces, space.boundary)
     assert caught.value.subdomain == case.own[3].name
-
-
-def test_blocks_are_placed():
-    random = np.random.default_rng(0)
-    one, two = (sp.csr_array(random.standard_normal((n, n)) * (random.random((n, n)) < 0.6)) for n in (4, 3))
-    slots = [np.array([7, 2, 9, 4]), np.array([0, 1, 3]), np.array([5, 6, 8, 10])]
-    wanted = np.zeros((12, 12))
-    for block, at in zip((one, two, one), slots):
-        wanted[np.ix_(at, at)] = block.toarray()
-    assert np.array_equal(placed([one, two, one], slots, 12).toarray(), wanted)
-    assert placed([], [], 3).nnz == 0
-
-
-def test_segments():
-    of, x = Segments([slice(0, 2), slice(2, 2), slice(2, 5)]), np.array([[1.0, -4, 2, 3, -1], [0, 1, 5, 0, 0]])
-    assert of.subdomains.tolist() == [0, 2]
-    assert of.sums(x).tolist() == [[-3, 4], [1, 5]] and of.largest(x).tolist() == [[4, 3], [1, 5]]
-    assert of.spread(np.array([[7, 8]])).tolist() == [[7, 7, 8, 8, 8]]
-    assert of.rows(x, np.array([1, 0])).tolist() == [0, 1, 2, 3, -1]
-    assert [found.tolist() for found in of.products(x, x - 1)] == [[[20, 10], [0, 20]], [[20, 10], [0, 20]]]
-    assert [found.tolist() for found in of.products(x, np.sign(x - 2))] == [[[3, 4], [-1, 5]], [[5, 4], [1, 5]]]
-    unknown = of.largest(np.where(x == 3, np.nan, np.where(x == 5, -np.inf, x)))
-    assert np.array_equal(unknown, [[4, np.nan], [1, np.inf]], equal_nan=True)
-    none = Segments([slice(0, 0)])
-    assert none.sums(np.zeros((2, 0))).shape == none.largest(np.zeros((2, 0))).shape == (2, 0)

@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,17 +14,13 @@ from pictures import bars, is_drawn, missing_curves, missing_points, saved_figur
 from yaml_case import call
 
 from benchmarks.kit.apart import apart
-from benchmarks.kit.meshes import bricks
 from benchmarks.kit.study import Case, Study, first
-from benchmarks.kit.true_errors import carried
 from benchmarks.problems import cases
 from benchmarks.problems.cases import defaults, paper, with_method
-from benchmarks.problems.error_cases import MODELS
 from benchmarks.problems.contact_cases import pushed
 from benchmarks.registry import KEPT, STUDIES, function_of, run_study
 from benchmarks.studies import (
-    accuracy, certified, contact, falsified, faults, grains, in_one_piece, large, polycrystals,
-    prediction, scaling, stages, time_vs_error)
+    accuracy, certified, falsified, faults, grains, large, prediction, scaling, stages)
 from orchestrator import InputError, config_from, solve
 from orchestrator.method.interface import cholmod
 from orchestrator.method.interface.stabilisation import ANEW
@@ -104,26 +99,6 @@ def test_a_failing_case_leaves_the_others(tmp_path):
 
 
 @pytest.mark.long
-def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
-    study = Study("polycrystals", "few grains", tmp_path)
-    polycrystals.run(study, polycrystals.Settings(counts=[6, 3], seeds=[3, 14], elements=[2.2]))
-    study.close()
-    rows = rows_of(tmp_path / "table.csv")
-    assert [(row["grains"], row["seed"]) for row in rows] == [("3", "3"), ("3", "14"), ("6", "3"), ("6", "14")]
-    assert all(row["wrong"] == "" and float(row["roundness"]) >= 0.05 and int(row["tets"]) > 100 for row in rows)
-    assert "mended" in rows[3]["remarks"] and is_drawn(tmp_path / "polycrystals.png", saved_figures[-1])
-    assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
-
-    # what is refused, and what is unsound, is a row like the others, and misses the aim
-    monkeypatch.setattr(polycrystals, "unsound", lambda *_: ["gaps"])
-    study = Study("polycrystals", "none", tmp_path)
-    polycrystals.run(study, polycrystals.Settings(counts=[2], seeds=[3], elements=[0.5, 2.5]))
-    study.close()
-    assert [row["wrong"][:12] for row in rows_of(tmp_path / "table.csv")] == ["refused: h =", "gaps"]
-    assert [row["met"] for row in rows_of(tmp_path / "targets.csv")] == ["no"]
-
-
-@pytest.mark.long
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""
     monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
@@ -143,28 +118,6 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
 
 
 @pytest.mark.long
-def test_in_one_piece_in_small(tmp_path, saved_figures):
-    study = Study("large", "small", tmp_path)
-    in_one_piece.run(study, 2, 4, (2, 5), 4, (6,))
-    study.close()
-    rows = rows_of(tmp_path / "table.csv")
-    best = next(row["method"] for row in rows if row["case"] == "6³ bricks")
-    whole = [row["method"] for row in rows if row["subdomains"] == "1"]
-    assert whole[:6] == ["FreeFEM, CHOLMOD", "FreeFEM, MUMPS", "FreeFEM, UMFPACK", best, best, best]
-    assert len(whole) == 7 and whole[6] != best
-    ours = [row for row in rows if row["subdomains"] == "8"]
-    assert len(ours) == 3 and all(row["stop_reason"] == "converged" for row in ours)
-    assert all(float(row["true_error"]) <= 1e-6 for row in ours[:2]) and all(float(r["memory_mb"]) > 1 for r in rows)
-    targets = rows_of(tmp_path / "targets.csv")
-    assert [row["met"] for row in targets[1:]] == ["yes", "yes", "no", "no"]  # a small cube can be solved in one piece
-    shown = [row for row in rows if row["method"] in ("decomposed", f"FreeFEM, {best.split(', ')[1]}")
-             and row["stop_reason"] in ("solved", "converged")]
-    assert len(shown) > 3 and is_drawn(tmp_path / in_one_piece.PICTURE, saved_figures[-1])
-    for quantity in ("seconds", "memory_mb"):
-        assert not missing_points(saved_figures[-1], [(float(row["dofs"]), float(row[quantity])) for row in shown])
-
-
-@pytest.mark.long
 def test_large_in_small(tmp_path, saved_figures):
     """Ours and a direct solution of the same matrix: one energy; what has been measured is not measured again."""
     if cholmod.library() is None:
@@ -179,47 +132,6 @@ def test_large_in_small(tmp_path, saved_figures):
     before = bars(saved_figures[-1])
     run_study("large", tmp_path, asked, resume=True)
     assert rows_of(tmp_path / "table.csv") == [ours, rival] and bars(saved_figures[-1]) == before
-
-
-@pytest.mark.long
-def test_time_vs_error_in_small(tmp_path, saved_figures):
-    small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "blocks in frictional contact": ((2, 4), (), (8,))}
-    models = {name: replace(MODELS[name], sizes={"P1": one, "P2": two}, exact=exact)
-              for name, (one, two, exact) in small.items()}
-    study = Study("time_vs_error", "small", tmp_path)
-    time_vs_error.run(study, time_vs_error.Settings(reference=2000), models)
-    study.close()
-    rows = [row for row in rows_of(tmp_path / "table.csv") if row["energy_error"]]
-    error = {(r["case"], r["element"], r["k"], r["method"], r["tolerance"]): float(r["energy_error"]) for r in rows}
-    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1")):
-        whole = error[case, element, k, time_vs_error.DIRECT, ""]
-        # what the mesh leaves is the same however it is solved; the stages' own error adds up in squares
-        assert error[case, element, k, time_vs_error.FIXED, "1e-06"] == pytest.approx(whole, rel=1e-5)
-        assert whole < error[case, element, k, time_vs_error.AUTO, "auto"] < 1.02 * whole
-        assert error[case, element, k, time_vs_error.PAPER, "η 0.001"] > whole
-    assert error["beam in bending", "P2", "1", time_vs_error.DIRECT, ""] < 0.2 < error[
-        "beam in bending", "P1", "4", time_vs_error.DIRECT, ""]
-    contact = [error["blocks in frictional contact", "P1", k, time_vs_error.FIXED, "1e-06"] for k in "24"]
-    assert 0.4 < contact[1] / contact[0] < 0.7
-    assert any("contact is not linear" in r["stop_reason"] for r in rows_of(tmp_path / "table.csv"))
-    assert all(row["met"] == "yes" for row in rows_of(tmp_path / "targets.csv")[:2])
-    assert is_drawn(tmp_path / "time_vs_error.png", saved_figures[-1])
-    measured = [(float(row["seconds"]), float(row["energy_error"])) for row in rows]
-    assert len(measured) > 15 and not missing_points(saved_figures[-1], measured)
-
-
-def test_a_field_is_carried_to_points_inside():
-    rng = np.random.default_rng(0)
-    scene = solve(config_from({**tiny(), "subdomains": {"grid": [1, 1, 1]}, "blackbox": {**IN_PROCESS, "element": "P2"}})).scene
-    for nodes, cells, bend in ((*bricks((2, 1, 1), (4, 2, 2)), 0), (scene.mesh.nodes, scene.mesh.cells, 1)):
-        points = rng.random((50, 3)) * nodes.max(axis=0)
-
-        def field(x):
-            return (x @ [[1.0, 0, 2], [0, 3, 1], [1, 1, 1]] + bend * x**2)[None]
-
-        assert carried(nodes, cells, field(nodes), points) == pytest.approx(field(points), rel=1e-12)
-        with pytest.raises(ValueError, match="outside"):
-            carried(nodes, cells, field(nodes), points + 10)
 
 
 @pytest.mark.long
