@@ -86,13 +86,6 @@ def forces(model: Model, rhs=3, seed=5) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((rhs, len(model.trace)))
 
 
-def on_all(model: Model, f: np.ndarray) -> np.ndarray:
-    """(rhs, t) forces as (rhs, 3n)."""
-    full = np.zeros((len(f), model.fixed.size))
-    full[:, model.trace] = f
-    return full
-
-
 def difference(a, b) -> float:
     """Largest difference, relative to b's largest entry."""
     return abs(a - b).max() / abs(b).max()

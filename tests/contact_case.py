@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import gmsh
 import meshio
 import numpy as np
 import scipy.sparse as sp
@@ -18,7 +17,6 @@ from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.mesh import Mesh
 
 BOTTOM = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
@@ -197,22 +195,3 @@ def written(path: Path, mesh: Mesh) -> dict:
                                    cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}),
                  file_format="gmsh22", binary=False)
     return {"file": str(path)}
-
-
-def two_boxes(h: float = 0.4) -> Mesh:
-    """Two boxes of 1 × 1 × 0.5, one on the other, meshed irregularly; sides named bottom, top, x, y."""
-    with session():
-        occ, model = gmsh.model.occ, gmsh.model
-        occ.fragment([(3, occ.addBox(0, 0, 0, 1, 1, 0.5))], [(3, occ.addBox(0, 0, 0.5, 1, 1, 0.5))])
-        occ.synchronize()
-        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
-        model.mesh.generate(3)
-        tags, points, _ = model.mesh.getNodes()
-        number = np.zeros(int(tags.max()) + 1, dtype=int)
-        number[tags] = np.arange(len(tags))
-        cells = [number[model.mesh.getElements(3, v)[2][0]].reshape(-1, 4) for v in (1, 2)]
-        nodes, surfaces = points.reshape(-1, 3), {}
-        for name, axis, at in (("bottom", 2, 0), ("top", 2, 1), ("x", 0, 0), ("y", 1, 0)):
-            found = [number[model.mesh.getElements(2, tag)[2][0]].reshape(-1, 3) for _, tag in model.getEntities(2)]
-            surfaces[name] = np.concatenate([f for f in found if np.abs(nodes[f][..., axis] - at).max() < 1e-9])
-    return Mesh(nodes, np.concatenate(cells), np.repeat([0, 1], [len(c) for c in cells]), ["lower", "upper"], surfaces)

@@ -5,8 +5,6 @@ from in_process import IN_PROCESS
 
 from orchestrator.config.model import Config
 from orchestrator.config.base import Rotate
-from orchestrator.scene.build import build_scene
-from orchestrator.scene.interfaces.mortar import segments
 from orchestrator.scene.mesh.sources import turned
 from orchestrator.scene.model import Scene
 
@@ -79,31 +77,7 @@ def gradients(stresses, turn) -> np.ndarray:
     return R.T @ (((1 + POISSON) * stresses - POISSON * np.trace(stresses, axis1=1, axis2=2)[:, None, None] * np.eye(3)) / YOUNG) @ R
 
 
-def patch_scene(made: Config, strains: np.ndarray) -> Scene:
-    """The scene, with prescribed displacements such that u = ε x is its solution, one of the strains (T, 3, 3) per step."""
-    scene = build_scene(made)
-    exact = np.einsum("tij,nj->tni", strains, scene.mesh.nodes)
-    for s in scene.subdomains:
-        s.prescribed[:] = np.where(s.fixed, exact[:, s.nodes], 0.0)
-    scene.prescribed[:] = np.where(scene.fixed, exact, 0.0)
-    return scene
-
-
 def off(scene: Scene, parts, strains) -> float:
     """How far displacements, per subdomain (T, n, 3), are from ε x, at most, over the largest."""
     exact = np.einsum("tij,nj->tni", strains, scene.mesh.nodes)
     return max(np.abs(np.asarray(u) - exact[:, s.nodes]).max() for u, s in zip(parts, scene.subdomains)) / np.abs(exact).max()
-
-
-def pairs_looked_at(monkeypatch, search) -> int:
-    """How many pairs of facets a search compares."""
-    count, clipped = [0], segments._clipped
-
-    def counted(slave, master, reach, i, j):
-        count[0] += len(i)
-        return clipped(slave, master, reach, i, j)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(segments, "_clipped", counted)
-        search()
-    return count[0]

@@ -15,10 +15,8 @@ from processes import begin
 from quick import quick
 
 from orchestrator import run as one
-from orchestrator.accuracy.changes import errors
 from orchestrator.accuracy.loop import run
 from orchestrator.accuracy.passes import GOOD, Pass, tightest
-from orchestrator.accuracy.sizes import needed, ratios
 from orchestrator.config.load import Loaded, config_from
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import BlackBoxError, InputError
@@ -26,11 +24,8 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.scene.mesh.size_map import bisected, edge_lengths, SizeMap
-from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, tet_volumes
+from orchestrator.scene.mesh.size_map import edge_lengths
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
-from orchestrator.scene.mesh.mesh import checked
-from orchestrator.scene.mesh.sources import bricks
 from orchestrator.solving import solve
 
 HERE = Path(__file__).parent
@@ -39,31 +34,6 @@ HERE = Path(__file__).parent
 def refined(problem, path, resume=False):
     code = run(Loaded(config_from(problem)), output=path, quiet=True, resume=resume)
     return code, json.loads((path / "summary.json").read_text())
-
-
-def test_tets_are_halved_until_they_fit():
-    mesh = bricks(np.array([2.0, 1.0, 1.0]), np.array([4, 2, 2]), "box")
-    size = np.clip(0.5 * np.linalg.norm(mesh.nodes, axis=1), 0.05, 1.0)
-    finer, _ = checked(bisected(mesh, SizeMap(mesh.nodes, mesh.cells, size)))  # faces of three tets, say, are refused
-    assert tet_volumes(finer.nodes, finer.cells).sum() == pytest.approx(2.0, rel=1e-12)
-    for name, triangles in mesh.surfaces.items():
-        before, after = (np.linalg.norm(area_vectors(*x).sum(axis=0)) for x in (
-            (mesh.nodes, triangles), (finer.nodes, finer.surfaces[name])))
-        assert after == pytest.approx(before, rel=1e-12) and len(finer.surfaces[name]) >= len(triangles)
-    length, distance = edge_lengths(finer.nodes, finer.cells), np.linalg.norm(finer.nodes[finer.cells].mean(axis=1), axis=1)
-    assert length[distance.argmin()] < 0.5 * length.max()
-    assert dihedral_range(finer.nodes, finer.cells)[0] > 30  # 45 degrees in bricks cut alike
-
-
-def test_sizes():
-    errors = np.r_[np.full(100, 0.1), np.full(100, 0.01)]
-    found = ratios(errors, 2, 800.0)
-    assert (found**-3).sum() == pytest.approx(800, rel=1e-3) and found.max() <= 1
-    assert found[150] / found[0] == pytest.approx(10 ** (2 / 7)) or found[150] == 1
-    assert ratios(np.zeros(5), 1, 5.0) == pytest.approx(1.0)
-    assert needed([1000], [0.04], 0.01, 2) == pytest.approx(1000 * 4**1.5)
-    assert needed([500, 1000], [0.04, 0.04 * 2**-0.5], 0.01, 2) == pytest.approx(1000 * (4 * 2**-0.5) ** 2)
-    assert needed([1000, 1100], [0.04, 0.05], 0.025, 2) == pytest.approx(1100 * 2**6)  # no worse than at a crack without grading
 
 
 def mesh_of(elements, error, **more):

@@ -13,7 +13,6 @@ from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import History
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.shapes import cylinder
 from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0
@@ -62,17 +61,6 @@ def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch
         matrix = problem.bodies.pattern.matrix(step.matrix(), 0.0).toarray()
         found = (step.residual(y + change) - step.residual(y - change)) / 2
         assert matrix @ change.ravel() == pytest.approx(found.ravel(), abs=1e-6 * np.abs(found).max())
-
-
-def test_the_axis_of_a_shank_is_found_from_the_corners_of_its_facets():
-    rng = np.random.default_rng(1)
-    angle, height = rng.uniform(0, 2 * np.pi, 60), rng.uniform(-3, 3, 60)
-    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    points = np.c_[np.cos(angle), np.sin(angle), height] @ frame.T + [5, -2, 7]
-    found = cylinder(points, (frame[:, 2] + 0.05 * frame[:, 0]) / np.hypot(1, 0.05))
-    assert abs(found.axis @ frame[:, 2]) == pytest.approx(1, abs=1e-14)
-    assert np.linalg.norm(np.cross(found.centre - [5, -2, 7], found.axis)) < 1e-12
-    assert found.numbers == pytest.approx([1], abs=1e-12)
 
 
 def test_what_slides_off_a_bolt_that_is_held_is_told():

@@ -1,11 +1,10 @@
 """The configuration: what is accepted, what it becomes, and every way to get it wrong."""
 
-import os
 from pathlib import Path
 
 import pytest
 
-from orchestrator.config.load import Loaded, Source, config_from, load_config, located
+from orchestrator.config.load import Source, load_config
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -215,33 +214,6 @@ def test_numbers_as_people_write_them(write, text, value):
     assert load_config(write(method=f"method: {{tolerance: {{error: {text}}}}}")).config.method.tolerance.error == value
 
 
-def test_defaults_and_attribute_names(write):
-    config = load_config(write()).config
-    assert config.mesh.box.cells == [8, 2, 2] and config.mesh.beam is None and config.mesh.scale == 1
-    assert config.materials[0].young == 200e3 and config.materials[0].on == ["*"]
-    assert config.boundary[0].on.plane == "x" and config.subdomains.slices.count == 4
-    assert (config.method.sole.kind, config.method.sole.modulus_ratio, config.method.sole.thickness) == ("auto", 0.5, "auto")
-    assert (config.method.macro.strategy, config.method.macro.basis) == ("equilibrium", "auto")
-    assert (config.method.acceleration, config.method.relaxation, config.method.memory) == ("anderson", "auto", "auto")
-    assert config.method.search_direction.kplus == "exchange"
-    assert config.method.tolerance.error == 1e-6 and config.method.tolerance.indicator is None
-    assert config.method.max_iterations == 500
-    assert (config.blackbox.code, config.blackbox.element, config.blackbox.transport) == ("freefem", "P1", "pipe")
-    assert config.blackbox.workers == 2 and config.blackbox.timeout == 600
-    assert config.output.directory == "results/bar" and config.output.figures
-
-
-def test_round_trip_through_plain_data(write, configs_dir):
-    several = write(**boundary("{on: bottom, displacement: [0, null, 0]}, {on: {box: [[0, 0, 0], [1, 1, 1]]}, "
-                               "traction: [[0, 0, 1], [0, 0, 2]]}, {on: top, pressure: 5, history: ramp}"),
-                    subdomains="subdomains: groups", materials="materials: [{young: 1, poisson: 0, on: bolt*}]")
-    for path in (several, *sorted(configs_dir.glob("*.yaml"))):
-        config = load_config(path).config
-        assert config_from(config.complete()) == config
-        assert config_from(config.model_dump(mode="json")) == config
-    assert load_config(several).config.complete()["boundary"][0]["displacement"] == [0, None, 0]
-
-
 def test_overrides(write):
     path = write(method="method: {tolerance: {error: 1e-6}}")
     config = load_config(path, ["method.tolerance.indicator=1e-5", "materials.0.young=1", "subdomains.metis=3",
@@ -274,29 +246,3 @@ def test_a_default_is_not_blamed_on_an_override_beside_it():
     source = Source("it.yaml", {}, {("output", "fields"): "output.fields=false", ("mesh", "box", "size"): "mesh.box.size=[1,1,1]"})
     assert source.locate(("output", "directory")) == ("it.yaml", 1)
     assert source.locate(("mesh", "box", "cells")) == ("--set mesh.box.size=[1,1,1]", None)
-
-
-def test_mesh_file_beside_the_yaml_or_in_the_current_folder(write, tmp_path, monkeypatch):
-    path = write(mesh="mesh: {file: meshes/part.msh}")
-    (tmp_path / "meshes").mkdir()
-    (tmp_path / "meshes" / "part.msh").touch()
-    assert load_config(path).config.mesh.file == str(tmp_path / "meshes" / "part.msh")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "sub").mkdir()
-    moved = path.rename(tmp_path / "sub" / "bar.yaml")
-    assert load_config(moved).config.mesh.file == os.path.join("meshes", "part.msh")
-
-
-def test_same_place_may_be_told_compatible_things(write):
-    load_config(write(**boundary(f"{HELD}, {{on: {{plane: x, at: 0}}, displacement: [0, null, 0], history: ramp}}, "
-                                 "{on: a, displacement: [0, null, null]}, {on: a, displacement: [null, 1, null]}")))
-
-
-def test_place_fills_in_lines_of_later_problems(write):
-    loaded = load_config(write(), ["materials.0.young=3"])
-    late = InputError([Problem(("boundary", 1, "on"), "nothing there", "faces"),
-                       Problem(("materials", 0, "young"), "odd", "even"), Problem((), "x", "y", file="kept")])
-    places = {(p.file, p.line) for p in located(late, loaded).problems}
-    assert places == {(loaded.source.file, LINE["boundary"]), ("--set materials.0.young=3", None), ("kept", None)}
-    assert loaded.locate(("method", "tolerance", "error")) == (loaded.source.file, LINE["method"])
-    assert Loaded(loaded.config).locate(("mesh",)) == ("", None)

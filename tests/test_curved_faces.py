@@ -11,7 +11,6 @@ from in_process import IN_PROCESS
 from quick import late
 
 from orchestrator import build_scene, config_from, solve
-from orchestrator.scene.shapes import recognised
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.geometry import node_normals
 
@@ -25,8 +24,6 @@ ROUND = {
     "sphere": lambda s, z: (np.cos(s) * np.cos(z - 0.7), np.sin(s) * np.cos(z - 0.7), np.sin(z - 0.7)),
     "torus": lambda s, z: ((3 + np.cos(z)) * np.cos(s / 3), (3 + np.cos(z)) * np.sin(s / 3), np.sin(z)),
     "its inner side": lambda s, z: ((3 + np.cos(3 + z)) * np.cos(s / 3), (3 + np.cos(3 + z)) * np.sin(s / 3), np.sin(3 + z))}
-OTHERS = {"plane": lambda s, z: (s, z, 0 * s), "ellipse": lambda s, z: (np.cos(s), 1.3 * np.sin(s), z),
-          "parabola": lambda s, z: (s, z, 0.05 * s**2), "saddle": lambda s, z: (s, z, 0.1 * s * z)}
 
 
 def meshed(at, wide=2.0, high=1.5, n=12):
@@ -50,24 +47,6 @@ def test_normals_of_round_faces(name):
     means = node_normals(points, triangles)
     way = np.sign(np.sum(means * exact, axis=1))[:, None]
     assert np.abs(means - way * exact).max() > 0.01 and np.abs(surface.normals - (way * exact)[triangles]).max() < 1e-8
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_other_faces_keep_their_means(name):
-    points, triangles, _ = meshed(OTHERS[name])
-    assert np.isnan(surface_of(points, triangles, np.full(len(triangles), -1)).normals).all()
-    assert recognised(points, node_normals(points, triangles), 0.01 if name != "plane" else 0.0) is None
-
-
-def test_bulges_of_known_faces_are_those_of_circles():
-    """Coarse as they are: eight chords round."""
-    turn, z = (v.ravel() for v in np.meshgrid(np.arange(9) * np.pi / 4, np.arange(3.0), indexing="ij"))
-    triangles = Delaunay(np.c_[turn, z]).simplices
-    points = np.c_[np.cos(turn), np.sin(turn), z]
-    bulge = surface_of(points, triangles, np.full(len(triangles), -1)).bulge
-    edge = points[np.roll(triangles, -1, axis=1)] - points[triangles]
-    exact = 1 - np.sqrt(1 - (edge[..., :2] ** 2).sum(axis=2) / 4)
-    assert np.abs(np.abs(bulge) - exact).max() < 1e-12
 
 
 def ball_and_shell(folder, **more):

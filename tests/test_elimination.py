@@ -61,27 +61,6 @@ def test_subtrees_side_by_side_give_the_same_bits(monkeypatch, cores):
     assert np.array_equal(other.factors(values, 20.0).solve(right), alone)
 
 
-@pytest.mark.parametrize("cores", [1, 2])
-@pytest.mark.parametrize("rigid", [0, SIZE // 2])
-def test_fronts_that_nothing_changes_are_left_as_they_are(monkeypatch, cores, rigid):
-    """Where blocks are told to be others, the factors are those of all anew, bit by bit; another shift is one of all."""
-    monkeypatch.setattr(layout, "WORTH", 0.0)
-    monkeypatch.setattr(elimination, "WORTH", 0.0)
-    monkeypatch.setattr(elimination, "cores", lambda: cores)
-    ends, bodies = lattice(6)
-    one, other, rng = *(BlockPattern(ends, bodies, SIZE, rigid=rigid) for _ in range(2)), np.random.default_rng(7)
-    values, right = rng.normal(size=(len(one.indices), SIZE, SIZE)), rng.normal(size=(bodies, SIZE))
-    one.factors(values, 20.0)
-    stale = np.zeros(len(values), bool)
-    for shift in (20.0, 20.0, 25.0):
-        stale[:] = False
-        stale[rng.integers(len(values), size=3)] = True
-        values[stale] += 1.0
-        found = one.factors(values, shift, stale).solve(right)
-        assert np.array_equal(found, other.factors(values.copy(), shift).solve(right))
-    assert 0 < len(one.elimination._stale(stale).order) < len(one.elimination.fronts)
-
-
 def stretched(rng, pattern):
     """Values in whose last two rows bodies resist ten times as much, and a body, the last, that a millionth holds in the first."""
     values = rng.normal(scale=0.5, size=(len(pattern.indices), SIZE, SIZE))

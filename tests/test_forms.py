@@ -10,7 +10,6 @@ from method_case import CLAMP, PULL
 from orchestrator.blackbox.codes.freefem.code import FreeFem
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
-from orchestrator.results.fingerprint import problem_of
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -197,12 +196,6 @@ def test_a_run_refuses_them_too(tmp_path, transport):
         solve(config_from(problem(written(tmp_path, REFUSED["a skin"][0]), transport=transport)))
 
 
-def test_a_form_may_integrate_over_faces_of_meshes_of_its_own(tmp_path):
-    """In two dimensions int2d is the volume; comments count for nothing."""
-    own = "// no int2d of ours\nmesh mySection = square(2, 2);\nreal mySize = int2d(mySection)(1.);\n"
-    FreeFem(config_from(problem(written(tmp_path, own + PLAIN.replace("(Density", "(mySize*Density")))).codes[0]).check()
-
-
 @pytest.mark.parametrize("content, words", [
     ("real myE = 1;\n", "without a macro Stiffness"),
     ("\n// a comment\nreal seconds = 1;\n" + PLAIN, ":3: a name of the form's, seconds"), (None, "No such file")])
@@ -217,11 +210,3 @@ def test_a_tolerance_from_the_meshs_error_is_refused(tmp_path):
     config = config_from(problem(written(tmp_path, PLAIN)) | {"method": {"tolerance": {"error": "auto"}}})
     with pytest.raises(InputError, match="a code whose matter is its own"):
         solve(config)
-
-
-def test_what_is_in_a_form_belongs_to_the_problem(tmp_path):
-    """A run is not resumed with another one."""
-    configs = []
-    for content in (PLAIN, PLAIN.replace("200e3", "210e3"), PLAIN):
-        configs.append(problem_of(config_from(problem(written(tmp_path, content))).complete()))
-    assert configs[0] == configs[2] != configs[1]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from quick import quick
 from in_process import IN_PROCESS
 from ring_case import ring
 
@@ -53,40 +52,6 @@ def test_a_foundation_is_what_springs_at_the_nodes_are_in_calculix(tmp_path):
     assert np.abs(exact - solution.displacement)[:, :n].max() < 1e-6 * np.abs(exact).max()
     same = solved([{"on": "zmin", "foundation": {"stiffness": [300.0, 300.0, 1000.0]}}, LOADED])
     assert np.allclose(same.displacement[0], solution.displacement[0], atol=1e-8 * np.abs(exact).max())
-
-
-@pytest.mark.parametrize("element", quick(ELEMENTS, "P2"))
-def test_a_rigid_coupling_is_calculix_rigid_body(element, tmp_path):
-    point, force, moment = [0.4, 0.7, 3.0], [10.0, -4.0, 2.0], [1.0, 5.0, -3.0]
-    solution = solved([HELD, {"on": "zmax", "coupling": {"about": point, "force": force, "moment": moment}}], element)
-    scene, n = solution.scene, body(solution)
-    top = np.flatnonzero(np.isclose(scene.mesh.nodes[:n, 2], 2.0)) + 1
-    first = len(scene.mesh.nodes) + 1
-    more = "\n".join([f"*NODE\n{first},{point[0]},{point[1]},{point[2]}\n{first + 1},{point[0]},{point[1]},{point[2]}", "*NSET,NSET=TOP",
-                      *(f"{k}," for k in top), f"*RIGID BODY,NSET=TOP,REF NODE={first},ROT NODE={first + 1}"])
-    loads = "\n".join(f"{first + k},{c + 1},{x}" for k, row in enumerate((force, moment)) for c, x in enumerate(row))
-    exact = displacements(scene, tmp_path, more=more, loads=loads)
-    assert np.abs(exact - solution.displacement)[:, :n].max() < 1e-6 * np.abs(exact).max()
-    assert solution.reactions[:, 0] == pytest.approx(np.array([np.negative(force), force]), abs=1e-6)
-
-
-@pytest.mark.parametrize("element", quick(ELEMENTS, "P2"))
-def test_couplings_do_what_else_says_the_same(element):
-    """All prescribed and rigid: a motion. All loaded and distributed: a resultant."""
-    motion = {"translate": [0.01, 0, -0.02], "rotate": {"axis": "y", "degrees": 0.1, "about": [0.5, 0.5, 3]}}
-    told = solved([HELD, {"on": "zmax", "motion": motion}], element)
-    found = solved([HELD, {"on": "zmax", "coupling": {"about": [0.5, 0.5, 3], "displacement": [0.01, 0, -0.02], "rotation": [0, 0.1, 0]}}],
-                   element)
-    n = body(found)
-    assert np.abs(found.displacement[:, :n] - told.displacement).max() < 1e-8 * np.abs(told.displacement).max()
-    if element == "P1":
-        load = {"force": [3.0, 2.0, 1.0], "moment": [0.5, -1.0, 2.0], "about": [0, 0, 5.0]}
-        told = solved([HELD, {"on": "zmax", "resultant": load}])
-        found = solved([HELD, {"on": "zmax", "coupling": {"kind": "distributed", **load}}])
-        acted = [s.scene.loads.sum() for s in (told,)]
-        assert np.isfinite(acted).all() and found.reactions[:, 0] == pytest.approx(told.reactions[:, 0], abs=1e-7)
-        # lumped and consistent nodal forces differ by what bends between neighbours
-        assert np.abs(found.displacement[:, :n] - told.displacement).max() < 2e-2 * np.abs(told.displacement).max()
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

@@ -36,16 +36,6 @@ def test_a_field_of_temperature_does_what_it_does_in_calculix(element, tmp_path)
         assert solution.summary["true_error"] < solution.error_bound < 1e-9
 
 
-def test_a_bar_between_walls_presses_as_hard_as_theory_says():
-    """ν = 0: σ = −E α ΔT, of the energy E (α ΔT)² V / 2; twice as much where two entries add up."""
-    walls = [{"on": side, "symmetry": True} for side in ("xmin", "ymin", "zmin", "zmax")]
-    loads = [{"temperature": 60.0}, {"temperature": 40.0, "on": "box"}]
-    solution = solve(config_from(bar(loads=loads, boundary=walls, materials=[{**STEEL, "poisson": 0.0}], histories={})))
-    assert solution.fields.stress(0)[:, 2] == pytest.approx(-240.0, rel=1e-8)
-    assert solution.energy[0] == pytest.approx(0.5 * 240.0 * 1.2e-3 * 2, rel=1e-8)
-    assert solution.reactions[3, 0] == pytest.approx([0, 0, -240.0], abs=1e-6)
-
-
 HELD = [{"on": side, "symmetry": True} for side in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")]
 CUBES = [boxed("a"), boxed("b", at=[0, 0, 1])]
 STILL = {
@@ -72,17 +62,6 @@ def test_what_is_heated_and_cannot_move_is_sound(what):
     assert np.abs(solution.fields.stress(0)[:, :3] - pressed).max() < 1e-6 * abs(pressed)
     assert solution.summary["discretisation_error"] < 1e-5
     assert not [text for text in solution.summary["warnings"] if "small perturbations" not in text]
-
-
-def test_temperatures_come_from_a_file_in_any_order(tmp_path):
-    plain = build_scene(config_from(bar()))
-    x = plain.mesh.nodes
-    warmth = LINEAR["value"] + x @ LINEAR["gradient"]
-    rows = np.random.default_rng(2).permutation(np.c_[x, warmth, -2 * warmth])
-    np.savetxt(tmp_path / "warm.csv", rows, delimiter=", ", header="x y z T1 T2", fmt="%.9g")
-    found = build_scene(config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "to"}],
-                                        histories={"to": [1, 1]})))
-    assert np.allclose(found.loads, plain.loads, atol=1e-7 * np.abs(plain.loads).max())
 
 
 def test_a_thick_cylinder_under_pressure_and_heat_is_what_lame_says(tmp_path):

@@ -1,21 +1,17 @@
 """A lap joint as CAD draws it: ``init`` finds bolts, nuts, threads and clearances; element sizes, names and faces of parts."""
 
 
-import numpy as np
 import pytest
-from boxes import boxed
 from contact_case import contact
 from benchmarks.problems.lap_joint import lap_joint
 from yaml_case import call
 
-from orchestrator import InputError, build_scene, config_from
+from orchestrator import InputError
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
-from orchestrator.method.delivery.faces import shape
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.scene.fits import bolts
 from orchestrator.scene.mesh.sources import make_mesh
-from orchestrator.scene.shapes import Shape, shape_of
 
 
 def section(**keys):
@@ -57,33 +53,6 @@ def test_sizes_by_curvature_on_faces_and_names(tmp_path):
         make_mesh(section(**keys, refine=[{"on": "upper", "h": 1.0}]))
 
 
-def test_two_rings_of_nodes_are_a_cylinder():
-    """They are on a sphere, too: facets tell."""
-    turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    ring = np.c_[8 * np.cos(turn), 8 * np.sin(turn)]
-    nodes = np.concatenate([np.c_[ring, np.zeros(12)], np.c_[ring, np.full(12, 6.0)]])
-    k, after = np.arange(12), np.roll(np.arange(12), -1)
-    shape = shape_of(nodes, np.r_[np.c_[k, after, k + 12], np.c_[after, after + 12, k + 12]])
-    assert shape.kind == "cylinder" and np.isclose(shape.radius, 8) and np.allclose(shape.direction, [0, 0, 1])
-    assert Shape("curved").placed(lambda x: 2 * x) == Shape("curved")
-
-
-def slabs(**entry):
-    return config_from({"name": "slabs", "parts": [boxed("base", [1, 1, 0.5], [2, 2, 1]), boxed("lid", [1, 1, 0.5], [2, 2, 1], [0, 0, 0.5])],
-                        "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}],
-                        "interfaces": [{"between": "auto", "law": "perfect"}],
-                        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], **entry}]})
-
-
-def test_faces_of_a_part_on_a_plane():
-    whole, lid = (build_scene(slabs(**entry)).boundary[0] for entry in ({}, {"part": "l*"}))
-    assert len(whole.triangles) == 8 and len(lid.triangles) == 4
-    with pytest.raises(InputError, match="no volume is called 'ldi'"):
-        build_scene(slabs(part="ldi"))
-    with pytest.raises(InputError, match="'base' has none of these faces, which are of lid"):
-        build_scene(slabs(on={"plane": "z", "at": 1}, part="base"))
-
-
 def test_shanks_that_bear_are_told_above_the_tolerance():
     def told(bears):
         bore = {"name": "bolt | plate (bore)", "kind": "bore", "bears": bears, "normal": bears, "capacity": bears, "used": [0.0, 0.0],
@@ -94,15 +63,6 @@ def test_shanks_that_bear_are_told_above_the_tolerance():
     assert told([0.0, 0.5])[-1] == "no shank bears in its hole"
     assert told([0.0, 50.0])[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
     assert told([0.0, 0.0])[0] == "nothing slips: of what friction can hold at most 60% is used, by a | b at load step 2"
-
-
-@pytest.mark.parametrize("other, kind", [(10.5, "bore"), (-20.0, "face"), (np.inf, "face")], ids=["hole", "cylinder", "plane"])
-def test_a_shank_is_what_has_a_hole_around(other, kind):
-    """A cylinder of radius 10 in one of radius ``other``, beside one (negative) or beside a plane, all touching in a line."""
-    angle, along = (x.ravel() for x in np.meshgrid(np.linspace(-0.1, 0.1, 9), [0.0, 1.0, 2.0]))
-    normal = np.column_stack([np.sin(angle), 0 * along, -np.cos(angle)])
-    points = 10 * normal + np.outer(along, [0, 1, 0])
-    assert shape(points, normal, 10 * (1 - 10 / other) * (1 - np.cos(angle)), [])[0] == kind
 
 
 def test_a_face_that_slips_and_could_hold_more_is_told_with_how_much():

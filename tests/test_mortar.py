@@ -6,7 +6,7 @@ import pytest
 from quick import quick
 from benchmarks.monolithic import Monolithic
 from in_process import IN_PROCESS
-from mortar_case import POISSON, TURN, TWO, YOUNG, blocks, free_mesh, off, pairs_looked_at, there
+from mortar_case import POISSON, TURN, TWO, YOUNG, blocks, free_mesh, there
 
 from orchestrator.errors import InputError
 from orchestrator import config_from
@@ -16,7 +16,6 @@ from orchestrator.scene.interfaces.mortar.operators import make_mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.opposite import Facets
-from orchestrator.scene.interfaces.skins import surface_of
 
 # --- two surfaces ---------------------------------------------------------------------------------------------
 
@@ -67,15 +66,6 @@ def test_overlaps_fill_the_square():
             assert np.abs(np.bincount(two.segments.slave, two.segments.area) / two.area - 1).max() < 1e-12
         for side in (two.segments.on_slave, two.segments.on_master):
             assert side.min() > -1e-12 and np.abs(side.sum(axis=2) - 1).max() < 1e-12
-
-
-def test_the_same_mesh_on_both_sides_is_a_permutation():
-    mortar = mortar_of(surfaces(7, 7, seeds=(1, 1)))
-    for matrix in (mortar.first, mortar.second):
-        entries = matrix.tocoo()
-        large = np.abs(entries.data) > 1e-12
-        assert large.sum() == matrix.shape[0] and np.abs(entries.data[large] - 1).max() < 1e-12
-        assert len(np.unique(entries.row[large])) == len(np.unique(entries.col[large])) == matrix.shape[0]
 
 
 @pytest.mark.parametrize("held, crossed", [(0, 0), (3, 0), (0, 4), (5, 4)])
@@ -135,18 +125,6 @@ def test_a_slit_of_a_facet():
         assert np.abs(np.asarray(mortar.second.sum(axis=1)) - 1).max() < 1e-9
 
 
-def test_masters_behind_each_other():
-    """A facet that two layers face meets the first alone."""
-    (p, t), (q, s) = square(5, 1), square(7, 2, turned=True)
-    x = np.vstack([p, q + [0, 0, 0.01], q + [0, 0, 0.03]])
-    behind = np.concatenate([s + len(p) + len(q), s + len(p)])  # the farther one first
-    found = find_segments(Facets.of(x[t]), Facets.of(x[behind]), np.full(len(t), 0.1))
-    area = np.linalg.norm(np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]), axis=1) / 2
-    assert abs(found.area.sum() - 2) < 1e-12
-    first = found.nearest(area)
-    assert abs(first.area.sum() - 1) < 1e-12 and (first.master >= len(s)).all() and len(first.nearest(area)) == len(first)
-
-
 def test_a_slave_that_is_prescribed_altogether():
     """Of two sides the one with free nodes is the slave; where the user names the other, nothing would be left of the bond."""
     meshes = {n: {"box": {"size": [1, 1, 0.5], "cells": [c, c, 1]}} for n, c in (("a", 2), ("b", 3))}
@@ -173,25 +151,6 @@ def test_a_slice_of_one_element_carries():
     for s, u in zip(solved.scene.subdomains, solved.parts):
         exact = -100 * (1 - POISSON**2) / YOUNG * solved.scene.mesh.nodes[s.nodes][:, 2]
         assert solved.converged and np.abs(u[0, :, 2] - exact).max() < 1e-8 * np.abs(exact).max()
-
-
-def test_sagitta_of_a_sphere():
-    """Facets of h on a sphere of radius R are off it by h²/8R at the middle of their edges."""
-    p, t = square(12, 0)
-    flat = 0.5 * (p - [0.5, 0.5, 0])
-    sphere = np.c_[flat[:, :2], np.sqrt(4 - (flat[:, :2] ** 2).sum(axis=1))]
-    edge = np.linalg.norm(sphere[t] - sphere[np.roll(t, 1, axis=1)], axis=2)
-    inner = (np.abs(flat[:, :2]) < 0.2).all(axis=1)
-    none = np.full(len(t), -1)
-    off = surface_of(sphere, t, none).sagitta[inner[t].all(axis=1)]
-    assert edge.min() ** 2 / 16 < off.min() and off.max() < edge.max() ** 2 / 16 * 1.1
-    assert not surface_of(flat, t, none).sagitta.any()
-
-
-def test_work_grows_with_the_facets(monkeypatch):
-    """Twice as many facets along an edge: four times as many pairs of facets looked at, not sixteen, and some ten for each."""
-    looked_at = [pairs_looked_at(monkeypatch, lambda: surfaces(n, n)) for n in (12, 24)]
-    assert looked_at[1] < 5 * looked_at[0] and looked_at[1] < 60 * 2 * 24**2
 
 
 # --- fields that must pass ------------------------------------------------------------------------------------

@@ -74,11 +74,6 @@ def test_its_entries_are_validated_like_all_others(name, softened):
     assert found.path == path and words in " ".join(str(found).split()), found
 
 
-def test_without_its_line_it_is_unknown():
-    with pytest.raises(InputError, match=f"one of {', '.join(CODES)}, or your own solver: solver.py"):
-        config_from(problem({"code": "softened"}))
-
-
 @pytest.mark.parametrize("text, transport, words", [
     late("class Mine:\n    pass", "pipe", "lonely.py has no class Solver, but Mine"), late("x = 3", "file", "lonely.py has no class Solver"),
     ("class Solver:\n    def solve(self): ...", "pipe", "class Solver of lonely.py has no method stiffness, prepare")])

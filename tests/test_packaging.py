@@ -1,11 +1,9 @@
 """What is shipped beside the package says the same as the package: recipe, images, workflows, tested versions."""
 
 import re
-import subprocess
 import tomllib
 from pathlib import Path
 
-import pytest
 from ruamel.yaml import YAML
 
 ROOT = Path(__file__).parents[1]
@@ -43,8 +41,3 @@ def test_every_package_has_a_tested_version_within_its_range():
         for sign, bound in re.findall(r"(>=|<)([\d.]+)", span):
             limit = tuple(int(n) for n in bound.split("."))
             assert version >= limit if sign == ">=" else version < limit, (name, version, span)
-
-
-@pytest.mark.parametrize("script", ["setup.sh", ".ci/run", ".ci/versions"])
-def test_scripts_can_be_read(script):
-    assert subprocess.run(["bash", "-n", str(ROOT / script)]).returncode == 0

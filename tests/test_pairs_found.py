@@ -7,7 +7,6 @@ import gmsh
 import numpy as np
 import pytest
 from boxes import boxed
-from mortar_case import pairs_looked_at
 from quick import late
 from yaml_case import call
 
@@ -17,14 +16,10 @@ from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.inspection import ROOM, pairs_of_mesh
-from orchestrator.scene.interfaces.facing import facing
-from orchestrator.scene.interfaces.opposite import outer_bodies
-from orchestrator.scene.interfaces.skins import Skin, smooth_faces
-from orchestrator.scene.mesh.shared_faces import arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import areas
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.sources import bricks, joined, make_mesh, moved, placed
+from orchestrator.scene.mesh.sources import make_mesh, moved
 from orchestrator.scene.mesh.mesh import Mesh
 
 
@@ -92,77 +87,6 @@ def test_faces_at_a_limit_are_paired_however_axes_lie(gap, cells, entry):
             "boundary": [{"on": face, "displacement": [0, 0, 0]} for face in ("a/zmin", "b/zmax")]}))
         (interface,) = scene.interfaces
         assert areas(scene.mesh.nodes[interface.global_nodes], interface.triangles).sum() == pytest.approx(4.0), k
-
-
-def cylinder(radius: float, h: float, length: float = 1.0, hole: float = 0.0) -> Mesh:
-    """About z, with a hole."""
-    with session():
-        occ = gmsh.model.occ
-        body = (3, occ.addCylinder(0, 0, 0, 0, 0, length, radius))
-        if hole:
-            occ.cut([body], [(3, occ.addCylinder(0, 0, 0, 0, 0, length, hole))])
-        occ.synchronize()
-
-        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
-        gmsh.model.mesh.generate(3)
-        return arrays("cylinder", ["ring" if hole else "shaft"], {gmsh.model.getEntities(3)[0][1]: 0})
-
-
-@pytest.mark.parametrize("clearance", [0.0, 0.03])
-@pytest.mark.parametrize("coarse, fine", [(0.5, 0.3), (0.3, 0.5)])
-def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearance):
-    """A shaft in a ring, polygons of different chords: the clearance as it is, to a share of what the chords are off."""
-    turn = Move.model_validate({"rotate": {"axis": "z", "degrees": 11}})
-    shaft = cylinder(1.0, coarse)
-    mesh = joined([placed(shaft, "shaft", turn), cylinder(2.0, fine, hole=1.0 + clearance)])
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    smooth = smooth_faces(mesh, faces)
-    shaft, ring = (Skin.of(b, mesh.nodes, smooth[faces.find(b.triangles)]) for b in outer_bodies(mesh, faces, mesh.volume))
-    (patch,) = facing(shaft, ring, tolerance=0.3)
-    rim = np.abs(mesh.nodes[:, 2]) < 1e-9
-    radius = np.linalg.norm(mesh.nodes[:, :2], axis=1)
-    counts = [np.count_nonzero(rim & (abs(radius - r) < 1e-6)) // (1 if clearance else 2 - (r != 1)) for r in (1.0, 1.0 + clearance)]
-    chords = sum(1 - cos(pi / n) for n in counts)
-    sagitta = shaft.surface.sagitta[patch.segments.slave] + ring.surface.sagitta[patch.segments.master]
-    assert 0.5 * chords < sagitta.max() < 2 * chords
-    assert abs(np.average(patch.distance, weights=patch.segments.area) - clearance) < 0.1 * chords
-    assert patch.segments.distance.min() < -0.2 * chords or clearance  # the facets are in each other
-
-
-def test_a_shank_with_room_does_not_touch_its_hole(tmp_path):
-    """A bolt bonded under its head alone: chords come nearer to the hole than a tenth of an element, the surfaces do not."""
-    path = str(tmp_path / "bolt.brep")
-    with session():
-        occ = gmsh.model.occ
-        occ.cut([(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 2.5))], [(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 1.07))])
-        occ.fuse([(3, occ.addCylinder(0, 0, 0, 0, 0, 1, 1))], [(3, occ.addCylinder(0, 0, 1, 0, 0, 0.5, 1.8))])
-        occ.synchronize()
-        gmsh.write(path)
-    scene = build_scene(config_from({
-        "name": "bolt", "mesh": {"step": path, "h": {"solid_1": 0.7, "solid_2": 0.4}, "conforming": False}, "subdomains": "groups",
-        "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": [{"between": ["solid_1", "solid_2"], "law": "perfect"}],
-        "boundary": [{"on": {"plane": "z", "at": 0.0}, "part": "solid_1", "displacement": [0, 0, 0]}]}))
-    (head,) = scene.interfaces
-    assert np.ptp(scene.mesh.nodes[head.global_nodes][:, 2]) < 1e-9
-
-
-def squares(count: int) -> tuple[Skin, Skin]:
-    """Two squares of 2 count² facets and of slightly other ones, facing each other."""
-    low, top = (bricks(np.array([1.0, 1.0, 0.1]), np.array([n, n, 1]), name) for n, name in ((count, "low"), (count + 1, "top")))
-    mesh = joined([low, Mesh(top.nodes + [0, 0, 0.1], top.cells, top.volume, top.volumes)])
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    return tuple(Skin.of(b, mesh.nodes, np.full(len(b.triangles), -1)) for b in outer_bodies(mesh, faces, mesh.volume))
-
-
-def test_work_grows_with_the_number_of_facets(monkeypatch):
-    """Four times as many facets: about four times as many pairs of facets are looked at, not sixteen."""
-    looked_at = []
-    for count in (15, 30):
-        one, two = squares(count)
-        found = []
-        looked_at.append(pairs_looked_at(monkeypatch, lambda: found.extend(facing(one, two))))
-        assert found[0].area == pytest.approx(1.0)
-    assert looked_at[1] < 5 * looked_at[0]
 
 
 def test_a_file_is_inspected(tmp_path, flange):

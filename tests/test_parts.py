@@ -1,18 +1,15 @@
 """Several meshes in one scene: parts with meshes of their own, and CAD assemblies meshed solid by solid."""
 
 import gmsh
-import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from yaml_case import call
 
-from orchestrator.config.load import config_from, load_config
-from orchestrator.config.mesh import Mesh, Move
+from orchestrator.config.load import config_from
+from orchestrator.config.mesh import Mesh
 from orchestrator.errors import InputError
-from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.sources import make_mesh, moved
+from orchestrator.scene.mesh.sources import make_mesh
 
 SLAB = {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}}
 STEEL, SOFT = {"young": 200e3, "poisson": 0.3}, {"young": 1e3, "poisson": 0.2}
@@ -30,49 +27,6 @@ def problems(changed: dict) -> list:
     with pytest.raises(InputError) as caught:
         build_scene(config_from(changed))
     return caught.value.problems
-
-
-def test_parts_that_match_are_one_body():
-    """Two slabs that touch give what a box of both gives."""
-    whole = data(mesh={"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, subdomains={"slices": {"axis": "z", "count": 2}},
-                 boundary=[{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [1, 0, 10]}])
-    del whole["parts"]
-    apart, one = (solve(config_from({**d, "method": {"tolerance": {"error": 1e-10}}})) for d in (data(), whole))
-    for a, b in zip(apart.scene.subdomains, one.scene.subdomains):
-        x, y = apart.scene.mesh.nodes[a.nodes], one.scene.mesh.nodes[b.nodes]
-        same = np.lexsort(np.round(x, 9).T), np.lexsort(np.round(y, 9).T)
-        assert np.abs(apart.parts[a.index][:, same[0]] - one.parts[b.index][:, same[1]]).max() <= 1e-8 * np.abs(one.displacement).max()
-
-
-def test_names_matter_and_places():
-    """A part's name stands for all that is in it; surfaces are part/surface; a part's own matter wins."""
-    grains = {"name": "core", "mesh": {"polycrystal": {"grains": 2, "size": 1.0, "h": 0.5}}, "material": SOFT}
-    made = config_from(data([BASE, {**grains, "move": {"translate": [0, 0, 0.5]}}], interfaces=[
-        {"law": "perfect"}, {"between": ["base", "core"], "law": "contact", "gap": "geometry"}],
-        boundary=[{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "core/*", "displacement": [0, 0, 0]}]))
-    assert config_from(made.complete()) == made
-    matter = {}
-    on_base = [i for i in build_scene(made).interfaces if not i.law.perfect]
-    assert on_base and all(i.mortar is not None for i in on_base)
-    scene = build_scene(config_from(data([BASE, {**LID, "material": SOFT}])))
-    for name, material in zip(scene.mesh.volumes, [0, 1]):
-        cells = scene.mesh.volume == scene.mesh.volumes.index(name)
-        matter[name] = scene.materials[int(np.unique(scene.cell_material[cells])[0])].young
-    assert matter == {"base": 200e3, "lid": 1e3}
-    assert {"base/zmin", "lid/zmax"} <= set(scene.mesh.surfaces) and len(scene.mesh.surfaces) == 12
-
-
-def test_moves_are_rigid_and_right_handed():
-    points = np.random.default_rng(3).uniform(size=(20, 3))
-    at = moved(np.array([[1.0, 0, 0]]), Move.model_validate({"rotate": {"axis": "z", "degrees": 90}, "translate": [0, 0, 2]}))
-    assert at.tolist() == [[0, 1, 2]]
-    turn = {"axis": [1, 2, -1], "degrees": 77.0, "about": [1, 0, 3]}
-    there = moved(points, Move.model_validate({"rotate": [turn, {"axis": "x", "degrees": -45}], "translate": [1, 2, 3]}))
-    assert np.allclose(np.linalg.norm(there[:, None] - there, axis=2), np.linalg.norm(points[:, None] - points, axis=2))
-    back = moved(moved(points, Move.model_validate({"rotate": turn})), Move.model_validate({"rotate": {**turn, "degrees": -77.0}}))
-    assert np.allclose(back, points)
-    assert moved(points, Move.model_validate({"rotate": {"axis": "y", "degrees": 450}})) == pytest.approx(
-        np.c_[points[:, 2], points[:, 1], -points[:, 0]], abs=0)
 
 
 @pytest.mark.parametrize("change, path, words", [
@@ -144,11 +98,3 @@ def test_dirty_models_are_told_by_solid_and_face(dirty):
     assert remark.startswith("solid_3 is small") and "solid_3:1" in remark
     assert told(h=0.3, exclude=["sold_1"])[0].path == ("mesh", "exclude")
     assert told(h={"solid_1": 1}, exclude=["shell_1"])[0].found.startswith("no element size for solid_2")
-
-
-def test_what_can_be_meshed_of_a_dirty_model_is_shown_and_proposed(dirty, tmp_path):
-    done = call("inspect", dirty, "--h", "0.3")
-    assert done.exit_code == 0 and "solid_2" in done.stdout and "solid_1 cannot be meshed" in done.stdout
-    done = call("init", tmp_path / "dirty.yaml", dirty)
-    assert done.exit_code == 0 and "close no solid; it is left out" in " ".join(done.stdout.split())
-    assert load_config(tmp_path / "dirty.yaml").config.mesh.exclude == ["shell_1", "solid_1"]

@@ -1,6 +1,5 @@
 """Values along lines, and forces across planes."""
 
-import csv
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from quick import quick
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.results.compare import compare
 from orchestrator.results.solution import Solution
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import solve
@@ -26,34 +24,6 @@ def probed(probes: list[dict], **changes) -> Solution:
 def values(solution: Solution, name: str) -> dict[str, np.ndarray]:
     found = next(one for one in solution.summary["probes"] if one["name"] == name)
     return {key: np.array(column) for key, column in found["values"].items()}
-
-
-def test_a_path_has_what_points_have(tmp_path):
-    ends = [[0.1, 0.3, 0.4], [3.9, 0.6, 0.4]]
-    at = [[float(x) for x in np.array(ends[0]) + t * (np.array(ends[1]) - ends[0])] for t in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    points = [{"name": f"{what} {k}", "at": place, "quantity": what} for what in ("displacement", "stress") for k, place in enumerate(at)]
-    lines = [{"name": what, "along": ends, "points": 5, "quantity": what} for what in ("displacement", "stress")]
-    solution = probed([*points, *lines])
-    for path in solution.summary["paths"]:
-        for k in range(5):
-            there = values(solution, f"{path['name']} {k}")
-            for component, column in path["values"].items():
-                assert np.allclose(column[:, k], there[component], rtol=1e-12, atol=1e-15), (path["name"], k, component)
-        assert path["distance"][-1] == pytest.approx(np.linalg.norm(np.subtract(*ends)))
-    with open(solution.write(tmp_path) / "paths.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 2 * 2 * 5 and float(rows[3]["ux"]) == solution.summary["paths"][0]["values"]["ux"][0, 3] and rows[3]["sxx"] == ""
-    assert not compare(tmp_path, tmp_path).different
-    assert Solution.read(tmp_path).summary["paths"][0]["name"] == "displacement"
-
-
-def test_a_path_may_leave_the_body_and_not_miss_it():
-    solution = probed([{"name": "out", "along": [[2, 0.5, 0.5], [6, 0.5, 0.5]], "points": 5}])
-    path, = solution.summary["paths"]
-    assert np.isfinite(path["values"]["ux"]).tolist() == [[True, True, True, False, False]] * 2
-    assert any("2 of the 5 points of 'out' are outside" in warning for warning in solution.summary["warnings"])
-    with pytest.raises(InputError, match="all points from"):
-        build_scene(config(output={"probes": [{"along": [[9, 9, 9], [8, 8, 8]]}]}))
 
 
 ASKEW = {"plane": [1.0, 0.2, -0.1], "at": [1.7, 0.5, 0.5]}

@@ -7,12 +7,11 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from method_case import CLAMP, config
+from method_case import config
 
 import orchestrator
-from orchestrator import Finished, InputError, Iteration, Solution, Subscriber, solve
+from orchestrator import Finished, InputError, Iteration, Subscriber, solve
 from orchestrator.registry import CODES, LAWS
-from orchestrator.results.summary.summary import jsonable
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Values rather than things to call or to derive from: they are seen in the examples of others.
@@ -99,31 +98,3 @@ def test_subscribers_hear_of_its_failure():
     with pytest.raises(KeyboardInterrupt) as blow:
         solve(config(), subscribers=[ear, Impatient()])
     assert ear.heard[2:] == [1, 2, 3, blow.value]
-
-
-@pytest.mark.parametrize("law, keys", [("perfect", {}), ("contact", {"friction": 0.5})])
-def test_a_solution_comes_back_from_its_files(law, keys, tmp_path):
-    """The same object, but for what only the run itself knows."""
-    push = {"on": {"plane": "x", "at": 4.0}, "traction": [-10.0, 1.0, 0.0]}
-    solution = solve(config(interfaces=[{"law": law, **keys}], boundary=[CLAMP, push],
-                            method={"tolerance": {"error": 1e-4}}))
-    again = Solution.read(solution.write(tmp_path))
-    known = {key: value for key, value in again.summary.items() if value is not None}
-    assert repr(again) == repr(solution)
-    assert known == {key: value for key, value in jsonable(solution.summary).items() if value is not None}
-    assert (again.converged, again.iterations, again.stop_reason) == (True, solution.iterations, "converged")
-    for name in ("displacement", "energy", "reactions"):
-        assert np.array_equal(getattr(again, name), getattr(solution, name)), name
-    assert again.reactions.shape == (2, 1, 3) and again.energy.shape == (1,)
-    assert list(again.history) == list(solution.history)
-    for name, column in solution.history.items():
-        assert np.array_equal(again.history[name], column, equal_nan=True) and again.history[name].dtype == column.dtype
-    for s, one, two in zip(solution.scene.subdomains, solution.sides, again.sides, strict=True):
-        assert one.shape == (1, len(s.nodes), 3) and np.array_equal(one, two)
-        if law == "perfect":
-            assert np.array_equal(one, solution.displacement[:, s.nodes])
-    if law == "contact":
-        assert np.array_equal(again.interfaces.status, solution.interfaces.status)
-    else:
-        assert again.interfaces is None and solution.error_bound <= 1e-4
-    assert again.scene is None and again.iterated is None and again.parts is None

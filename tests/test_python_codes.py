@@ -60,12 +60,6 @@ def test_a_stiffness_alone_is_a_solver_and_takes_options(tmp_path, shipped):
     assert apart(found, 2 * shipped) < 1e-8
 
 
-def test_options_that_the_class_does_not_take_are_told(tmp_path):
-    with pytest.raises(InputError) as caught:
-        displacement({"code": file(tmp_path, STIFFNESS), "options": {"softning": 4.0}, "workers": 1})
-    assert "unexpected keyword argument 'softning'; it takes softening, scale" in str(caught.value)
-
-
 def test_another_interpreter_needs_nothing_of_ours_installed(tmp_path, shipped):
     """One that has numpy and SciPy, but none of the orchestrator's other packages, nor the orchestrator."""
     venv.create(tmp_path / "other", symlinks=True)

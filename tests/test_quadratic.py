@@ -26,39 +26,6 @@ STEEL = [{"young": 200e3, "poisson": 0.3}]
 # --- mesh and loads ---------------------------------------------------------------------------------------
 
 
-def test_corners_keep_their_numbers_and_every_edge_has_its_middle(tmp_path):
-    mesh = {"mesh": irregular(tmp_path / "box.meshb")}
-    linear, scene = build_scene(config(**mesh)), build_scene(config(**mesh, **P2))
-    n, cells, nodes = len(linear.mesh.nodes), scene.mesh.cells, scene.mesh.nodes
-    assert np.array_equal(nodes[:n], linear.mesh.nodes) and np.array_equal(cells[:, :4], linear.mesh.cells)
-    assert np.array_equal(scene.cell_subdomain, linear.cell_subdomain)
-    for column, (i, j) in enumerate([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)], 4):
-        assert close(nodes[cells[:, column]], (nodes[cells[:, i]] + nodes[cells[:, j]]) / 2, 1e-15)
-    assert len(np.unique(nodes.round(9), axis=0)) == len(nodes), "an edge has more than one middle"
-    for interface in scene.interfaces:
-        points, triangles = scene.points(interface), interface.triangles
-        assert close(points[triangles[:, 3:]], (points[triangles[:, :3]] + points[triangles[:, [1, 2, 0]]]) / 2, 1e-15)
-
-
-def test_loads_do_the_work_of_what_they_stand_for(tmp_path):
-    """Body force, traction and pressure against every product of two coordinates, integrated by hand."""
-    body, pull, press, size = np.array([1.0, -2.0, 0.5]), np.array([3.0, 1.0, -1.0]), 7.0, np.array([4.0, 2.0, 2.0])
-    scene = build_scene(config(
-        mesh=irregular(tmp_path / "box.meshb"), **P2, loads=[{"body_force": body.tolist()}],
-        boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": pull.tolist()},
-                  {"on": {"plane": "z", "at": 2.0}, "pressure": press}]))
-
-    def mean(a, b, side=None):
-        """Of the product of coordinates a and b over the box, or over the side where one is largest."""
-        first = [size[c] if c == side else size[c] / 2 for c in (a, b)]
-        return first[0] * first[1] if a != b or a == side else size[a] ** 2 / 3
-
-    for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
-        work = (scene.mesh.nodes[:, a] * scene.mesh.nodes[:, b]) @ scene.loads[0]
-        expected = 16 * mean(a, b) * body + 4 * mean(a, b, 0) * pull + [0, 0, -8 * mean(a, b, 2) * press]
-        assert close(work, expected, 1e-12)
-
-
 # --- the black box ----------------------------------------------------------------------------------------
 
 

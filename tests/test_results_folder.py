@@ -12,7 +12,6 @@ import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import HISTORY_COLUMNS, Finished
-from orchestrator.results.fingerprint import problem_of
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
@@ -235,25 +234,6 @@ def test_history_round_trip_and_every_line_at_once(tmp_path):
     assert read["stick"].dtype.kind == "i"
 
 
-def test_history_has_columns_for_what_the_laws_know(tmp_path):
-    """Further statuses are counts, measures are numbers; a resumed run goes on with the same columns."""
-    folder, laws = ResultsFolder(tmp_path), {"counts": {"open": 1, "worn": 3}, "laws": {"wear": 0.5}}
-    with closing(HistoryWriter(folder)) as writer:
-        for i in (1, 2):
-            writer.iteration(case.iteration(i, **laws))
-    with closing(HistoryWriter(folder, resume_after=1)) as writer:
-        writer.iteration(case.iteration(2, **laws))
-    read = read_history(tmp_path)
-    assert list(read) == [*HISTORY_COLUMNS, "worn", "wear"]
-    assert read["open"].tolist() == [1, 1] and read["slip"].tolist() == [0, 0] and read["wear"].tolist() == [0.5, 0.5]
-    assert read["worn"].tolist() == [3, 3] and read["worn"].dtype.kind == "i"
-
-
-def test_history_of_no_iteration(tmp_path):
-    HistoryWriter(ResultsFolder(tmp_path)).close()
-    assert all(len(column) == 0 for column in read_history(tmp_path).values())
-
-
 def test_history_resumes_after_the_checkpoint(tmp_path):
     folder = ResultsFolder(tmp_path)
     write_history(folder, case.history(5))
@@ -284,23 +264,3 @@ def test_history_finds_its_lines_again(tmp_path):
         (folder / "history.csv").unlink()
         writer.complete()
     np.testing.assert_array_equal(read_history(tmp_path)["iteration"], [1, 2, 3, 4])
-
-
-def test_fingerprint_sees_the_problem_and_not_when_to_stop():
-    config = {"name": "a", "mesh": {"beam": {"h": 1.25}}, "method": {"relaxation": 0.8, "max_iterations": 5}}
-    nodes = np.zeros((3, 3))
-    same = config | {"name": "b", "method": {"relaxation": 0.8, "max_iterations": 500}, "output": {"fields": False}}
-    assert problem_of(config, nodes) == problem_of(same, nodes)
-    assert problem_of(config, nodes) != problem_of(config | {"mesh": {"beam": {"h": 1.0}}}, nodes)
-    assert problem_of(config, nodes) != problem_of(config, nodes + 1)
-
-
-def test_a_history_of_another_version_says_which_columns_it_lacks_and_what_can_be_done(tmp_path):
-    path = tmp_path / "history.csv"
-    path.write_text(",".join(HISTORY_COLUMNS[:-1]) + "\n")
-
-    with pytest.raises(InputError) as caught:
-        read_history(path)
-
-    problem = the_problem(caught)
-    assert HISTORY_COLUMNS[-1] in problem.found and "version that wrote it" in problem.cure

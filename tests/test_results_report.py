@@ -1,33 +1,20 @@
 """Summary, report and the solution object; progress and what the console shows."""
 
-import io
 import os
 import re
 import sys
-from contextlib import closing
 
-import numpy as np
 import pytest
 import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
-from orchestrator.method.events import Finished
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.progress import Progress
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
-from orchestrator.results.summary.summary import KEYS, read_summary, write_summary
+from orchestrator.results.summary.summary import read_summary
 
 
-def test_summary_round_trip(tmp_path):
-    write_summary(ResultsFolder(tmp_path), case.summary(error_bound=np.nan, indicator=np.inf, extra=(1, 2)))
-    read = read_summary(tmp_path)
-    assert list(read)[:len(KEYS)] == KEYS
-    assert read["error_bound"] is None and read["indicator"] is None and read["extra"] == [1, 2]
-    assert read["dofs"] == 189 and read["energy"] == [0.25, 1.0]
-
-
+@pytest.mark.long
 def test_report(tmp_path):
     """The lines of the summary, tables of each load step, pictures, the configuration; errors of a mesh and probes that are not known."""
     peak = {"value": 12.5, "at": [1.0, 2.0, 3.0], "part": "box", "load_step": 2}
@@ -75,32 +62,3 @@ def test_report_of_tables_that_are_not_whole(table, left, tmp_path, monkeypatch)
     (tmp_path / table).write_bytes(left)
     with pytest.raises(InputError, match=f"{table} cannot be read"):
         report(tmp_path)
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def run(progress):
-    with closing(progress):
-        progress.stage("factorising")
-        for i in range(1, 6):
-            progress.iteration(case.iteration(i))
-        progress.finished(Finished(True, "converged", 5))
-
-
-def test_progress_on_a_terminal():
-    stream = Terminal()
-    run(Progress(stream=stream))
-    text = stream.getvalue()
-    for part in ("factorising", "iteration 4", "error bound 2.0e-04", "1e-06", "9 sweeps", "left", "converged after 5"):
-        assert part in text, part
-
-
-def test_quiet_when_asked_or_not_on_a_terminal(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    stream = Terminal()
-    run(Progress(quiet=True, stream=stream))
-    run(Progress())  # pytest has captured standard output
-    assert stream.getvalue() == "" and capsys.readouterr() == ("", "")

@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import gmsh
-import meshio
 import numpy as np
 import pytest
 from method_case import CLAMP, saved
@@ -14,15 +13,15 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.conditions.rigid import check_held, rigid_modes
+from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.search import Laws, Search
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.faces import faces_of, pieces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh, StandIn, split_numbering
-from orchestrator.scene.partition import Partition, _gather_strays, make_partition
+from orchestrator.scene.partition import Partition, make_partition
 
 
 def config(**changes):
@@ -76,24 +75,6 @@ def area(made, interface):
 # --- subdomains and interfaces ----------------------------------------------------------------------------
 
 
-def test_slices():
-    made = scene()
-    assert [s.name for s in made.subdomains] == ["slice 0", "slice 1", "slice 2", "slice 3"]
-    assert [i.name for i in made.interfaces] == ["slice 0 | slice 1", "slice 1 | slice 2", "slice 2 | slice 3"]
-    assert [len(s.cells) for s in made.subdomains] == [48] * 4
-    for sub in made.subdomains:
-        assert (np.diff(sub.nodes) > 0).all()
-        assert (sub.nodes[sub.connectivity] == made.mesh.cells[sub.cells]).all()
-        assert tet_volumes(made.mesh.nodes[sub.nodes], sub.connectivity).sum() == pytest.approx(1.0)
-    for interface in made.interfaces:
-        assert area(made.mesh, interface) == pytest.approx(np.array([1, 0, 0]))
-        assert len(interface.global_nodes) == 9 and len(interface.triangles) == 8 and interface.free.all()
-        assert (np.diff(interface.global_nodes) > 0).all() and interface.law.perfect
-        for side in (0, 1):
-            own = made.subdomains[interface.subdomains[side]].nodes
-            assert (own[interface.nodes[side]] == interface.global_nodes).all()
-
-
 def test_grid():
     made = scene(mesh={"box": {"size": [3.0, 3.0, 3.0], "cells": [6, 6, 6]}}, subdomains={"grid": [3, 3, 3]})
     assert len(made.subdomains) == 27 and len(made.interfaces) == 54
@@ -117,13 +98,6 @@ def test_orientation_is_outward_of_the_lower_subdomain():
         assert (np.einsum("ij,ij->i", normals, outward) > 0).all()
 
 
-def test_two_patches_of_one_pair():
-    mesh = cubes([1, 1, 5], [0, 1, 1, 1, 0])
-    found, _ = interfaces_of(mesh)
-    assert [i.name for i in found] == ["volume_0 | volume_1 (patch 1)", "volume_0 | volume_1 (patch 2)"]
-    assert sorted(area(mesh, i)[2] for i in found) == pytest.approx([-1, 1])
-
-
 def test_touching_in_an_edge_or_a_node_is_no_interface():
     # 0 and 3 meet in an edge only.
     found, _ = interfaces_of(cubes([2, 2, 1], [0, 1, 2, 3]))
@@ -133,13 +107,6 @@ def test_touching_in_an_edge_or_a_node_is_no_interface():
     assert len(found) == 12 and (0, 7) not in [i.subdomains for i in found]
 
 
-def test_patches_that_meet_in_a_node_are_two():
-    # A checkerboard of part 0 on part 1's flat top: its two bricks touch along an edge; their feet in a node.
-    mesh = cubes([2, 2, 2], [[[1, 0], [1, -1]], [[1, -1], [1, 0]]])
-    found, _ = interfaces_of(mesh)
-    assert len(found) == 2
-
-
 @pytest.mark.parametrize("count", [3, 16])
 def test_metis_parts_are_connected(count):
     made = scene(mesh={"box": {"size": [2.0, 2.0, 2.0], "cells": [8, 8, 8]}}, subdomains={"metis": count})
@@ -147,25 +114,6 @@ def test_metis_parts_are_connected(count):
     assert pieces(faces, made.cell_subdomain)[0] == count == len(made.subdomains)
     sizes = np.array([len(s.cells) for s in made.subdomains])
     assert sizes.max() < 1.25 * sizes.mean()
-
-
-def test_metis_does_not_straddle_volumes(tmp_path):
-    mesh = saved(cubes([6, 3, 3], np.repeat([0, 1, 2], [9, 9, 36])), tmp_path / "a.mesh")
-    made = scene(mesh=mesh, subdomains={"metis": 9})
-    for sub in made.subdomains:
-        assert len(np.unique(made.mesh.volume[sub.cells])) == 1
-    assert [s.name for s in made.subdomains][:3] == ["part 0 of volume_1", "part 1 of volume_1", "part 2 of volume_2"]
-    assert "2 parts for 3 separate bodies" in problem(mesh=mesh, subdomains={"metis": 2}).found
-
-
-def test_stray_fragments_go_to_the_neighbour_they_share_most_with():
-    mesh = cubes([7, 1, 1], [0] * 7)
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    part = np.repeat([0, 0, 1, 0, 2, 2, 0], 6)
-    _gather_strays(faces, part, mesh.volume)
-    assert pieces(faces, part)[0] == 3
-    # The brick between parts 1 and 2 shares two faces with each: the lower takes it.
-    assert part.reshape(7, 6)[:, 0].tolist() == [0, 0, 1, 1, 2, 2, 2]
 
 
 def test_numbering_does_not_matter():
@@ -241,25 +189,6 @@ def test_the_real_assembly():
 # --- boundary conditions and loads ------------------------------------------------------------------------
 
 
-def test_prescribed_displacements_per_step():
-    made = scene(histories={"ramp": [0.5, 1.0]}, boundary=[
-        CLAMP, {"on": "xmax", "displacement": [None, 0.0, 2.0], "history": "ramp"}])
-    tip = np.isclose(made.mesh.nodes[:, 0], 4)
-    assert made.steps == 2 and (made.fixed[tip] == [False, True, True]).all()
-    assert (made.prescribed[:, tip, 2] == [[1.0], [2.0]]).all()
-    for sub in made.subdomains:
-        assert (sub.fixed == made.fixed[sub.nodes]).all()
-        assert (sub.prescribed == made.prescribed[:, sub.nodes]).all() and sub.loads.shape == (2, len(sub.nodes), 3)
-
-
-def test_box_selection_and_wildcard():
-    made = scene(boundary=[CLAMP, {"on": {"box": [[1.0, 0.0, 1.0], [3.0, 1.0, 1.0]]}, "traction": [0.0, 0.0, 3.0]},
-                           {"on": "y*", "pressure": 2.0}])
-    first, second = made.boundary[1:]
-    assert area_vectors(made.mesh.nodes, first.triangles).sum(axis=0) == pytest.approx(np.array([0, 0, 2]))
-    assert len(second.triangles) == 2 * 8 * 2 * 2 and first.kind == "traction" and first.prescribed is None
-
-
 def test_loads_equal_their_resultants():
     made = scene(histories={"ramp": [1.0, -2.0]}, loads=[{"on": "*", "body_force": [0.0, 0.0, -3.0]}], boundary=[
         CLAMP, {"on": "xmax", "traction": [5.0, 1.0, 0.0], "history": "ramp"}, {"on": "zmax", "pressure": 7.0}])
@@ -272,27 +201,6 @@ def test_loads_equal_their_resultants():
     # Each slice carries its own weight and pressure, the last also the traction.
     assert [s.loads[0].sum(axis=0)[2] for s in made.subdomains] == pytest.approx([-10] * 4)
     assert [s.loads[0].sum(axis=0)[0] for s in made.subdomains] == pytest.approx([0, 0, 0, 5], abs=1e-12)
-
-
-def test_pressure_moment_vanishes_on_a_closed_body():
-    made = scene(boundary=[CLAMP, {"on": "*", "pressure": 1.0}])
-    assert made.loads[0].sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
-    assert np.cross(made.mesh.nodes, made.loads[0]).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
-
-
-def test_interior_surface_may_be_prescribed_but_not_loaded(tmp_path):
-    mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([4, 1, 1]), "box")
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    middle = faces.triangles[np.isclose(mesh.nodes[faces.triangles][..., 0], 2).all(axis=1)]
-    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", middle)],
-                cell_data={"medit:ref": [np.ones(24, dtype=int), np.full(2, 4)]}).write(tmp_path / "a.mesh")
-    source = {"file": str(tmp_path / "a.mesh")}
-    made = scene(mesh=source, boundary=[{"on": "surface_4", "displacement": [0.0, 0.0, 0.0]}])
-    assert made.fixed.all(axis=1).sum() == 4
-    # The cut between slices 1 and 2 is fully prescribed: no interface there.
-    assert [i.subdomains for i in made.interfaces] == [(0, 1), (2, 3)]
-    wrong = problem(mesh=source, boundary=[CLAMP, {"on": "surface_4", "traction": [1.0, 0.0, 0.0]}])
-    assert wrong.path == ("boundary", 1, "on") and "2 of 2 faces lie inside the mesh" in wrong.found
 
 
 def test_materials_the_last_match_wins(tmp_path):
@@ -308,17 +216,6 @@ def test_materials_the_last_match_wins(tmp_path):
 
 
 # --- rigid motions ------------------------------------------------------------------------------------------
-
-
-def test_rigid_modes():
-    nodes = np.random.default_rng(0).random((20, 3))
-    fixed = np.zeros((20, 3), dtype=bool)
-    modes = rigid_modes(nodes, fixed)
-    assert modes.shape == (60, 6) and modes.T @ modes == pytest.approx(np.eye(6), abs=1e-12)
-    fixed[3] = True
-    assert rigid_modes(nodes, fixed).shape == (60, 3) and not rigid_modes(nodes, fixed)[9:12].any()
-    fixed[[5, 8]] = True
-    assert rigid_modes(nodes, fixed).shape == (60, 0)
 
 
 @pytest.mark.parametrize("boundary, words", [
@@ -363,17 +260,6 @@ def test_parts_whose_faces_do_not_match_are_said_to_touch(tmp_path):
 # --- what must be refused -------------------------------------------------------------------------------------
 
 
-def test_unknown_surface():
-    wrong = problem(boundary=[CLAMP, {"on": "xmaks", "traction": [1.0, 0.0, 0.0]}])
-    assert wrong.path == ("boundary", 1, "on") and "'xmaks'" in wrong.found and "did you mean xmax" in wrong.cure
-
-
-def test_plane_that_hits_nothing():
-    wrong = problem(boundary=[CLAMP, {"on": {"plane": "x", "at": 4.1}, "traction": [1.0, 0.0, 0.0]}])
-    assert wrong.path == ("boundary", 1, "on") and "0.1 away, at x = 4" in wrong.found
-    assert "spans x from 0 to 4" in wrong.expected
-
-
 def test_box_that_hits_nothing():
     far = problem(boundary=[CLAMP, {"on": {"box": [[7.0, 0.0, 0.0], [9.0, 1.0, 1.0]]}, "pressure": 1.0}])
     assert "3 away" in far.found and "(4, 1, 1)" in far.expected
@@ -383,38 +269,11 @@ def test_box_that_hits_nothing():
     assert "above its second" in upside.found
 
 
-def test_contradictory_conditions():
-    wrong = problem(boundary=[CLAMP, {"on": "zmin", "displacement": [None, None, 1.0]}])
-    assert wrong.path == ("boundary", 1, "displacement")
-    assert "boundary[0] and boundary[1] contradict each other on 3 nodes, the first at (0, 0, 0)" in wrong.found
-    assert "uz = 0 and 1 at load step 1" in wrong.found
-    scene(boundary=[CLAMP, {"on": "zmin", "displacement": [None, None, 0.0]}])
-
-
 def test_components_free_at_some_steps_only():
     data = config().model_dump(exclude_none=True)
     with pytest.raises(InputError, match="component x free at some steps only") as caught:
         config_from({**data, "boundary": [CLAMP, {"on": "xmax", "displacement": [[None, 0.0, 0.0], [1.0, 0.0, 0.0]]}]})
     assert [wrong.path for wrong in caught.value.problems] == [("boundary", 1, "displacement")]
-
-
-@pytest.mark.parametrize("cut", [{"metis": 200}, {"slices": {"axis": "x", "count": 200}}, {"grid": [10, 10, 2]}])
-def test_more_subdomains_than_tets(cut):
-    wrong = problem(subdomains=cut)
-    assert wrong.path == ("subdomains",) and "200 subdomains for a mesh of 192 tets" in wrong.found
-
-
-def test_no_subdomains():
-    mesh = bricks(np.ones(3), np.array([1, 1, 1]), "box")
-    for cut in (SimpleNamespace(metis=0), SimpleNamespace(slices=SimpleNamespace(axis="x", count=0)),
-                SimpleNamespace(grid=[0, 1, 1])):
-        with pytest.raises(InputError, match="0 subdomains for a mesh of 6 tets"):
-            make_partition(mesh, faces_of(mesh.cells, 8), cut)
-
-
-def test_empty_subdomains():
-    wrong = problem(subdomains={"slices": {"axis": "x", "count": 64}})
-    assert wrong.path == ("subdomains",) and "subdomains without any tet: slice " in wrong.found
 
 
 def test_disconnected_group(tmp_path):

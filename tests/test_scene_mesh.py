@@ -11,7 +11,6 @@ import pytest
 
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.gmsh_session import locate, session
-from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.mesh.sources import bricks, make_mesh
@@ -40,35 +39,7 @@ def small():
 # --- structured -----------------------------------------------------------------------------------------
 
 
-def test_box_sides_point_outward_and_are_faces():
-    mesh, faces = make_mesh(SimpleNamespace(box=SimpleNamespace(size=[2, 3, 4], cells=[2, 3, 1])))
-    wanted = {"xmin": (-12, 0, 0), "xmax": (12, 0, 0), "ymin": (0, -8, 0), "ymax": (0, 8, 0), "zmin": (0, 0, -6),
-              "zmax": (0, 0, 6)}
-    assert list(mesh.surfaces) == list(wanted)
-    for name, resultant in wanted.items():
-        index = faces.find(mesh.surfaces[name])
-        assert (index >= 0).all() and (faces.neighbour[index] < 0).all()
-        assert area_vectors(mesh.nodes, mesh.surfaces[name]).sum(axis=0) == pytest.approx(np.array(resultant))
-
-
-def test_scale_multiplies_coordinates():
-    source = SimpleNamespace(size=[1, 1, 1], cells=[1, 1, 1])
-    mesh, _ = make_mesh(SimpleNamespace(box=source, scale=10.0))
-    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(1000)
-
-
 # --- faces ------------------------------------------------------------------------------------------------
-
-
-def test_faces_close_and_point_outward():
-    mesh = bricks(np.array([1.0, 2.0, 3.0]), np.array([2, 2, 2]), "box")
-    faces = faces_of(mesh.cells, len(mesh.nodes))
-    assert len(faces.keys) == (4 * len(mesh.cells) + len(faces.outer)) // 2
-    outer = faces.triangles[faces.outer]
-    normals = area_vectors(mesh.nodes, outer)
-    assert np.einsum("ij,ij->", normals, mesh.nodes[outer].mean(axis=1)) / 3 == pytest.approx(6.0)
-    assert (faces.find(faces.triangles[:, [2, 0, 1]]) == np.arange(len(faces.keys))).all()
-    assert faces.find(np.array([[0, 1, len(mesh.nodes) - 1]])) == [-1]
 
 
 # --- files ------------------------------------------------------------------------------------------------
@@ -237,13 +208,3 @@ def test_gmsh_leaves_the_signals_as_they_are():
     with pytest.raises(BrokenPipeError):
         os.write(writing, b"nobody listens")
     os.close(writing)
-
-
-def test_one_solid_from_brep(tmp_path):
-    with session():
-        gmsh.model.occ.addBox(0, 0, 0, 1, 2, 3)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(tmp_path / "a.brep"))
-    mesh, _ = make_mesh(SimpleNamespace(step=str(tmp_path / "a.brep"), h=1.0))
-    assert mesh.volumes == ["solid"] and list(mesh.surfaces) == [f"solid:{k}" for k in range(1, 7)]
-    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(6)

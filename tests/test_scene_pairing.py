@@ -11,8 +11,7 @@ from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.interfaces.overlap import Solid, contained, overlap
-from orchestrator.scene.interfaces.opposite import REACH, Body, close_bodies
+from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -69,22 +68,6 @@ def test_coincident_nodes_are_as_good_as_shared_ones(name, kind, tmp_path):
         assert np.abs(u - v[:, same]).max() <= 1e-8 * 0.01
     force = np.array(one.summary["reactions"])
     assert np.abs(np.array(apart.summary["reactions"]) - force).max() <= 1e-8 * np.abs(force).max()
-
-
-def test_bodies_within_reach_are_all_found_in_their_order():
-    """Boxes of random size and reach: those that a comparison of each with each finds, in the same order."""
-    random = np.random.default_rng(1)
-    bodies = []
-    for index in range(60):
-        low, room = random.uniform(0, [1, 9, 3]), random.uniform(0, 0.4)
-        corners = np.stack([low, low + random.uniform(0, 1, 3), low])[None]
-        bodies.append(Body(corners, np.empty((1, 3)), np.array([room**2 / 2]), index, index, np.empty((1, 3)), np.empty(1)))
-    boxes = [(b.corners.min(axis=(0, 1)), b.corners.max(axis=(0, 1)), REACH * b.size[0]) for b in bodies]
-    expected = [(i, j) for i, (low, high, room) in enumerate(boxes) for j, (below, above, other) in enumerate(boxes)
-                if i < j and np.maximum(low - above, below - high).max() <= max(room, other)]
-    assert 20 < len(expected) < 1000
-    assert [(a.subdomain, b.subdomain) for a, b in close_bodies(bodies, None)] == expected
-    assert not list(close_bodies(bodies[:1], None)) and not list(close_bodies([], None))
 
 
 @pytest.mark.parametrize("change, law, words", [
@@ -165,28 +148,6 @@ def test_parts_merely_near_are_told(change, words, tmp_path):
     warnings = [w for w in scene_cautions(build_scene(unasked(tmp_path, two_parts(change)))) if "apart" in w or "interface" in w]
     assert len(warnings) == bool(words)
     assert not words or warnings[0].startswith(f"'lower' and 'upper' {words}")
-
-
-def test_a_third_part_near_the_others(tmp_path):
-    """An entry for all parts joins two of three: for the third it is an error where it asks for contact."""
-    mesh = two_parts()
-    third = bricks(np.array([1.0, 1.0, 0.5]), np.array([4, 4, 2]), "box")
-    count = len(mesh.nodes)
-    mesh = Mesh(np.r_[mesh.nodes, third.nodes + [0, 0, 1.01]], np.r_[mesh.cells, third.cells + count],
-                np.r_[mesh.volume, np.full(len(third.cells), 2)], [*mesh.volumes, "third"],
-                mesh.surfaces | {f"third {n}": t + count for n, t in third.surfaces.items()})
-    boundary = (HELD, MOVED, {"on": "third zmax", "displacement": PATH})
-    (wrong,) = problems(made(tmp_path, mesh, ALL, boundary))
-    assert wrong.path == ("interfaces", 0) and "'upper' and 'third' touch" in wrong.found
-    assert not build_scene(made(tmp_path, mesh, MEASURED, boundary)).warnings
-
-
-def test_points_in_a_part():
-    """Against the box that the part is, with every way of being outside."""
-    mesh = bricks(np.array([2.0, 1.0, 0.5]), np.array([5, 3, 2]), "box")
-    points = np.random.default_rng(0).uniform(-0.5, 2.5, (2000, 3))
-    inside = ((points > 0) & (points < [2, 1, 0.5])).all(axis=1)
-    assert 10 < inside.sum() and np.array_equal(contained(points, Solid(mesh.nodes, mesh.cells, None)), inside)
 
 
 def test_a_corner_that_parts_share_is_inside_neither():

@@ -24,8 +24,6 @@ from orchestrator.scene import body
 from orchestrator.scene.mesh import grain_meshes, solids as solid_meshes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.grain_meshes import GrainMesher
-from orchestrator.method.delivery.moved import passing
-from orchestrator.parallel.team import ALONE
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.probes import Surface
@@ -286,35 +284,6 @@ def test_bodies_of_a_file_that_share_no_nodes(tmp_path, shift, joined):
     same_as_one(config, 2)
     data = config.model_dump(exclude_unset=True) | {"subdomains": {"metis": 8}}  # which may be in each other
     assert_left(among(3, lambda team: make(config_from(data), team)))
-
-
-@pytest.mark.parametrize("far, told", [(0.03, 0), (0.3, 1)])
-def test_arms_that_are_near_each_other(tmp_path, far, told):
-    """A fork's, on ranks that share no nodes of theirs: in the end these see whether they pass through each other."""
-    with session():
-        occ = gmsh.model.occ
-        occ.cut([(3, occ.addBox(0, 0, 0, 6, 1, 2.04))], [(3, occ.addBox(2, 0, 1, 4, 1, 0.04))])
-        occ.synchronize()
-        gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="fork")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.partition(4)
-        gmsh.write(str(tmp_path / "fork.msh"))
-    config = config_from({"name": "fork", "mesh": {"file": str(tmp_path / "fork.msh")}, "subdomains": "groups",
-                          "materials": [{"young": 200e3, "poisson": 0.3}],
-                          "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0], "history": "two"}], "histories": {"two": [1, 1]}})
-    whole = build_scene(config)
-    assert whole.near
-    same_as_one(config, 4)
-
-    def passed(scene, team=ALONE):  # the upper arm comes down
-        points = [scene.mesh.nodes[s.nodes] for s in scene.subdomains]
-        return passing(scene, [np.stack([0 * x, -far * x[:, :1] / 6 * (x[:, 2:] > 1.02) * [0, 0, 1]]) for x in points], team)
-
-    alone = passed(whole)
-    assert bool(alone) == bool(told) and all(one.step == 1 for one in alone)
-    for found in among(4, lambda team: passed(make(config, team), team)):
-        assert [*differing([*map(tuple, found)], [*map(tuple, alone)])] == []
 
 
 # four blocks of a square that meet in a line, and one on top of two of them

@@ -12,7 +12,6 @@ from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh import polycrystal
 from orchestrator.scene.mesh.polyhedra import narrowest, scattered
 from orchestrator.scene.mesh.grains import tidied
@@ -47,11 +46,6 @@ def known(grains=15, h=0.16, lloyd=0):
     return made(grains=grains, h=h, lloyd=lloyd)
 
 
-@lru_cache
-def scene(grains=15, h=0.16, lloyd=0):
-    return build_scene(config(grains=grains, h=h, lloyd=lloyd))
-
-
 CASES = [(10, 0.094, 0), (15, 0.16, 0), (15, 0.16, 10), late(40, 0.08, 0)]
 
 
@@ -67,28 +61,6 @@ def test_grains_fill_the_box_and_share_their_faces(grains, h, lloyd):
     outer = mesh.nodes[faces.triangles[faces.outer]]
     assert np.any(np.all((outer == 0) | (outer == 1), axis=1), axis=1).all()
     assert np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[faces.outer]), axis=1).sum() == pytest.approx(6)
-
-
-def test_both_sides_of_interfaces_and_the_box_close_every_grain():
-    found = scene()
-    closing = np.zeros((15, 3))
-    for interface in found.interfaces:
-        area = area_vectors(found.mesh.nodes[interface.global_nodes], interface.triangles).sum(axis=0)
-        closing[interface.subdomains[0]] += area
-        closing[interface.subdomains[1]] -= area
-    _, faces = known()
-    np.add.at(closing, found.mesh.volume[faces.owner[faces.outer]],
-              area_vectors(found.mesh.nodes, faces.triangles[faces.outer]))
-    assert np.abs(closing).max() < 1e-13
-
-
-def test_sides_of_the_box_are_named_outward_surfaces():
-    mesh, _ = made(size=[2.0, 1.0, 0.5], h=0.2)
-    assert list(mesh.surfaces) == ["xmin", "xmax", "ymin", "ymax", "zmin", "zmax"]
-    for (name, triangles), area in zip(mesh.surfaces.items(), np.repeat([0.5, 1.0, 2.0], 2)):
-        axis, end = "xyz".index(name[0]), name.endswith("max")
-        assert np.all(mesh.nodes[triangles, axis] == ([2.0, 1.0, 0.5][axis] if end else 0))
-        assert area_vectors(mesh.nodes, triangles).sum(axis=0)[axis] == pytest.approx(area if end else -area)
 
 
 @pytest.mark.parametrize("grains, h, seed", quick_sets(BAD, BAD[0], BAD[2]))

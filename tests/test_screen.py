@@ -6,7 +6,6 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
-import numpy as np
 import pytest
 import results_case as case
 from rich.console import Console
@@ -15,7 +14,6 @@ from orchestrator.method.events import Finished
 from orchestrator.results import progress as progresses
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary, summary_rows
-from orchestrator.scene.mesh.geometry import format_point
 
 ROOT = Path(__file__).parents[1]
 MANY = {"load_steps": 3, "reaction_names": [f"bolt_{k}" for k in range(30)], "reaction_kinds": ["support", "load"] * 15,
@@ -52,21 +50,6 @@ def test_verdict_first_then_answers_then_errors_then_cost():
                       "size", "time"]
     every = [label for label, _ in summary_rows(case.summary(workers=2, **MANY))]
     assert [label for label in every if label in labels] == labels and "stages" in every
-
-
-def test_supports_and_loads_are_told_apart_at_the_last_step():
-    rows = dict(summary_rows({"load_steps": 3, "reaction_names": ["foot", "neck"], "reaction_kinds": ["support", "load"],
-                              "reactions": [[[0, 0, 1], [0, 0, 2], [1e-13, 0, 3]], [[0, 0, -1], [0, 0, -2], [0, 0, -3]]]}))
-    unloaded = dict(summary_rows({"load_steps": 2, "reaction_names": ["foot"], "reactions": [[[0, 0, 9.0], [1e-12, 0, -2e-12]]]}))
-    assert unloaded["reactions"] == "foot: (0, 0, 0)  (load step 2 of 2)"
-    assert rows["reactions"] == "foot: (0, 0, 3)  (load step 3 of 3)" and rows["loads"] == "neck: (0, 0, -3)  (load step 3 of 3)"
-
-
-def test_numbers_are_rounded_to_what_is_known():
-    assert format_point(np.array([82.0, -9.0964e-15, 8.0])) == "(82, 0, 8)" and format_point(np.zeros(3)) == "(0, 0, 0)"
-    peak = {"value": 12.5, "at": [82.0, -9.0964e-15, 8.0], "part": "", "load_step": 1}
-    assert "at (82, 0, 8)" in dict(summary_rows({"peak_stress": peak}))["peak stress"]
-    assert "uy 0" in dict(summary_rows(MANY))["probes"]
 
 
 def test_a_file_gets_lines_of_plain_text(monkeypatch):

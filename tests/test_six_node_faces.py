@@ -9,8 +9,7 @@ from in_process import IN_PROCESS
 
 from orchestrator import build_scene, config_from, solve
 from orchestrator.scene.interfaces.upright import mirrored
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals, node_vectors
-from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 
 sys.path.append(str(Path(__file__).parents[1] / "meshes"))
 from hertz import LENGTH, RADIUS, cylinder_on_block, write
@@ -26,16 +25,6 @@ def patch(n=4, at=lambda x, y: (x, y, 0 * x)):
     edges, middle = np.unique(np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True)
     nodes = np.stack(at(x, y), axis=1)
     return np.vstack([nodes, nodes[edges].mean(axis=1)]), np.hstack([corners, len(nodes) + middle.reshape(-1, 3)])
-
-
-def test_points_carry_linear_pressures_with_their_moments():
-    """Of p on every triangle, ∫ p w of linear w: forces p A at the points do the same work."""
-    points, triangles = patch(3)
-    area = node_vectors(points, triangles, TRIANGLE_SHARES[6])[:, 2]
-    assert area.sum() == pytest.approx(1) and (area > 0).tolist() == (np.arange(len(points)) > triangles[:, :3].max()).tolist()
-    for p, w, exact in ((0, 0, 1), (1, 0, 1 / 2), (1, 1, 1 / 3), (1, 2, 1 / 4)):
-        p, w = (np.c_[np.ones(len(points)), points[:, :2]][:, i] for i in (p, w))
-        assert (area * p) @ w == pytest.approx(exact, abs=1e-14)
 
 
 def round_about(x, y):

@@ -7,43 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from blackbox_case import box, settings
-from method_case import CLAMP, CUBES, METIS, PULL, method, solved
-from quick import late
+from method_case import CLAMP, CUBES, PULL, method, solved
 
 from orchestrator.blackbox.shared import SharedModels, representatives
 from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.method import Skip
 from orchestrator.timing import Savings
-from orchestrator.scene import congruence
-from orchestrator.scene.congruence import same_shapes
 
 INVARIANT = Traits(translation_invariant=True)
 ROOT = Path(__file__).parents[1]
-NOTHING = {"congruent": False, "repeated": False}
-LONG = {"mesh": {"box": {"size": [16.0, 1.0, 1.0], "cells": [32, 2, 2]}},
-        "subdomains": {"slices": {"axis": "x", "count": 16}},
-        "boundary": [CLAMP, {"on": {"plane": "x", "at": 16.0}, "traction": [10.0, 1.0, 0.0]}]}
-
-
-def with_skip(skip, **changes):
-    """A solution, accurate enough that what is left of the iterations does not count."""
-    return solved(reference=False, **changes, **method(skip={**NOTHING, **skip}, tolerance={"error": 1e-9}))
 
 
 def saved(result) -> dict:
     """switch → what → count."""
     return {entry["skip"]: entry["saved"] for entry in result.summary["skipped"]}
-
-
-def same(one, two, tolerance=1e-10):
-    """Displacements and reactions."""
-    assert one.converged and two.converged
-    assert np.abs(one.displacement - two.displacement).max() <= tolerance * np.abs(two.displacement).max()
-    forces, others = np.array(one.summary["reactions"]), np.array(two.summary["reactions"])
-    assert np.abs(forces - others).max() <= tolerance * np.abs(others).max()
 
 
 # --- congruent models -------------------------------------------------------------------------------------
@@ -67,40 +46,6 @@ def test_models_are_congruent_up_to_a_translation_only():
     assert representatives([model, *others], lambda code: INVARIANT).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
     metres = [replace(m, nodes=m.nodes / 1000) for m in [model, *others]]
     assert representatives(metres, lambda code: INVARIANT).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
-
-
-def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
-    """Shapes of equal keys, no two of them alike, then the same again elsewhere: comparisons grow with their number."""
-    random, compared = np.random.default_rng(0), []
-    monkeypatch.setattr(congruence, "same_shapes", lambda one, others: compared.extend(others) or same_shapes(one, others))
-    clouds = [random.standard_normal((7, 3)) for _ in range(300)]
-    clouds += [cloud + random.standard_normal(3) for cloud in clouds]
-    assert np.array_equal(congruence.first_congruent([0] * 600, clouds), np.tile(np.arange(300), 2))
-    assert 300 <= len(compared) <= 310
-    compared.clear()  # one shape of matter that is never the same
-    matter = random.choice([1.0, 1000.0], size=(300, 40))
-    assert np.array_equal(congruence.first_congruent([0] * 600, [clouds[0]] * 600, lambda i: matter[i % 300]), np.tile(np.arange(300), 2))
-    assert 300 <= len(compared) <= 310
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), late(METIS, 7)], ids=["slices", "cubes", "metis"])
-def test_congruent_subdomains_share(case, factorised):
-    """Slices: both ends and one for all between; a grid: one per position beside the outer faces; METIS: none."""
-    plain, shared = with_skip({}, **case), with_skip({"congruent": True}, **case)
-    same(shared, plain)
-    assert shared.iterations == plain.iterations
-    count = saved(shared).get("congruent", {}).get("factorisations", 0)
-    assert len(shared.scene.subdomains) - count == factorised
-
-
-def test_a_model_with_much_to_solve_is_loaded_once_per_worker():
-    """Many right-hand sides of one model are spread over the workers; few are not worth a factorisation."""
-    for steps, models in ((1, 1), (20, 2)):
-        with make_blackbox(settings(workers=2)) as pool:
-            shared = SharedModels(pool, skip=Skip(), workers=2, steps=steps, savings=Savings())
-            shared.load([box(), replace(box(), nodes=box().nodes + 1.0)])
-            assert shared.model_of.tolist() == [0, models - 1]
 
 
 # --- repeated right-hand sides ----------------------------------------------------------------------------

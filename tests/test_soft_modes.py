@@ -9,8 +9,7 @@ from method_case import box_of, config, method, prepared, saved
 from orchestrator.method.linear.soft_modes import SOFT, soft_modes
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.sources import bricks
-from orchestrator.scene.soles.overlap import OWN, difficulty
-from orchestrator.scene.soles.make import make_soles
+from orchestrator.scene.soles.overlap import OWN
 
 SOFT_AND_STIFF = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]
 
@@ -66,26 +65,3 @@ def test_soft_modes_are_those_of_the_dense_problem():
         assert np.sqrt(np.sum(left * (k @ left), axis=0)).max() < 0.2
         found += soft.shape[1]
     assert found > 0 and 0 < sweeps < max(len(k) for _, k in pairs.values())
-
-
-def test_what_is_hard(tmp_path):
-    assert not difficulty(build_scene(config())).incompressible_or_slender.any()
-    even = difficulty(build_scene(config(**mixed(tmp_path / "mixed.mesh", materials=[{"young": 1.0, "poisson": 0.3}]))))
-    mixed_up = difficulty(build_scene(config(**mixed(tmp_path / "mixed.mesh"))))
-    assert not even.mixed_moduli.any() and mixed_up.mixed_moduli.all() and not mixed_up.incompressible_or_slender.any()
-    assert difficulty(build_scene(config(**flat()))).incompressible_or_slender.all()
-    for element, poisson, soft in ("P1", 0.499, True), ("P2", 0.499, False), ("P2", 0.4999, True):
-        hard = difficulty(build_scene(config(materials=[{"young": 1.0, "poisson": poisson}], blackbox={"element": element})))
-        assert hard.incompressible_or_slender.all() and hard.soft.all() == hard.soft.any() == soft
-
-
-@pytest.mark.parametrize("element", ["P1", "P2"])
-@pytest.mark.parametrize("poisson", [0.3, 0.499])
-def test_copies_of_matter_that_flows_resist_by_the_mean_of_its_moduli(element, poisson):
-    """λ' = √(λ μ) where ten-node tets are nearly incompressible; the matter's own everywhere else."""
-    made = config(materials=[{"young": 200e3, "poisson": poisson}], blackbox={**IN_PROCESS, "element": element},
-                  **method({"kind": "overlap"}))
-    for one, _ in make_soles(build_scene(made), made.method.sole):
-        ratio = 2 * one.poisson / (1 - 2 * one.poisson)  # λ/μ
-        own = 2 * poisson / (1 - 2 * poisson)
-        assert np.allclose(ratio, np.sqrt(own) if (element, poisson) == ("P2", 0.499) else own, rtol=1e-9)

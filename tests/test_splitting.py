@@ -3,15 +3,12 @@
 import method_case as case
 import numpy as np
 import pytest
-from in_process import IN_PROCESS
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
-from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.sources import bricks
-from benchmarks.problems.cases import grains
 
 CONTACT = {"law": "contact", "friction": 0.2}
 
@@ -37,22 +34,6 @@ def pressed(mesh, above, **changes):
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
         {"on": {"plane": "z", "at": 2.0}, "displacement": [[0, 0, -0.02], [0.01, 0, -0.02], [0.02, 0.01, -0.02]]}],
         method={"tolerance": {"law": 1e-10}, "max_iterations": 600}, **changes)
-
-
-def converged(made: Config):
-    solved = solve(made, build_scene(made))
-    assert solved.converged, solved.stop_reason
-    return solved
-
-
-def difference(one, two) -> float:
-    """Largest difference of displacement, body by body, relative to the largest displacement."""
-    whole = {s.name: (s, u) for s, u in zip(one.scene.subdomains, one.fields.sides or one.parts)}
-    apart = 0.0
-    for s, u in zip(two.scene.subdomains, two.fields.sides or two.parts):
-        body, expected = whole[s.body]
-        apart = max(apart, np.abs(expected[:, np.searchsorted(body.nodes, s.nodes)] - u).max())
-    return apart / np.abs(one.displacement).max()
 
 
 def test_pieces_are_connected_named_and_small_enough(tmp_path):
@@ -95,32 +76,3 @@ def test_law_between_pieces_of_one_body_is_refused(tmp_path):
     (problem,) = caught.value.problems
     assert problem.path == ("interfaces", 0, "between") and "pieces of one body" in problem.found
     build_scene(pressed(mesh, 250, interfaces=[{"law": "perfect", "between": [f"{base}.1", f"{base}.*"]}]))
-
-
-def test_same_solution_with_perfect_interfaces(tmp_path):
-    mesh = case.layered(tmp_path / "bar.mesh", [0, 1, 1, 1], cells=(12, 3, 3))
-    accurate = case.method(tolerance={"error": 2e-11})
-    found = [solve(c, build_scene(c)) for c in (split(above, mesh=mesh, **accurate) for above in (None, 150))]
-    assert len(found[1].scene.subdomains) > 4
-    assert np.abs(found[0].displacement - found[1].displacement).max() < 1e-8 * np.abs(found[0].displacement).max()
-
-
-@pytest.mark.long
-def test_a_cut_through_contact_of_six_node_faces_leaves_no_trace(tmp_path):
-    """Points amid edges see the same gap on either side of the cut."""
-    mesh, code = arch(tmp_path / "arch.mesh", (4, 4, 6)), {**IN_PROCESS, "element": "P2"}
-    whole, cut = (converged(pressed(mesh, most, interfaces=[CONTACT], blackbox=code)) for most in (None, 600))
-    assert sum(i.law.name == "contact" for i in cut.scene.interfaces) > 1
-    assert difference(whole, cut) < 1e-8
-
-
-@pytest.mark.long
-def test_detached_bodies_are_named_as_wholes():
-    data = {**grains(10, 0.15), "blackbox": IN_PROCESS, "method": {"max_iterations": 12}}
-    configs = [Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}})
-               for above in (10**9, 250)]
-    whole, cut = (solve(config, build_scene(config)) for config in configs)
-    assert len(cut.scene.subdomains) > 15
-    assert whole.summary["detached"][-1] == cut.summary["detached"][-1] == ["grain_9"]
-    bodies = {s.name for s in whole.scene.subdomains}
-    assert all(set(names) <= bodies for key in ("detached", "weakly_held") for names in cut.summary[key])

@@ -17,12 +17,10 @@ from benchmarks.kit.apart import apart
 from benchmarks.kit.study import Case, Study, first
 from benchmarks.problems import cases
 from benchmarks.problems.cases import defaults, paper, with_method
-from benchmarks.problems.contact_cases import pushed
 from benchmarks.registry import KEPT, STUDIES, function_of, run_study
 from benchmarks.studies import (
-    accuracy, certified, falsified, faults, grains, large, prediction, scaling, stages)
+    accuracy, certified, falsified, faults, grains, prediction, scaling, stages)
 from orchestrator import InputError, config_from, solve
-from orchestrator.method.interface import cholmod
 from orchestrator.method.interface.stabilisation import ANEW
 
 
@@ -118,23 +116,6 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
 
 
 @pytest.mark.long
-def test_large_in_small(tmp_path, saved_figures):
-    """Ours and a direct solution of the same matrix: one energy; what has been measured is not measured again."""
-    if cholmod.library() is None:
-        pytest.skip("no CHOLMOD here")
-    asked = ["parts=[rivals]", "cases=[thin]", "rivals=[cholmod]", "blocks=2", "elements=2"]
-    run_study("large", tmp_path, asked)
-    ours, rival = rows_of(tmp_path / "table.csv")
-    assert ours["stop_reason"] == "converged" and rival["stop_reason"] == "solved" and rival["dofs"] == ours["dofs"]
-    assert float(ours["energy"]) == pytest.approx(float(rival["energy"]), rel=1e-6)
-    assert [row["target"] for row in rows_of(tmp_path / "targets.csv")] == ["thin: ours over CHOLMOD, wall"]
-    assert is_drawn(tmp_path / "large.png", saved_figures[-1])
-    before = bars(saved_figures[-1])
-    run_study("large", tmp_path, asked, resume=True)
-    assert rows_of(tmp_path / "table.csv") == [ours, rival] and bars(saved_figures[-1]) == before
-
-
-@pytest.mark.long
 def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     """A run that is killed is resumed and compared; what could not be tried is a target that is not met."""
     monkeypatch.setattr(faults, "without_ranks", lambda: "not in this test")
@@ -202,19 +183,6 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
 
 
 @pytest.mark.long
-def test_load_paths_of_few_bodies(tmp_path, saved_figures):
-    asked = ["grains=3", "seeds=[2]", "walls=[[2,1]]", "tolerances=[1e-4]"]
-    run_study("load_paths", tmp_path, asked)
-    rows = rows_of(tmp_path / "table.csv")
-    assert len(rows) == 5 and {row["stop_reason"] for row in rows} == {"converged"}
-    assert {row["met"] for row in rows_of(tmp_path / "targets.csv")} == {"yes"}
-    assert is_drawn(tmp_path / "load_paths.png", saved_figures[-1])
-    assert not missing_points(saved_figures[-1], [(k, float(row["iterations"])) for k, row in enumerate(rows)])
-    run_study("load_paths", tmp_path, asked, resume=True)
-    assert rows_of(tmp_path / "table.csv") == rows
-
-
-@pytest.mark.long
 def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
     asked = ["scenes=1", "first=2", "held=1", "code=in-process", "follow=false"]
     run_study("certified", tmp_path, asked)
@@ -223,17 +191,6 @@ def test_certified_scenes_are_kept_and_judged(tmp_path, capsys, saved_figures):
     assert all(float(row["true_error"]) <= float(row["asked"]) for row in rows if row["error_kind"] == "guaranteed")
     assert is_drawn(tmp_path / "certified.png", saved_figures[-1])
     run_study("certified", tmp_path, asked, resume=True)
-    assert rows_of(tmp_path / "table.csv") == rows
-
-
-@pytest.mark.long
-def test_places_are_compared_with_true_ones(tmp_path, capsys, saved_figures):
-    asked = ["scenes=1", "first=4", "code=in-process"]
-    run_study("places", tmp_path, asked)
-    rows = rows_of(tmp_path / "table.csv")
-    assert [row["criterion"] for row in rows] == ["error", "law"] and all(float(row["ratio"]) > 0.3 for row in rows)
-    assert is_drawn(tmp_path / "places.png", saved_figures[-1]) and "0.3" in capsys.readouterr().out
-    run_study("places", tmp_path, asked, resume=True)
     assert rows_of(tmp_path / "table.csv") == rows
 
 
@@ -262,12 +219,3 @@ def test_what_a_study_may_be_told(tmp_path):
             run_study(name, tmp_path / "none", **asked)
     assert not (tmp_path / "none").exists()
     assert KEPT == {name for name in STUDIES if re.search(r"study\.(kept|resume)\b", inspect.getsource(inspect.getmodule(function_of(name))))}
-
-
-@pytest.mark.parametrize("share, before", [(0.7, None), (0.1, 0.7), (-0.7, 0.7)])
-def test_friction_in_a_cycle_adds_up_to_the_force(share, before):
-    """Cattaneo and Mindlin's, pushed, let go and reversed: ∫ q dx = Q, nowhere more than friction holds."""
-    x = np.linspace(-2, 2, 200_001)
-    found, most = pushed(x, 1.3, share, before), pushed(x, 1.3, 1.0)
-    assert (found * (x[1] - x[0])).sum() / (np.pi * 1.3 / 2) == pytest.approx(share, abs=1e-5)
-    assert (np.abs(found) <= most + 1e-12).all()

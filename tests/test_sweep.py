@@ -9,7 +9,6 @@ import pytest
 from yaml_case import blocks, call
 from in_process import InProcessWorker
 
-from orchestrator.config.load import load_config
 from orchestrator.errors import InputError
 from orchestrator.results.compare import compare
 from orchestrator.results.solution import Solution
@@ -48,13 +47,6 @@ def test_variants_are_combined_or_taken_together():
 def test_what_is_no_sweep_is_told(asked, zipped, found):
     with pytest.raises(InputError, match=found):
         variants_of(asked, zipped)
-
-
-def test_all_entries_of_a_list_are_changed_at_once(tmp_path):
-    path = blocks(tmp_path)
-    assert [e.friction for e in load_config(path, ["interfaces.*.friction=0.7"]).config.interfaces] == [0.7]
-    with pytest.raises(InputError, match="'\\*' for bolts, which has no entries"):
-        load_config(path, ["bolts.*.force=1"])
 
 
 def test_variants_are_what_runs_give_and_share_what_a_code_has_made(tmp_path, loads):

@@ -15,7 +15,6 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.sources import bricks
-from orchestrator.scene.tools.triangles import read_stl
 
 HELD = {"on": "zmin", "displacement": [0, 0, 0]}
 PLANE = {"plane": {"at": [0, 0, 0.5], "normal": [0, 0, -1]}}
@@ -33,21 +32,6 @@ def solved(data: dict):
     solution = solve(config_from(data))
     assert solution.converged, solution.stop_reason
     return solution
-
-
-def test_a_plane_that_is_pressed_is_a_face_that_is_prescribed():
-    """So without friction, with any tilt of the way; a drag that makes all slip is the coefficient times the pressure."""
-    told = solved({**block({}), "interfaces": [{"law": "perfect"}],
-                   "boundary": [HELD, {"on": "zmax", "displacement": [None, None, -0.01]}]})
-    found = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}))
-    assert found.reactions[1] == pytest.approx(told.reactions[1], abs=1e-4)
-    estimates = [one.summary["discretisation_error"] for one in (found, told)]
-    assert estimates[0] == pytest.approx(estimates[1], rel=1e-3)  # the layer that stands for the tool has no error
-    count = int(found.scene.subdomains[0].nodes.max()) + 1
-    assert np.abs(found.displacement[:, :count] - told.displacement).max() < 1e-6
-    dragged = solved(block({**PLANE, "displacement": [0.3, 0, -0.01]}, friction=0.2))
-    assert dragged.reactions[1, 0, 0] == pytest.approx(-0.2 * dragged.reactions[1, 0, 2], rel=1e-4)
-    assert not any("slid" in text for text in dragged.summary["warnings"])
 
 
 @pytest.mark.parametrize("element, gap, error", quick_sets((("P1", 0.0, 1e-4), ("P1", 0.02, 1e-5), ("P2", 0.0, 1e-5)), ("P1", 0.0, 1e-4)))
@@ -74,33 +58,6 @@ def cube(size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     mesh = bricks(np.full(3, size), np.ones(3, dtype=int), "cube")
     faces = faces_of(mesh.cells, len(mesh.nodes))
     return mesh.nodes, faces.triangles[faces.outer]
-
-
-def ball(times: int) -> tuple[np.ndarray, np.ndarray]:
-    """A unit sphere, from a cube whose triangles are cut in four so many times."""
-    points, triangles = cube(2.0)
-    points = points - 1.0
-    for _ in range(times):
-        pairs, place = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0, return_inverse=True)
-        a, b, c = (len(points) + place.reshape(-1, 3)).T
-        p, q, r = triangles.T
-        points = np.vstack([points, points[pairs].mean(axis=1)])
-        triangles = np.concatenate([np.c_[p, a, c], np.c_[a, q, b], np.c_[c, b, r], np.c_[a, b, c]])
-    return points / np.linalg.norm(points, axis=1, keepdims=True), triangles
-
-
-def test_distances_from_a_file_are_those_of_the_body(tmp_path):
-    """Of a cube everywhere; of a ball near it those of the sphere, which its coarse triangles are off by forty times as much."""
-    x = np.random.default_rng(0).uniform(-1, 2, (500, 3))
-    apart = np.abs(x - 0.5) - 0.5
-    exact = np.linalg.norm(np.maximum(apart, 0), axis=1) + np.minimum(apart.max(axis=1), 0)
-    assert read_stl(stl(tmp_path / "cube.stl", *cube()), ()).at(x)[0] == pytest.approx(exact, abs=1e-12)
-    points, triangles = ball(3)
-    surface, way = read_stl(stl(tmp_path / "ball.stl", points, triangles), ()), x / np.linalg.norm(x, axis=1, keepdims=True)
-    chords = 1 - np.linalg.norm(points[triangles].mean(axis=1), axis=1).min()
-    for radius in (0.98, 1.0, 1.02):
-        distance, normal = surface.at(radius * way)
-        assert np.abs(distance - (radius - 1)).max() < chords / 40 and np.abs(normal - way).max() < 0.02
 
 
 @pytest.mark.parametrize("more, holds", [(-0.005, True), (0.005, False)])
