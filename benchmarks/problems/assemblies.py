@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import gmsh
+import numpy as np
 
 from benchmarks.kit.meshes import session
 from benchmarks.problems.cases import STEEL
@@ -63,6 +64,7 @@ def flange(folder: Path, mesh: dict[str, Any], bonded: bool) -> dict[str, Any]:
 # --- a thick ring shrunk on a shaft, a quarter, in plane strain: Lamé ---------------------------------------------------
 
 INNER, OUTER, DEPTH, PRESS = 1.0, 2.0, 0.25, 1e-3
+SECTORS = 8  # a little more than an element of .16 each
 
 
 def shrunk_ring(folder: Path, sizes: tuple[float, float], element: str) -> dict[str, Any]:
@@ -89,6 +91,28 @@ def shrunk_ring(folder: Path, sizes: tuple[float, float], element: str) -> dict[
         "interfaces": [{"between": "auto", "law": "contact", "gap": -PRESS}],
         "boundary": [{"on": {"plane": axis, "at": at}, "displacement": vector} for axis, at, vector in held],
     }
+
+
+def conforming_ring(folder: Path, size: float, element: str) -> dict[str, Any]:
+    """The same as two solids of one mesh, whose faces match."""
+    problem, path = shrunk_ring(folder, (size, size), element), str(folder / "both.brep")
+    with session():
+        for part in problem.pop("parts"):
+            gmsh.model.occ.importShapes(part["mesh"]["step"])
+        gmsh.model.occ.synchronize()
+        gmsh.write(path)
+    return {**problem, "mesh": {"step": path, "h": size}}
+
+
+def through_depth(x: np.ndarray, area: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """Return means (``SECTORS``,) of pressures (n,) at x (n, 3), in sectors of the quarter.
+
+    Nodal forces of coarse meshes scatter, those of Lamé's own displacements too.
+    """
+    angle = np.arctan2(x[:, 1], x[:, 0]) / (pi / 2)
+    at = np.clip((SECTORS * angle).astype(int), 0, SECTORS - 1)
+    force, total = (np.bincount(at, w, SECTORS) for w in (area * pressure, area))
+    return force / total
 
 
 def lame_pressure() -> float:

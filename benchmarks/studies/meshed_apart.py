@@ -150,7 +150,8 @@ def _shrunk(study: Study, folder: Path) -> tuple[np.ndarray, ...]:
     fields, mortar = solved.interfaces, solved.scene.interfaces[0].mortar
     pressure, area = fields.pressure[-1][mortar.points], fields.area[mortar.points]
     x = solved.scene.mesh.nodes[fields.nodes[mortar.points]]
-    worst = pressure[np.abs(pressure - exact).argmax()]
+    means = assemblies.through_depth(x, area, pressure)
+    worst = means[np.abs(means - exact).argmax()]
     ring = next(s for s in solved.scene.subdomains if s.name == "ring")
     at, moved = solved.scene.mesh.nodes[ring.nodes][:, :2], solved.parts[ring.index][-1][:, :2]
     radius = np.linalg.norm(at, axis=1)
@@ -158,7 +159,8 @@ def _shrunk(study: Study, folder: Path) -> tuple[np.ndarray, ...]:
     far = int(np.abs(outward / assemblies.lame_displacement(radius) - 1).argmax())
     aim = f"within {TIGHT:.0%} of Lamé"
     _row(study, "shrunk ring, P2", "mean pressure", float(area @ pressure / area.sum()), exact, TIGHT, aim, seconds, solved)
-    _row(study, "shrunk ring, P2", "pressure farthest off", float(worst), exact, TIGHT, aim, seconds, solved)
+    _row(study, "shrunk ring, P2", "pressure through the depth, farthest off", float(worst),
+         exact, TIGHT, aim, seconds, solved)
     _row(study, "shrunk ring, P2", "displacement of the ring farthest off", float(outward[far]),
          float(assemblies.lame_displacement(radius[far])), TIGHT, aim, seconds, solved)
     _stressed(study, solved, seconds)
