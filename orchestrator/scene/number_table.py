@@ -46,7 +46,8 @@ class Table:
                 self.lines.append(number)
                 self.rows.append(row)
         if not self.rows:
-            raise wrong(path, f"{file}: no numbers", f"lines of {what}")
+            raise wrong(path, f"{file}: no numbers", f"lines of {what}",
+                        "export the table again, or take the entry out")
 
     def fail(self, line: int, found: str, expected: str = "", cure: str = "mend the line") -> None:
         """Raise InputError for a line of the file."""
@@ -66,7 +67,7 @@ class Table:
             data = Path(self._file).read_bytes()
         except OSError as error:
             raise wrong(self._path, f"{self._file}: {error.strerror}",
-                        "a file that is there") from error
+                        "a file that is there", "write its path as seen from the YAML file") from error
         code = next((code for mark, code in _MARKS if data.startswith(mark)), "utf-8-sig")
         text = data.decode(code, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
         if "\0" in text:

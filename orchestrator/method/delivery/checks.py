@@ -34,6 +34,8 @@ from orchestrator.svd import svd
 
 # Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
 ALIKE = 1e-4
+# How far nodes may be off a round surface, of what chords are.
+ON = 1e-2
 # Forces that rounding leaves, relative to the largest of all load steps.
 ROUNDING = 1e-12
 # Facets whose normals have a smaller cosine with an axis look more away from it than along it.
@@ -119,10 +121,23 @@ def surface(scene: Scene, i: Interface, side: int) -> Shape:
     """Return the shape of one side of an interface, a rigid tool's as it is made."""
     points = scene.side_points(i, side)
     if not side or i.tool is None:
-        return shape_of(points, i.triangles_on(side)[:, :3])
+        triangles = i.triangles_on(side)[:, :3]
+        shape = shape_of(points, triangles)
+        return shape if shape.radius is None or _lies_on(shape, points, triangles) else Shape("curved")
     normal = i.tool.at(np.zeros(6), points)[1]
     flat = (np.abs(normal - normal[0]) < ALIKE).all()
     return Shape("plane", normal[0], None, points[0]) if flat else Shape("curved")
+
+
+def _lies_on(shape: Shape, points: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether nodes are much nearer to a round surface than its chords are: else it may be any other."""
+    corners = points[triangles]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
+    arm = points[np.unique(triangles)] - shape.through
+    if shape.kind == "cylinder":
+        arm = arm - np.outer(arm @ shape.direction, shape.direction)
+    off = np.abs(np.linalg.norm(arm, axis=1) - shape.radius).max()
+    return bool(off <= ON * edge**2 / (8 * shape.radius))
 
 
 def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
