@@ -55,7 +55,7 @@ def test_documented(reason):
 
 
 def test_every_stop_has_its_causes():
-    assert set(re.findall("^- ``(.+?)``", ending.__doc__, re.MULTILINE)) == {"converged", *CAUSES} - {"guard"}
+    assert set(re.findall("^- ``(.+?)``", ending.__doc__, re.MULTILINE)) == {"converged", *CAUSES} - {"guard", "check"}
 
 
 def test_what_flies_off_is_no_fault_of_the_code():

@@ -119,10 +119,10 @@ def test_pieces_make_up_the_whole(case, more, ranks, block, tmp_path, monkeypatc
                                       *(grid.cell_data[name][0] for name in sorted(grid.cell_data))])
             return values
 
-        whole, parts = of_cells(one), np.concatenate([of_cells(p) for p in pieces])
-        order, other = (np.lexsort(np.round(x[:, :3], 9).T) for x in (whole, parts))
-        size = np.nanmax(np.abs(whole), axis=0)
-        assert np.allclose(whole[order], parts[other], rtol=1e-12, atol=1e-12 * size, equal_nan=True)
+        entire, parts = of_cells(one), np.concatenate([of_cells(p) for p in pieces])
+        order, other = (np.lexsort(np.round(x[:, :3], 9).T) for x in (entire, parts))
+        size = np.nanmax(np.abs(entire), axis=0)
+        assert np.allclose(entire[order], parts[other], rtol=1e-12, atol=1e-12 * size, equal_nan=True)
         seen = read(tmp_path / f"several/fields/step_{step:04d}.pvtu")
         assert seen.n_cells == len(scene.mesh.cells) and set(seen.cell_data) >= set(one.cell_data)
         assert seen.point_data["displacement"].shape[1] == 3 and seen.cell_data["stress"].shape[1] == 6
