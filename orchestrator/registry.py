@@ -96,7 +96,7 @@ MONITORS = Registry({
     "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
-    "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
+    "self_stress": "orchestrator.method.monitors.lagging:SelfStressMonitor",
     "lagging": "orchestrator.method.monitors.lagging:LaggingPoints",
 })
 

@@ -36,7 +36,7 @@ from orchestrator import build_scene
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.interface.factor import by_cholesky
-from orchestrator.superlu import dissection
+from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import Part
 from orchestrator.parallel.placement import Placement, owners

@@ -19,7 +19,7 @@ from orchestrator.accuracy.nested import Stressed
 from orchestrator.accuracy.sizes import Wanted
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import some
-from orchestrator.written import read_arrays, write_arrays
+from orchestrator.folders import read_arrays, write_arrays
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import OWN

@@ -25,7 +25,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.checkpoint import COMMON, Checkpoint, Numbers, Start, kind_of
-from orchestrator.written import read_arrays
+from orchestrator.folders import read_arrays
 from orchestrator.parallel.numbering import runs
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder

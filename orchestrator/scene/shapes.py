@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import cross, facet_normals
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 # Facets whose normals differ by less than this from their mean make a plane surface.
 PLANE = 1e-6

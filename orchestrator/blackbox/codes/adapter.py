@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
-from orchestrator.superlu import symmetric_lu
+from orchestrator.linalg import symmetric_lu
 
 
 class Adapter:

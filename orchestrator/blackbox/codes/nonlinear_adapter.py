@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.adapter import Adapter
-from orchestrator.superlu import symmetric_lu
+from orchestrator.linalg import symmetric_lu
 
 # Relative, of the forces: Newton's method ends below it, or at rounding where it gets no further and is below ENOUGH. What
 # is left must be far below the residual of the coupling.

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout, side_by_side, SideBySide
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.superlu import dissection
+from orchestrator.linalg import dissection
 
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent

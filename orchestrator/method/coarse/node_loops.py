@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 HELD, NONE = -1, -2  # in place of a number: prescribed; neither side is free
 RANK = 1e-9  # singular value of rows of 0, 1 and −1 that is none

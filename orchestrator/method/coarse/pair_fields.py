@@ -23,7 +23,7 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.kernels import carried, changed, slopes, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.interface import ends_of
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 EXACT = 1e-13  # singular value of T, over the largest, that is rounding: forces are in balance at the end only if T is exact
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread

@@ -30,7 +30,7 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.model import PlacedBolt, Scene
 from orchestrator.scene.shapes import Shape, shape_of
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 # Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
 ALIKE = 1e-4

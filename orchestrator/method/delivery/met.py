@@ -27,7 +27,7 @@ from orchestrator.method.delivery.balance import bolt_forces, Resultants
 from orchestrator.method.delivery.faces import contact_faces, Face
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.loose import held_bodies
-from orchestrator.method.delivery.slid import slides
+from orchestrator.method.delivery.moved import slides
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 

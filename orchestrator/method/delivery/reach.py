@@ -28,7 +28,7 @@ from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import scattered
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.bodies import RIGID, Bodies
+from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.scene.interface import ends_of
 
 PASSES = 5  # in which weights follow what is within reach

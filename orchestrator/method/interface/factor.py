@@ -15,7 +15,7 @@ import scipy.sparse.linalg as sla
 
 from orchestrator.method.interface import cholmod
 from orchestrator.optional import absent
-from orchestrator.superlu import dissection, symmetric_lu
+from orchestrator.linalg import dissection, symmetric_lu
 
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
 ORDERED = 2000

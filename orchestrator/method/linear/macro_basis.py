@@ -17,7 +17,7 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Scene
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 DROP = 1e-8  # singular values below this fraction of the largest are dependent fields
 # Interfaces from which the rigid motions alone serve better than all affine fields. Iterations grow by 0 to 3 of some twenty; set-up has

@@ -4,6 +4,9 @@ A few points may keep a run from its end: four grains that meet at a node and ho
 its neighbours at three. There an iteration contracts hardly or goes round in statuses, the acceleration has no direction for
 them, and all others wait. So they are eliminated: their traces become fields of the coarse contact problem, which then solves their
 laws as they are, together with how bodies move (nonlinear elimination: Cai & Li, SIAM J. Sci. Comput. 33, 2011).
+
+Where several interfaces that open meet at a node, what is left when the rest is small may be self-stress; the coarse
+contact problem corrects it from then on, and the acceleration begins anew, as an iteration answers otherwise.
 """
 
 from __future__ import annotations
@@ -112,3 +115,25 @@ def traces_of(now: Evaluation, points: np.ndarray) -> np.ndarray:
     result = np.zeros(now.problem.space.size, bool)
     result[dofs[(dofs >= 0) & (dofs < len(result))]] = True
     return result
+
+
+class SelfStressMonitor(Monitor):
+    """Lets the coarse contact problem correct self-stress from the iteration on whose law residual is small."""
+
+    name, remembered = "self_stress", ("on",)
+
+    @classmethod
+    def of(cls, case: Case) -> SelfStressMonitor | None:
+        return None if case.problem.self_stress is None else cls()
+
+    def judge(self, now: Evaluation) -> Verdict:
+        self.on = now.problem.at_nodes
+        resting = not self.on and now.verdict.laws.largest_other <= RESTING
+        return Verdict(changes=(self.name,), anew=True) if resting else Verdict()
+
+    def change(self, now: Evaluation) -> Decomposition:
+        return self.restore({"on": True}, now.problem)
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        super().restore(state, problem)
+        return replace(problem, at_nodes=self.on)

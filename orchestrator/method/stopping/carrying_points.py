@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.laws.points import Carries
 from orchestrator.scene.conditions.rigid import RIGID
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 ALIKE = 9  # digits to which normals on a plane are the same
 DEPENDENT = 1e-10  # singular value over the largest, below which a row follows from others

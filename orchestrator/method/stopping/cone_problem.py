@@ -39,7 +39,7 @@ from scipy.sparse.csgraph import connected_components
 from orchestrator.method.stopping.carrying_points import DEPENDENT, Reach
 from orchestrator.optional import Late
 from orchestrator.scene.conditions.rigid import RIGID
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 clarabel = Late("clarabel")
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits

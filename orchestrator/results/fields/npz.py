@@ -25,7 +25,7 @@ import numpy as np
 
 from orchestrator.errors import wrong
 from orchestrator.method.delivery.interface_fields import InterfaceFields, SHIFTS, UNWRITTEN
-from orchestrator.written import read_arrays
+from orchestrator.folders import read_arrays
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY
 from orchestrator.scene.mesh.checks import check_memory

@@ -18,7 +18,7 @@ from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import facet_normals, format_point, node_normals
 from orchestrator.scene.interface import Interface
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits
 

@@ -11,7 +11,7 @@ from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 RIGID = 6  # motions of a rigid body
 # Motions that move the prescribed components by less than this share of the body's size count as free.

@@ -25,7 +25,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
-from orchestrator.superlu import dissection, symmetric_lu
+from orchestrator.linalg import dissection, symmetric_lu
 
 # A pivot below this share of its diagonal entry is rounding: what is eliminated there can move by itself.
 PIVOT = 1e-12

@@ -14,7 +14,7 @@ from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6

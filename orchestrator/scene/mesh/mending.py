@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.svd import svd
+from orchestrator.linalg import svd
 
 # How good tets (m, 4) of nodes (n, 3) are: below 1 they are bad, without volume not above 0.
 Fitness = Callable[[np.ndarray, np.ndarray], np.ndarray]
