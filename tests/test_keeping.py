@@ -23,7 +23,7 @@ from orchestrator.errors import InputError, InternalError, lacks_memory
 from orchestrator.ending import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.method.stopping.softest import STEPS as SOFTNESS
-from orchestrator.written import read_arrays
+from orchestrator.folders import read_arrays
 from orchestrator.results.checkpoint import load_checkpoint, read_file
 from orchestrator.results.keeping import CheckpointWriter
 from orchestrator.results.fingerprint import differences, problem_of

@@ -83,6 +83,7 @@ def written(tmp_path, **changes):
     return path
 
 
+@pytest.mark.long
 def test_the_shipped_example(tmp_path, temporary):
     """configs/traction_beam.yaml, its elements twice as long, from the shell: exit code, summary, history, fields and figures of the
     contract."""

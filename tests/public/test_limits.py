@@ -16,7 +16,7 @@ def falling(axis: int, gap: float, **more: object) -> dict:
             "interfaces": [{"between": ["box", ground], "law": "contact", "friction": 0.3, **more}]}
 
 
-@pytest.mark.parametrize("axis, gap", [(2, 0.5), (0, 1.0)])
+@pytest.mark.parametrize("axis, gap", [(2, 0.5), pytest.param(0, 1.0, marks=pytest.mark.long)])
 def test_a_block_lands_on_the_ground(axis, gap):
     """Its weight alone closes a gap a million times as wide as what it then deforms by."""
     solution = solved(falling(axis, gap))
