@@ -26,6 +26,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from benchmarks.kit.elasticity import stiffness
+from orchestrator.scene.interfaces.upright import mirrored
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator import Scene
 
 OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3
@@ -394,7 +396,9 @@ def free_normals(scene: Scene, interface: Any) -> tuple[np.ndarray, np.ndarray]:
     g + d·n ≥ 0 with the shorter normal is a larger gap, and p n a smaller force beside the same friction.
     A normal that is prescribed altogether becomes zero, with length 1.
     """
-    normal = normals(scene, interface) * interface.free
+    facets = area_vectors(scene.points(interface), interface.triangles)
+    normal = mirrored(normals(scene, interface), facets, interface.triangles, ~interface.free)
+    normal = normal * interface.free
     length = np.linalg.norm(normal, axis=1)
     normal[length <= NORMAL] = 0.0
     length[length <= NORMAL] = 1.0
