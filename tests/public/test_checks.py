@@ -46,7 +46,7 @@ def screwed(tmp_path_factory):
     o = gmsh.model.occ
     o.cut([(3, o.addBox(-15, -15, -16, 30, 30, 16))], [(3, o.addCylinder(0, 0, -16, 0, 0, 16, 4))])
     o.cut([(3, o.addBox(-12, -12, 0, 24, 24, 10))], [(3, o.addCylinder(0, 0, 0, 0, 0, 10, 4.5))])
-    o.fuse([(3, o.addCylinder(0, 0, -16, 0, 0, 26, 4))], [(3, o.addCylinder(0, 0, 10, 0, 0, 6, 6.5))])
+    o.fuse([(3, o.addCylinder(0, 0, -14, 0, 0, 24, 4))], [(3, o.addCylinder(0, 0, 10, 0, 0, 6, 6.5))])
     o.synchronize()
     gmsh.write(str(folder / "screwed.step"))
     gmsh.finalize()
