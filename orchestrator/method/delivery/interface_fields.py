@@ -162,8 +162,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
         at = geometry_shown(scene, chosen)
-        normal, acting, length, every[t] = at.normal, at.acting, at.length, at.area
-        area = at.area
+        acting, every[t] = at.acting, at.area
         jumps, forces, statuses, own_values = _stages(here, iterated, pair, t)
         jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
         jump = np.zeros_like(force[t])
@@ -173,13 +172,13 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         for end in corner[~own_node].T:  # what acts in the middle of an edge acts on its ends, half on each
             np.add.at(force, (t, end), 0.5 * forces[:, ~own_node])
         (opening, slip[t]), (push, shear) = _parted(jump, acting), _parted(force[t], acting)
-        size = np.where(area > 0, area, np.inf)
-        traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (length * size), apart[t] + length * opening
+        size = np.where(at.area > 0, at.area, np.inf)
+        traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (at.length * size), apart[t] + at.length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
             moved[:, place[own_node]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, own_node]
             along, across = _parted(moved, acting)
-            shifts[:, t] = length * along, np.linalg.norm(across, axis=2)
+            shifts[:, t] = at.length * along, np.linalg.norm(across, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
             if i.mortar is not None:
@@ -190,8 +189,8 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         ends_of(chosen), offsets, nodes, others,
         joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
-        np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]), normal, area,
-        at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
+        np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]),
+        at.normal, at.area, at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
         *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
         np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))

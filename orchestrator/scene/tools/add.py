@@ -173,15 +173,6 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     return outer[chosen]
 
 
-def may_touch(mesh: Mesh, triangles: np.ndarray, tool: Rigid, entry: Entry) -> np.ndarray:
-    """(k,) bool, triangles (k, 3) that a tool may touch, and, where nodes in the middle of edges are to come, those that it may touch then."""
-    facet, area = facet_normals(mesh.nodes, triangles)
-    corners = mesh.nodes[triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    room = (entry.reach or REACH * np.sqrt(2 * area)) + edge
-    return _within_reach(corners.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), Facing(facet, room), tool, entry)[0]
-
-
 def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid, entry: Entry) -> tuple[np.ndarray, float]:
     """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at some load step; and how near any comes that
     looks at it."""
