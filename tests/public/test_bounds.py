@@ -21,11 +21,10 @@ BONDED = {
                                        "subdomains": {"metis": 7},
                                        "loads": [{"body_force": [0, 0, -1]}],
                                        "boundary": [{"on": "xmin", "displacement": HELD}]},
-    "ten-node tets": {"mesh": {"box": {"size": [4, 1, 1], "cells": [4, 1, 1]}},
-                      "subdomains": {"slices": {"axis": "x", "count": 4}},
-                      "boundary": [{"on": "xmin", "displacement": HELD},
-                                   {"on": "xmax", "traction": [0, 0, 1]}],
-                      "blackbox": {"element": "P2", "workers": 1}},
+    "a plate of ten-node tets, cut by metis": {
+        "mesh": {"box": {"size": [2, 2, 0.2], "cells": [2, 2, 2]}}, "subdomains": {"metis": 5},
+        "boundary": [{"on": "xmin", "displacement": HELD}, {"on": "zmax", "traction": [1, 0, -1]}],
+        "blackbox": {"element": "P2", "workers": 1}},
 }
 
 

@@ -9,7 +9,8 @@ ratio r and at most n interfaces meeting in an element S ≤ n / (OWN r) k, what
 nothing that the sole is too soft for.
 
 With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
-whose middle is not a trace. In the copy, one end of such an edge is a node of its own, clamped.
+whose middle is not a trace. There are two copies then, of half the modulus: in each, one end of
+the edge is a node of its own, clamped.
 
 A copy of nearly incompressible matter, clamped behind, resists by its bulk modulus what the subdomain itself, free to flow,
 resists by its shear modulus alone. Of two such extremes the best search direction is the geometric mean, as for Robin conditions
@@ -27,7 +28,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import position_rank
 from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
@@ -37,6 +37,7 @@ from orchestrator.scene.soles import Sole
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000 brick by brick, 64 subdomains: 40, 32,
 # 33; 125 of them: 100, 81, 92; ν = .499, ten-node tets: 64, 64, 71; four-node tets, 8 cubes: 18, 19, 41.
 OWN = 0.2
+SETS = (np.arange(16)[:, None] >> np.arange(4)) % 2 == 1  # (16, 4) bool, all sets of a tet's corners
 INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly incompressible
 
 
@@ -66,14 +67,16 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
         copied.append(matter[subdomain.material[row]])
     young, poisson = np.vstack(copied).T
     points, cells = np.vstack(points), np.vstack(cells)
+    sides = np.concatenate(sides)
     if scene.mesh.cells.shape[1] == 10:
         own = np.concatenate(lines)
         own = own[((own >= 0) & (own < len(inner))).all(axis=1)]
-        points, cells = _without_chords(inner, own, points, cells, np.concatenate(sides))
+        points, cells, origin = _without_chords(inner, own, points, cells, sides)
         points, cells = with_middles(inner, own, points, cells)
+        sides, young, poisson = sides[origin], (young / np.bincount(origin))[origin], poisson[origin]
         poisson = np.where(poisson > INCOMPRESSIBLE, _between(poisson), poisson)
-    own = np.repeat([0, 1], [len(row) for row in copied]) == np.array([[0], [1]])
-    return tuple(Sole(points, cells, ratio * np.where(mine, OWN, 1 - OWN) * young, poisson) for mine in own)
+    return tuple(Sole(points, cells, ratio * np.where(sides == side, OWN, 1 - OWN) * young, poisson)
+                 for side in (0, 1))
 
 
 def _between(poisson: np.ndarray) -> np.ndarray:
@@ -83,32 +86,29 @@ def _between(poisson: np.ndarray) -> np.ndarray:
 
 
 def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray,
-                    sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells (q, 4) in which every edge between nodes of the interface is one whose middle is its node, too.
+                    sides: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points and cells (c, 4) whose edges between nodes of the interface all have their middles
+    among its nodes, and (c,) of which cell each is a copy.
 
-    Of a chord, the end with more of them in the element becomes another node, the same in all elements of a side.
+    An element has a copy for each largest set of its corners without a chord; the other corners are
+    other nodes, the same in all elements of a side. So each facet is a face of some copy.
 
     inner : (n, 3) nodes of the interface; the others are ``points``
-    lines : (e, 3) int, such edges: ends and middle
-    sides : (q,) int, 0 or 1, whose element each cell is
+    lines : (e, 3) int, edges on its facets: ends and middles
+    points : (p, 3); cells : (q, 4); sides : (q,) int, 0 or 1, whose element each cell is
     """
-    n, total, rank = len(inner), len(inner) + len(points), position_rank(inner)
+    n, total = len(inner), len(inner) + len(points)
+    pairs = np.sort(cells[:, TET_EDGES], axis=2)
     known = np.sort(lines[:, :2], axis=1) @ [n, 1]
-    cells = cells.copy()
-    while True:
-        pairs = np.sort(cells[:, TET_EDGES], axis=2)
-        on = pairs[..., 1] < n
-        chord = on & ~np.isin(pairs @ [n, 1], known)
-        bad = np.flatnonzero(chord.any(axis=1))
-        if not len(bad):
-            break
-        count = np.stack([chord[bad][:, (TET_EDGES == corner).any(axis=1)].sum(axis=1) for corner in range(4)], axis=1)
-        own = np.minimum(cells[bad], n - 1)  # what is not on the interface has no chords
-        worst = np.where(count > 0, count * n + rank[own], -1).argmax(axis=1)
-        cells[bad, worst] = total + n * sides[bad] + cells[bad, worst]
+    chord = (pairs[..., 1] < n) & ~np.isin(pairs @ [n, 1], known)
+    free = ~(chord[:, None] & SETS[:, TET_EDGES].all(axis=2)).any(axis=2)
+    larger = np.arange(16)[:, None] | 1 << np.arange(4)
+    origin, kept = np.nonzero(free & ~(free[:, larger] & ~SETS).any(axis=2))
+    cells = cells[origin]
+    cells = np.where(SETS[kept], cells, total + n * sides[origin, None] + cells)
     copies, number = np.unique(cells[cells >= total], return_inverse=True)
     cells[cells >= total] = total + number
-    return np.vstack([points, inner[(copies - total) % n]]), cells
+    return np.vstack([points, inner[(copies - total) % n]]), cells, origin
 
 
 def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
