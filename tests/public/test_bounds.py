@@ -21,6 +21,11 @@ BONDED = {
                                        "subdomains": {"metis": 7},
                                        "loads": [{"body_force": [0, 0, -1]}],
                                        "boundary": [{"on": "xmin", "displacement": HELD}]},
+    "bonded a little aside": {
+        "parts": [box("a", [1, 1, 1], [2, 2, 2]), box("b", [1, 1, 1], [2, 2, 2], [4e-4, 0, 1])],
+        "subdomains": "groups", "interfaces": [{"between": "auto", "law": "perfect"}],
+        "boundary": [{"on": "a/zmin", "displacement": HELD},
+                     {"on": "b/zmax", "traction": [1, 0, -1]}]},
     "a plate of ten-node tets, cut by metis": {
         "mesh": {"box": {"size": [2, 2, 0.2], "cells": [2, 2, 2]}}, "subdomains": {"metis": 5},
         "boundary": [{"on": "xmin", "displacement": HELD}, {"on": "zmax", "traction": [1, 0, -1]}],

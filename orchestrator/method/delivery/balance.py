@@ -13,7 +13,8 @@ A body is what perfect interfaces join. About the centre c of the scene, of size
     Σ p + Σ r ± Σ f = 0,    Σ (x − c)/L × (p + r ± f) = 0
 
 over its nodes: p loads, r of the supports (stiffness times recovered displacements less the rest), f as written for the
-interfaces that are not perfect. Forces of perfect interfaces within a body cancel.
+interfaces that are not perfect. Forces of perfect interfaces within a body cancel, and so do their
+moments but for the couples (x₁ − x₂) × f of bonded nodes that are a little apart.
 """
 
 from __future__ import annotations
@@ -210,6 +211,13 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                         x2[at] = i.mortar.places(i.mortar.second, scene.side_points(i, 1))
                 for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
                     add(e, x, sign * forces[:, own])
+    for i in scene.interfaces:  # bonded nodes that are a little apart hand on a couple
+        if i.law.perfect and i.paired and i.subdomains[0] in d.space.subdomains:
+            arm = (scene.side_points(i, 0) - scene.side_points(i, 1)) / extent
+            if arm.any():
+                forces = np.zeros((scene.steps, *arm.shape))
+                forces[:, i.traced(0)] = f[:, d.space.sides[i.index][0]]
+                left[:, body[i.subdomains[0]], 3:] += np.cross(arm, forces).sum(axis=1)
     for t, i, carried in () if d.following is None else _slid_on(d, iterated):
         for side, (e, forces) in enumerate(zip(i.subdomains, carried)):
             everywhere = np.zeros((scene.steps, *forces.shape))
