@@ -70,6 +70,7 @@ def _foreign(data: dict, rng: np.random.Generator, door) -> Variant | None:
             any(e.get("on", "*") == "*" for e in data.get("loads", [])) or tools(data):
         return None
     busy = {e["on"].split("/")[0] for e in data["boundary"]} | {e["on"] for e in data.get("loads", [])}
+    busy |= {probe["part"] for probe in data.get("output", {}).get("probes", [])}
     free = [p["name"] for p in data["parts"] if p["name"] not in busy]
     if not free:
         return None

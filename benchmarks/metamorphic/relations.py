@@ -56,8 +56,10 @@ def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
     if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
            for e in data.get("interfaces", [])) or any(e.get("pairing") or e["law"] == "cohesive" for e in data.get("interfaces", [])) or tools(data):
         return None
-    opens = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", []))
-    one_way = opens or "bolts" in data or any("spin" in e for e in data.get("loads", []))  # bolts pull, turning bodies are pulled out
+    # contact opens, bolts pull, turning bodies are pulled out, liquids push
+    one_way = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", [])) or (
+        "bolts" in data or any("spin" in e for e in data.get("loads", []))
+        or any("hydrostatic" in e for e in data["boundary"]))
     factor = float(rng.choice([0.01, 3.0, 50.0] if one_way else [0.01, 3.0, -1.0]))
     return Variant(loaded(data, factor), factor=factor, force=1.0)
 
@@ -154,8 +156,10 @@ def solved_roughly(data: dict, rng: np.random.Generator) -> Variant | None:
 
 
 def in_two_sittings(data: dict, rng: np.random.Generator) -> Variant:
-    """Stopped after a few iterations, and resumed."""
-    return Variant({**data, "sittings": int(rng.integers(1, 12))})
+    """Stopped after a few iterations, one at least for each load step, and resumed."""
+    steps = max(len(e["displacement"]) if isinstance(e.get("displacement", [0])[0], list) else 1
+                for e in data["boundary"])
+    return Variant({**data, "sittings": max(steps, len(_factors(data)), int(rng.integers(1, 12)))})
 
 
 def batched(data: dict, rng: np.random.Generator) -> Variant | None:

@@ -23,7 +23,10 @@ def cancelled(data: dict, rng: np.random.Generator) -> Variant | None:
         return None
     strength = 50.0 if kind == "temperature" else 200.0
     value = rng.uniform(-1, 1, 3) * strength if CANCELLED[kind] else rng.uniform(-1, 1) * strength
-    part = data["parts"][int(rng.integers(len(data["parts"])))]["name"]
+    part = data["parts"][int(rng.integers(len(data["parts"])))]
+    if kind in ("traction", "pressure") and "box" not in part["mesh"]:  # its faces have other names
+        return None
+    part = part["name"]
     entries, place = ("boundary", f"{part}/{rng.choice(['xmin', 'ymax', 'zmax'])}") if kind in ("traction", "pressure") else ("loads", part)
     count = len(made[entries]) if entries in made else 0
     for sign in (1.0, -1.0):
