@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -18,25 +17,22 @@ from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver
 from orchestrator.method.delivery.flux import Forces
-from orchestrator.method.delivery.recovery import Parts, on_mesh
+from orchestrator.method.delivery.recovery import Parts, of_all, on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, load_cases
 from orchestrator.method.setup import Part, prepare
-from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
 from orchestrator.refused import check_codes
-from orchestrator.results.ranks import OnRanks, Piece
+from orchestrator.results.ranks import OnRanks, interfaces_of_all
 from orchestrator.results.solution import Solution, fields_of, unsound
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
-from orchestrator.results.whole import whole_fields
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.model import Scene
-from orchestrator.scene.pieces.outline import hollow
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Savings, Stopwatch
 
@@ -46,19 +42,16 @@ class Ranks:
     """Ranks that solve a problem together.
 
     codes : what makes a black box for each of them
-    whole : whether rank 0 gets the fields of scenes that ranks have made; False: they stay in their pieces
     """
 
     team: Team = ALONE
     codes: Callable[[Sequence[CodeSettings], Sequence[int]], BlackBox] = make_blackbox
-    whole: bool = True
 
 
 class Solving:
     """One solution; every rank has its own.
 
-    scene : as it is given: the whole on rank 0, or each rank's part
-    whole : the whole scene, on rank 0; where ranks have made their parts themselves, its outline
+    whole : the scene, on rank 0
     rank_of : (subdomains,) int
     exact : the undecomposed solution, on rank 0 where it is asked for
     """
@@ -66,49 +59,39 @@ class Solving:
     def __init__(self, config: Config, scene: Scene | None, told: Subscribers, start: Start | None,
                  watch: Stopwatch, ranks: Ranks, reference: bool):
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
-        team, self.codes, self.scene = ranks.team, with_workers(config.codes, ranks.team), scene
-        self.apart = scene is not None and scene.overview is not None
-        whole = hollow(scene) if self.apart and not team.rank else None if self.apart else scene
-        self.whole = whole if whole is None or self.apart else with_own_loads(whole, self.codes)
+        team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
+        self.whole = None if scene is None else with_own_loads(scene, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
-        self.rank_of: np.ndarray = scene.overview.rank_of if self.apart else team.share(
-            None if team.rank else ranks_of(self.whole, team.size))
+        self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size))
 
-    def solution(self) -> Solution | Piece:
-        """The solution on rank 0, elsewhere this rank's piece of its fields."""
-        team, watch = self.ranks.team, self.watch
+    def solution(self) -> Solution | None:
+        """Return the solution on rank 0, None elsewhere."""
+        team, watch, wanted = self.ranks.team, self.watch, self.config.method.tolerance.error == "auto"
         with watch("parts"):
-            part = Part.of(self.scene, self.rank_of, team) if self.apart else \
-                Part.handed_out(self.whole, self.rank_of, team)
-            self.forces = Forces.of(part.scene, self.rank_of if team.size > 1 else None, team)
-            own = [part.scene.subdomains[e] for e in part.space.subdomains]
-            self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
-            estimate = DiscretisationEstimate(self.whole, self.cases, partial(_estimated, part.meeting))
-        with set_aside(self.whole, team.size > 1 and not self.reference and not self.apart):
-            delivered, piece, setup_sweeps, spent = self._part_solved(part, estimate)
+            part = Part.handed_out(self.whole, self.rank_of, team)
+        self.forces = Forces.of(part.scene, self.rank_of if team.size > 1 else None, team)
+        own = [part.scene.subdomains[e] for e in part.space.subdomains]
+        self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
+        self.estimate = DiscretisationEstimate(self.whole, self.cases, self._estimated)
+        with set_aside(self.whole, team.size > 1 and not (self.reference or wanted)):
+            delivered, setup_sweeps, spent = self._part_solved(part)
             del part, own
             trim()
-        fields, lost = None, [] if team.rank else unsound(self.whole, spent)
-        delivered = delivered.without(self.forces, lost)
-        if not (self.apart or team.rank):
-            with watch("output"):
-                delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
-                fields = fields_of(self.whole, delivered if piece is None else replace(delivered, interfaces=None), lost)
-        with watch("bound"):
-            delivered = self._with_error(delivered, piece, estimate)
-        if piece is not None:
-            piece.disbelieve(lost)
-            piece.interfaces = delivered.interfaces
-            if self.ranks.whole and (not self.apart or self.config.output.fields or self.config.output.figures):
-                fields = whole_fields(piece)
+        delivered = replace(delivered, interfaces=interfaces_of_all(delivered.interfaces, team))
         if team.rank:
-            piece.answer()
-            return piece
+            return None
+        lost = unsound(self.whole, spent)
+        delivered = delivered.without(self.forces, lost)
+        with watch("output"):
+            delivered = replace(delivered, displacement=on_mesh(self.whole, delivered.continuous))
+            fields = fields_of(self.whole, delivered, lost)
+        if wanted or self.config.output.fields:
+            with watch("bound"):
+                found = self.estimate.estimator(delivered.continuous)
+            delivered, fields = replace(delivered, discretisation=found), fields.with_error(found.cells)
         summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
         with watch("output"):
-            known = None if self.apart else delivered.discretisation
-            fields = fields and fields.with_error(known.cells) if known else fields
-            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact, piece)
+            return Solution.of(self.config, self.whole, delivered, fields, summary, self.exact)
 
     def _undecomposed(self) -> Reference:
         check_reference(self.whole)
@@ -116,13 +99,9 @@ class Solving:
         with self.watch("reference"), make_blackbox(self.codes[0]) as whole:
             return solve_reference(self.whole, whole)
 
-    def _part_solved(self, part: Part, estimate: DiscretisationEstimate) -> tuple[
-            Delivered, Piece | None, float, list[Spent] | None]:
-        """This rank's part: what is delivered, its piece of the fields where there are several,
-        back-substitutions in set-up, and on rank 0 what all have spent.
-        """
+    def _part_solved(self, part: Part) -> tuple[Delivered, float, list[Spent] | None]:
+        """Return what this rank's part delivers, back-substitutions in set-up, and on rank 0 what all have spent."""
         team, method, watch, savings = self.ranks.team, self.config.method, self.watch, Savings()
-        meeting = part.meeting
         placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)
         if team.rank == 0:
             savings.add(self.cases.switch, "load steps", self.cases.left_out)
@@ -142,7 +121,7 @@ class Solving:
             workload.end("set_up")
             chosen = self.cases.part_of(d)
             true_error = TrueError(chosen, self.whole, self.cases, self.exact, watch) if self.reference else None
-            iterated = self._iterated(chosen, {"true_error": true_error, "estimate": estimate})
+            iterated = self._iterated(chosen, {"true_error": true_error, "estimate": self.estimate})
             if d.all_perfect and team.rank == 0:
                 savings.add("bound", "evaluations of the bound's second part",
                             sum(math.isnan(event.error_bound) for event in iterated.history))
@@ -151,11 +130,10 @@ class Solving:
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
-            delivered = deliver(d, chosen, self.cases, iterated, watch, self.forces, not self.apart)
+            delivered = deliver(d, chosen, self.cases, iterated, watch, self.forces)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
-        piece = None if meeting is None else Piece.of(d.scene, d.own, delivered.continuous, delivered.sides is not None, meeting)
-        return delivered, piece, d.made.sweeps, spent
+        return delivered, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """Iterate from where the run begins; ``monitors``: what some of them are given."""
@@ -163,14 +141,7 @@ class Solving:
         return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)
 
-    def _with_error(self, delivered: Delivered, piece: Piece | None, estimate: DiscretisationEstimate) -> Delivered:
-        """Add the mesh's estimated error; a rank's piece of the fields learns it."""
-        team, wanted = self.ranks.team, self.config.method.tolerance.error == "auto" or self.config.output.fields
-        if team.size > 1:
-            return replace(delivered, discretisation=piece.estimate(wanted, gathered=not self.apart))
-        return replace(delivered, discretisation=estimate.estimator(delivered.continuous)) if wanted else delivered
-
-
-def _estimated(meeting: Meeting, d: Decomposition, parts: Parts, numbers: Sequence[int] | None) -> float:
-    """The estimated relative error of displacements on several ranks, see ``DiscretisationEstimate``."""
-    return Piece.of(d.scene, d.own, parts, not d.all_perfect, meeting).estimate(True, gathered=False, numbers=numbers).relative
+    def _estimated(self, d: Decomposition, parts: Parts, numbers: Sequence[int] | None) -> float:
+        """Return the estimated relative error of displacements on several ranks."""
+        every, team = of_all(d, parts), d.space.team
+        return team.share(None if team.rank else self.estimate.estimator(every, numbers).relative)

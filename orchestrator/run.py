@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from orchestrator.blackbox.codes.parts import finish_parts
@@ -19,7 +19,6 @@ from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.parallel.team import Team
 from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
-from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import artist_for, Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record, unexpected
@@ -28,7 +27,6 @@ from orchestrator.results.progress import Progress
 from orchestrator.results.summary.lines import print_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.model import Scene
-from orchestrator.scene.pieces.outline import hollow
 from orchestrator.solving import Ranks, scene_of, solve
 from orchestrator.timing import Stopwatch
 
@@ -70,18 +68,15 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         with closing(Progress(quiet)) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
-            team.share((config, reference))
             with watch("mesh"):
-                scene = scene_of(config, means.ranks, reference, means.meshed)
-            known = hollow(scene) if scene.overview else scene
-            with closing(Record(folder, config, known, watch, artist, resume=resume)) as record:
-                team.share("solve and estimate" if means.judge else "solve")
+                scene = scene_of(config, means.meshed)
+            with closing(Record(folder, config, scene, watch, artist, resume=resume)) as record:
+                team.share((config, reference))
                 told = [*record.subscribers, progress]
                 solution = solve(config, scene, told, reference=reference, start=record.start,
-                                 watch=watch, ranks=replace(means.ranks, whole=False))
+                                 watch=watch, ranks=means.ranks)
                 if means.judge is None:  # who judges a mesh asks for the energy error
-                    first, solution = solution, _paired_anew(config, solution, told, record, means)
-                    team.share(0 if solution is first else -1)
+                    solution = _paired_anew(config, solution, told, record, means)
                 progress.close()
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
@@ -106,38 +101,26 @@ def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
 
 def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
     """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
-    ranks, progress = replace(means.ranks, whole=False), told[-1]
+    ranks, progress = means.ranks, told[-1]
 
     def built(config: Config) -> Scene:
         progress.stage("pairing sides anew")
-        ranks.team.share((config, False))
         with record.watch("mesh"):
-            return scene_of(config, ranks, meshed=means.meshed)
+            return scene_of(config, means.meshed)
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
-        ranks.team.share("solve")
+        ranks.team.share((config, False))
         return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch, ranks=ranks)
 
     return paired_anew(config, first, built, again)
 
 
 def follow(team: Team) -> int:
-    """Work of the other ranks, which print nothing: their parts of every scene of rank 0's, until it shares None. Returns 0: the exit code
-    is rank 0's."""
-    pieces, ranks = [], Ranks(team, whole=False)
+    """Solve with rank 0, which alone makes scenes, prints and writes, until it shares None.
+
+    Returns 0: the exit code is rank 0's.
+    """
     while (given := team.share(None)) is not None:
-        if isinstance(given, int):  # which of them is written
-            if config.output.fields:
-                write_piece(pieces[given])
-            pieces = []
-        elif isinstance(given, tuple):
-            config, reference = given
-            scene = scene_of(config, ranks, reference)
-        else:
-            pieces.append(solve(config, scene, reference=reference, ranks=ranks))
-            if given == "solve and estimate":
-                pieces[0].estimate(False)  # as the judge has it
-                piece = pieces.pop()
-                if config.output.fields:
-                    write_piece(piece)
+        config, reference = given
+        solve(config, reference=reference, ranks=Ranks(team))
     return CONVERGED

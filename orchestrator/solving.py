@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from orchestrator.blackbox.start import find_codes
 from orchestrator.config.model import Config
@@ -16,17 +15,15 @@ from orchestrator.paired_anew import paired_anew, without_checkpoints
 from orchestrator.processes import trim
 from orchestrator.refused import by_keys
 from orchestrator.registry import LAWS
-from orchestrator.results.ranks import Piece
 from orchestrator.results.solution import Solution
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
-from orchestrator.scene.pieces.make import make
 from orchestrator.timing import Stopwatch
 
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
-          start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | Piece:
+          start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | None:
     """Solve a problem; nothing is written.
 
     scene : default: ``scene_of`` the configuration, also where sides that slid are paired anew (``pairing: auto``); on a scene that is given
@@ -35,10 +32,9 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
     watch : where seconds are counted
-    ranks : that solve it together; each calls this. Of a scene each needs its part, where they have made these, else rank 0 alone,
-        which hands out its parts. Only rank 0 gets the solution, the others their pieces of its fields, and only its subscribers see
-        whole states
-    Returns the solution, converged or not
+    ranks : that solve it together; each calls this. Rank 0 alone has the scene, and hands out its
+        parts. Only it gets the solution, and only its subscribers see whole states
+    Returns the solution, converged or not, on rank 0; None on others
     Raises InputError: the problem cannot be solved, or a code is not there
     Raises BlackBoxError: a code fails, hangs or answers nonsense
 
@@ -71,7 +67,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
 
 
 def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool,
-            start: Start | None, watch: Stopwatch, ranks: Ranks) -> Solution | Piece:
+            start: Start | None, watch: Stopwatch, ranks: Ranks) -> Solution | None:
     """Return one solution, with pairs as the configuration has them; parameters as for ``solve``."""
     told, team = Subscribers(subscribers), ranks.team
     try:
@@ -83,7 +79,7 @@ def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscribe
         if team.share(scene is None):
             told.stage("meshing")
             with watch("mesh"):
-                scene = scene_of(config, ranks, reference)
+                scene = None if ranks.team.rank else scene_of(config)
         with by_keys():
             return Solving(config, scene, told, start, watch, ranks, reference).solution()
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
@@ -91,19 +87,14 @@ def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscribe
         raise
 
 
-def scene_of(config: Config, ranks: Ranks, reference: bool = False, meshed: Meshed | None = None) -> Scene | None:
-    """The scene of a configuration: this rank's part, where all ranks can make theirs together, see ``pieces``; else the whole on rank
-    0, which all other ranks get their parts of. All ranks ask together.
+def scene_of(config: Config, meshed: Meshed | None = None) -> Scene:
+    """Return the scene of a configuration, programs started, after a look whether its code is there.
 
-    reference, meshed : as of ``solve`` and ``build_scene``
+    meshed : as of ``build_scene``
     Raises InputError: as ``build_scene``, or a code is not there
     """
     if len(config.codes) == 1:  # a code that all subdomains need: before the time it takes to mesh
         find_codes(config.codes, run_programs=False)
-    apart = ranks.team.size > 1 and ranks.team.share(meshed is None) and not reference
-    kept = Meshed()
-    made = make(config, ranks.team, kept) if apart else "all of it is asked for"
-    if isinstance(made, str):
-        made = None if ranks.team.rank else replace(build_scene(config, run_programs=True, meshed=meshed or kept.once), left=made)
+    scene = build_scene(config, run_programs=True, meshed=meshed or Meshed().once)
     trim()
-    return made
+    return scene

@@ -11,7 +11,6 @@ from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -148,15 +147,6 @@ def test_parts_merely_near_are_told(change, words, tmp_path):
     warnings = [w for w in scene_cautions(build_scene(unasked(tmp_path, two_parts(change)))) if "apart" in w or "interface" in w]
     assert len(warnings) == bool(words)
     assert not words or warnings[0].startswith(f"'lower' and 'upper' {words}")
-
-
-def test_a_corner_that_parts_share_is_inside_neither():
-    """Of a piece of a mesh, where what else they share is elsewhere; one that is well within a part of which all is there still is."""
-    two, faces = np.vstack([np.zeros(3), np.eye(3) - 0.1]), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    for corner, skins, inside in ((0.0, (None, None), True), (0.0, (faces, faces), False), (0.2, (faces[:0], faces), True),
-                                  (0.2, (faces[:0], faces[:0]), False)):
-        solids = [Solid(points, np.arange(4)[None], outer, skin) for points, outer, skin in zip((corner - two, two), (faces[:1], faces[3:]), skins)]
-        assert (overlap(*solids) is not None) == inside
 
 
 @pytest.mark.parametrize("by, words", [(0.05, []), (0.2, ["pass through each other by about 0.1 at load step 2"])])

@@ -2,13 +2,11 @@
 
 from dataclasses import fields, replace
 from functools import lru_cache
-from types import SimpleNamespace
 
 import gmsh
 import numpy as np
 import pytest
 from quick import late, quick_sets
-from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -88,26 +86,12 @@ def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
 
 
 def test_a_grain_is_the_same_whatever_is_made_beside_it():
-    """To the bit: whoever has a neighbour of a grain makes of their face what the grain's own maker does."""
+    """To the bit: a grain that is mended beside others has the faces that these have."""
     skeleton = Skeleton(tidied(scattered(27, ONE, 1, 0), 0.1).plane(), 0.1)
     known, alone = GrainMesher(skeleton).of(range(27)), GrainMesher(skeleton)
     for grain in (20, 3, 11):
         [one], other = alone.of([grain]), known[grain]
         assert all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
-    assert np.count_nonzero(~np.isnan(alone.prints)) == len({face for grain in (20, 3, 11) for face in skeleton.faces_of[grain]})
-
-
-def test_ranks_that_round_differently_are_told():
-    """All of them; faces that one has alone are nobody else's."""
-    def of_rank(team, differing):
-        prints = np.array([np.nan, 7.0, 5.0 + differing * (team.rank == 2)]) if team.rank else np.array([3.0, np.nan, 5.0])
-        try:
-            return polycrystal._check_same(SimpleNamespace(prints=prints), team)
-        except InputError as error:
-            return error.problems[0].found
-
-    assert among(3, lambda team: of_rank(team, 0.0)) == [None] * 3
-    assert among(3, lambda team: of_rank(team, 1.0)) == ["ranks that have meshed a face differently"] * 3
 
 
 def test_soundness_sees_what_is_wrong():

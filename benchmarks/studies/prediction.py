@@ -7,7 +7,7 @@ interface. The repositioning of the error bound is solved on every rank for all 
 subdomains to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
 
 Measured: what one subdomain costs the code and the orchestrator, and what a rank costs whatever it has, on runs of this study
-with one and two ranks; what it takes to make some of a scene's, and what all others cost each rank; the macro problem and the
+with one and two ranks; what it takes rank 0 to make a rank's part, and what all others cost each rank; the macro problem and the
 repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed: the network, what rank 0 takes for a message of
 each rank, that R ranks make MUMPS √R times as fast as one, but for the order of elimination, which one finds, and that costs grow as far
 as they were not measured. All are CPU seconds: on cores of one's own they pass on the wall's clock, and others' work changes them least.
@@ -31,7 +31,6 @@ import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from benchmarks.kit.commands import codes_seconds
-from benchmarks.kit.threads import among
 from orchestrator import build_scene
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.balance import Resultants
@@ -39,17 +38,12 @@ from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
 from orchestrator.method.setup import Part
-from orchestrator.parallel.placement import Placement, owners
-from orchestrator.parallel.team import ALONE, Team
+from orchestrator.parallel.placement import Placement
+from orchestrator.parallel.team import ALONE
 from orchestrator.results.answers import InterfaceTable
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.interfaces.search import Laws
-from orchestrator.scene.pieces.dealt import Dealt
-from orchestrator.scene.body import Meshed
-from orchestrator.scene.pieces.make import Local, source_of
-from orchestrator.scene.pieces.outline import Outline
+from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.timing import predicted_cost
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 TOLD = 2 * 5e-5  # seconds that rank 0 takes in the end for what each rank tells it, in two messages
@@ -69,15 +63,16 @@ class Costs:
     Parameters
     ----------
     start : of a rank: Python, MPI and the code's process
-    scene : mesh, cut and interfaces, where one rank makes all; piece : the same where each rank makes its own, and a layer of its neighbours
-    outline : what a rank does for every subdomain of the whole scene: placement, names, neighbours, numbers; bytes : that are told of each
+    scene : mesh, cut and interfaces; bytes : of it in its rank's part
+    part : of each rank's part what rank 0 does for every subdomain of the whole scene
+    outline : what a rank does for every subdomain of the whole scene: names, neighbours, numbers
     tables : what rank 0 writes of its interfaces
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads; prepare_rank : of a rank beside that
     factorise : assembling and factorising
     solve : one back-substitution
     own : the orchestrator in one iteration: messages to the code, local stage, acceleration, error measures; own_rank : of a rank
         beside that
-    results : the orchestrator after the iterations, which each rank does for its own: delivery, guards, summary
+    results : the orchestrator after the iterations: delivery, guards, summary
     iterations, sweeps : of a run; back-substitutions of a subdomain in all iterations
     trace : dofs on one face
     messages : of a rank in one iteration
@@ -85,7 +80,7 @@ class Costs:
 
     start: float
     scene: float
-    piece: float
+    part: float
     outline: float
     tables: float
     bytes: float
@@ -116,7 +111,7 @@ class Costs:
         build_scene(cubes((2, 2, 2), elements))
         scene = time.process_time() - begin
         known = start + scene + prepare + own + codes_seconds(summary)
-        return cls(start=start, scene=scene / count, **measure_pieces(cubes, elements)._asdict(),
+        return cls(start=start, scene=scene / count, **measure_parts(cubes)._asdict(),
                    prepare=prepare / count, factorise=(setup["assemble"] + setup["factorise"]) / count,
                    solve=loop["solve"] / (count * sweeps), own=own / (count * iterations),
                    results=max(cpu - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
@@ -137,52 +132,32 @@ class Costs:
                        own_rank=alone[1] / self.iterations, messages=messages)
 
 
-class Pieces(NamedTuple):
-    """CPU seconds of each of 2 × 2 × 2 cubes that a rank makes amid others; of each cube that others make, as many; of each in tables; and
-    bytes that are told of it."""
+class Parts(NamedTuple):
+    """CPU seconds of rank 0 for a rank's part, and of that rank, for each cube of the scene; of each
+    in tables; and bytes of each in its part."""
 
-    piece: float
+    part: float
     outline: float
     tables: float
     bytes: float
 
 
-def measure_pieces(cubes: Callable[[Sequence[int], int], Config], elements: int) -> Pieces:
-    """What scenes in pieces cost; parameters as of ``Costs.of``."""
-    config, begin = cubes((4, 4, 4), elements), time.process_time()
-    _made(config, _of_eight(4))
-    piece, config, rank_of = (time.process_time() - begin) / 4**3, cubes((OF_OTHERS,) * 3, 1), _of_eight(OF_OTHERS)
-    made = _made(config, rank_of)
-    told, (local, source), begin = [pickle.dumps(each.outline) for each, _ in made], made[0], time.process_time()
-    nodes, pairs, common = source.sizes
-    owners(predicted_cost(3 * nodes), pairs, 3 * common, len(made))
-    whole = Outline.joined([pickle.loads(each) for each in told])
-    part = whole.around(local.part, local.present, whole.overview(local.part, source.extent, rank_of), Laws(config.interfaces, whole.names, []))
+def measure_parts(cubes: Callable[[Sequence[int], int], Config]) -> Parts:
+    """Return what it costs to hand out a scene, where each rank has a block of eight of many cubes."""
+    config, count = cubes((OF_OTHERS,) * 3, 1), OF_OTHERS**3
+    rank_of = np.ravel_multi_index(np.indices((OF_OTHERS,) * 3).reshape(3, -1) // 2, (OF_OTHERS // 2,) * 3)
+    scene = build_scene(config)
+    known, begin = overview(scene), time.process_time()
+    part = part_of(scene, np.flatnonzero(rank_of == 0), known)
+    handed, told = time.process_time(), len(pickle.dumps(part))
     Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
     make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
-    done, none = time.process_time(), np.zeros((part.steps, len(part.interfaces), 3))
-    table = InterfaceTable.of(part, Resultants(none, none, none, none[0], none[0, :, 0]), None)
+    done, none = time.process_time(), np.zeros((scene.steps, len(scene.interfaces), 3))
+    table = InterfaceTable.of(scene, Resultants(none, none, none, none[0], none[0, :, 0]), None)
     with TemporaryDirectory() as folder:
         table.write(ResultsFolder(folder))
-    return Pieces(piece, *(seconds / len(rank_of) for seconds in (done - begin, time.process_time() - done)), sum(map(len, told)) / len(rank_of))
-
-
-def _of_eight(side: int) -> np.ndarray:
-    """(side³,) int, the rank of each cube, where each rank has a block of eight."""
-    return np.ravel_multi_index(np.indices((side,) * 3).reshape(3, -1) // 2, (side // 2,) * 3)
-
-
-def _made(config: Config, rank_of: np.ndarray) -> list[tuple[Local, Dealt]]:
-    """What each rank makes of a scene that they make together, here as threads."""
-    def of_rank(team: Team) -> tuple[Local, Dealt]:
-        source = source_of(config, team, Meshed())
-        source.deal(rank_of, config.interfaces, (), team)
-        return Local.of(config, [source.piece(np.flatnonzero(rank_of == team.rank))], {}), source
-
-    made = among(int(rank_of.max()) + 1, of_rank)
-    if failed := [one for one in made if isinstance(one, Exception)]:
-        raise failed[0]
-    return made
+    seconds = handed - begin, done - handed, time.process_time() - done
+    return Parts(*(each / count for each in seconds), told / (rank_of == 0).sum())
 
 
 def orchestrators(summary: Mapping[str, Any]) -> tuple[float, float]:
@@ -361,8 +336,9 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
     return {
         "set_up": {
             "start": costs.start,
-            "scene, of each rank's own": (costs.scene if alone else costs.piece) * each,
-            "outline of the scene, on every rank": 0.0 if alone else (costs.outline + 2 * costs.bytes / BANDWIDTH) * count,
+            "scene, by rank 0": costs.scene * count,
+            "ranks' parts, by rank 0": 0.0 if alone else (ranks * costs.part + costs.bytes / BANDWIDTH) * count,
+            "outline of the scene, on every rank": 0.0 if alone else costs.outline * count,
             "prepare": costs.prepare_rank + costs.prepare * each,
             "factorise": costs.factorise * turns,
             "macro columns": FIELDS * 3 * min(count ** (1 / 3) - 1, 2) * costs.solve * turns,  # of a subdomain with the most neighbours
@@ -380,7 +356,7 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: float, turns: f
             "macro problem: borders": 0.0 if alone else costs.iterations * (levels * LATENCY + solving),
             "repositioning": costs.iterations * (moving + (0.0 if alone else levels * LATENCY)),
         },
-        "end": {"results": costs.results * each, "what each rank tells rank 0": 0.0 if alone else TOLD * ranks,
+        "end": {"results, by rank 0": costs.results * count, "what each rank tells rank 0": 0.0 if alone else TOLD * ranks,
                 "tables, by rank 0": 0.0 if alone else costs.tables * count},
     }
 

@@ -42,7 +42,7 @@ OFF, ALONE = 0.2, 0.5  # how far the model may be off; others' load, up to which
 CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others", "cpu", "waiting", "messages", "sums", "MB")
-SHOWN = [("set_up", "scene, of each rank's own"), ("set_up", "outline of the scene, on every rank"),
+SHOWN = [("set_up", "scene, by rank 0"), ("set_up", "ranks' parts, by rank 0"), ("set_up", "outline of the scene, on every rank"),
          ("set_up", "factorise"), ("set_up", "macro problem: borders"),
          ("set_up", "repositioning"), ("iterations", "orchestrator"), ("iterations", "reductions"),
          ("iterations", "solve"), ("iterations", "macro problem: borders")]
@@ -204,8 +204,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         f"which one finds for all in {macro.order[0]:.2g} N^{macro.order[1]:.2f} and, of repositioning, {macro.rigid_order[0]:.2g} "
         f"N^{macro.rigid_order[1]:.2f} s; "
         "cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured; the rank works for its subdomains one after the other. Every rank makes its own subdomains, and has names, "
-        "neighbours and a few numbers of all others.", "",
+        "measured; the rank works for its subdomains one after the other. Rank 0 makes the scene and hands the parts out one after "
+        "the other; every rank has names, neighbours and a few numbers of all others.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER),
         "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",

@@ -177,8 +177,6 @@ class _Refinement:
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
         cells = found.cells / (share or 1.0)
-        if solution.piece is not None:
-            solution.piece.estimate(True, replace(found, cells=cells))
         judged = replace(solution, summary=summary, fields=solution.fields.with_error(cells))
         return judged if self.means.judge is None else self.means.judge(judged)
 

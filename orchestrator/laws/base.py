@@ -186,10 +186,6 @@ class Law:
         """(n,) or one for all: how far the sides are apart before loading; negative where pressed into each other."""
         return 0.0
 
-    def elsewhere(self) -> Law:
-        """What is known of it where its nodes are not."""
-        return self
-
     @property
     def imposed(self) -> float:
         """The largest displacement, a length ≥ 0, that the law asks for by itself, whatever the load."""

@@ -13,7 +13,7 @@ Friction 0 is a slip without resistance: f̂_t = 0.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -118,9 +118,6 @@ class Contact(Law):
     @property
     def distance(self) -> np.ndarray:
         return self.gap
-
-    def elsewhere(self) -> Contact:
-        return replace(self, gap=np.array([self.gap.min(), self.gap.max()]))
 
     @property
     def imposed(self) -> float:

@@ -14,7 +14,7 @@ loaded, Q_j = (Rᵀ f̂)_j = g_j; what is left are at most six equations for a s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -69,10 +69,6 @@ class Coupling(Law):
     def held_at(self) -> np.ndarray:
         """(3, n) displacements where they are held."""
         return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
-
-    def elsewhere(self) -> Coupling:
-        """What is known of it where its nodes are not."""
-        return replace(self, motions=self.motions[..., :0])
 
     def within(self, free: np.ndarray, moved: np.ndarray) -> Coupling | None:
         """The law itself where all components (n, 3) are free; there is none elsewhere."""

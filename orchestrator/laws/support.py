@@ -63,10 +63,6 @@ class Support(Law):
         """(3, n) displacements along the directions that are held."""
         return self.given
 
-    def elsewhere(self) -> Support:
-        """What is known of it where its nodes are not."""
-        return replace(self, **{name: getattr(self, name)[..., :0] for name in ("frame", "stiffness", "given", "normal")})
-
     def within(self, free: np.ndarray, moved: np.ndarray) -> Support:
         """Restrict to the components (n, 3) that are free, where the others are ``moved`` (n, 3), which is zero where they are free.
 

@@ -16,8 +16,7 @@ from orchestrator.method.delivery.met import Met
 from orchestrator.results.extremes import COLUMNS, Extremes, NAME as EXTREMES, extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.probes import NAME as PROBES, Reader, read_paths, read_probes, write_paths
-from orchestrator.results.ranks import Piece
+from orchestrator.results.probes import NAME as PROBES, read_paths, read_probes, write_paths
 from orchestrator.results.summary.summary import place_text
 from orchestrator.scene.conditions.probes import Section
 from orchestrator.scene.model import Scene
@@ -51,25 +50,20 @@ class Answers:
     met: Met | None = None
 
     @classmethod
-    def of(cls, scene: Scene, delivered: Delivered, fields: Fields | None, detached: Sequence[list[str]] = (),
-           piece: Piece | None = None) -> Answers:
+    def of(cls, scene: Scene, delivered: Delivered, fields: Fields | None, detached: Sequence[list[str]] = ()) -> Answers:
         """Answers of a solved scene.
 
         fields : None: no probes are
         detached : names of bodies that nothing holds, per load step
-        piece : rank 0's, where there are several; the others ask for the extremes of theirs
         """
         lost = None
         if any(detached) or scene.stand_ins.any():  # what is inside these means nothing
             lost = np.array([[stands or s.body in names for s, stands in zip(scene.subdomains, scene.stand_ins)]
                              for names in detached or [[]] * scene.steps])
-        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(lost)
-        probes = scene.probes if piece is None else piece.probes
-        read = probes and (Reader(fields.nodal) if piece is None else piece.reader)
-        found = read_probes(probes, read, delivered.carried)
-        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.met), found, scene.steps,
+        found = read_probes(scene.probes, fields.nodal, delivered.carried)
+        return cls(extremes(fields.nodal, lost), InterfaceTable.of(scene, delivered.resultants, delivered.met), found, scene.steps,
                    ["load" if entry.forces else "support" for entry in scene.boundary],
-                   read_paths(probes, read), scene.mesh.box, delivered.met)
+                   read_paths(scene.probes, fields.nodal), scene.mesh.box, delivered.met)
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """The entry in summary.json."""

@@ -5,7 +5,7 @@ extremes.csv has a line for each: displacement of the nodes, stress as in ``noda
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,15 +34,6 @@ class Extremes:
     value: np.ndarray
     at: np.ndarray
     step: np.ndarray
-
-    @classmethod
-    def joined(cls, pieces: Sequence[Extremes]) -> Extremes:
-        """Extremes of several pieces of a body together."""
-        value, at, step = (np.stack([getattr(piece, name) for piece in pieces]) for name in ("value", "at", "step"))
-        worth = np.where(np.isnan(value), -np.inf, value * np.array([-1.0, 1.0])[:, None, None])
-        most = worth.argmax(axis=0)[None]
-        return cls(pieces[0].parts, pieces[0].quantities, np.take_along_axis(value, most, 0)[0],
-                   np.take_along_axis(at, most[..., None], 0)[0], np.take_along_axis(step, most, 0)[0])
 
     @property
     def rows(self) -> Iterator[tuple]:

@@ -4,13 +4,11 @@ for each point and load step."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from orchestrator.method.delivery.flux import FORCES
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS, components_of_displacement, components_of_stress
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
@@ -22,78 +20,53 @@ ALONG = ("path", "load_step", "distance", "x", "y", "z", *DISPLACEMENT, *STRESS)
 FOREIGN = "the matter there is its code's own: what it is stressed by is not known here"
 
 
-@dataclass(frozen=True)
-class Reader:
-    """Reads values at points and over faces, of the whole or, by all ranks together, of their pieces of it.
+def along(probe: Point | Line, nodal: Nodal) -> tuple[Sequence[str], np.ndarray]:
+    """Return names of the components of displacement or stress, and (T, n, components) their values, nan outside the body."""
+    cells, weights = (probe.cells, probe.weights) if isinstance(probe, Line) else (np.array([probe.cell]), probe.weights[None])
+    own = cells >= 0
+    names, found = at_points(probe.quantity, cells[own], weights[own], nodal)
+    values = np.full((len(found), len(cells), len(names)), np.nan)
+    values[:, own] = found
+    return names, values
 
-    nodal : of the fields; number : (m,) int, ascending, of their tets in the whole; None: they are the whole
+
+def over(probe: Surface, nodal: Nodal) -> tuple[Sequence[str], np.ndarray, np.ndarray | None]:
+    """Return names of the components, (T, components) the mean of each, or its extreme, and (T, components, 3) where extremes are.
+
+    Means of stress are those of fields linear on each facet; of displacement, those of the element.
     """
-
-    nodal: Nodal
-    number: np.ndarray | None = None
-    team: Team = ALONE
-
-    def at(self, probe: Point | Line) -> tuple[Sequence[str], np.ndarray | None]:
-        """Names of the components of displacement or stress, and (T, n, components) their values, nan outside the body; on rank 0."""
-        cells, weights = (probe.cells, probe.weights) if isinstance(probe, Line) else (np.array([probe.cell]), probe.weights[None])
-        own = np.flatnonzero(cells >= 0 if self.number is None else np.isin(cells, self.number))
-        at = cells[own] if self.number is None else np.searchsorted(self.number, cells[own])
-        names, found = at_points(probe.quantity, at, weights[own], self.nodal)
-        told = self.team.gather((own, found))
-        if told is None:
-            return names, None
-        values = np.full((len(found), len(cells), len(names)), np.nan)
-        for there, of_rank in told:
-            values[:, there] = of_rank
-        return names, values
-
-    def over(self, probe: Surface) -> tuple[Sequence[str], np.ndarray, np.ndarray | None]:
-        """Names of the components, (T, components) the mean of each, or its extreme, and (T, components, 3) where extremes are; on all ranks.
-        Means of stress are those of fields linear on each facet; of displacement, those of the element."""
-        fields, stress = self.nodal.fields, probe.of == "stress"
-        corners = probe.corners[:, :3] if stress else probe.corners
-        names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
-        at = (self.nodal.corner if stress else fields.cells)[probe.cells[:, None], corners]
-        each = np.stack([(self.nodal.stress(step) if stress else fields.displacement[step])[at] for step in range(fields.steps)])
-        if probe.quantity == "mean":
-            share = np.linalg.norm(probe.area, axis=1) / probe.total
-            return names, components(self.team.sum(np.einsum("k,a,tkai->ti", share, TRIANGLE_SHARES[corners.shape[1]], each))[0]), None
-        sign, each = 1.0 if probe.quantity == "max" else -1.0, components(each.reshape(len(each), at.size, each.shape[-1]))
-        worth = np.where(np.isfinite(each).all(axis=(1, 2), keepdims=True), sign * each, np.nan)  # argmax finds what is no number first
-        worth = np.concatenate([np.full((len(worth), 1, len(names)), -np.inf), worth], axis=1)
-        points = np.concatenate([np.zeros((1, 3)), fields.nodes[fields.cells[probe.cells[:, None], corners].ravel()]])
-        place = worth.argmax(axis=1)
-        told = self.team.all_gather((np.take_along_axis(worth, place[:, None], 1)[:, 0], points[place]))
-        worth, places = (np.stack(x) for x in zip(*told))
-        best = worth.argmax(axis=0)[None]
-        return names, sign * np.take_along_axis(worth, best, 0)[0], np.take_along_axis(places, best[..., None], 0)[0]
-
-    def answer(self, probes: Sequence[Point | Line | Section | Surface]) -> None:
-        """What the other ranks do while rank 0 reads probes, and then lines."""
-        for probe in sorted(probes, key=lambda probe: isinstance(probe, Line)):
-            if isinstance(probe, Point | Line):
-                self.at(probe)
-            elif probe.quantity not in FORCES:
-                self.over(probe)
+    fields, stress = nodal.fields, probe.of == "stress"
+    corners = probe.corners[:, :3] if stress else probe.corners
+    names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
+    at = (nodal.corner if stress else fields.cells)[probe.cells[:, None], corners]
+    each = np.stack([(nodal.stress(step) if stress else fields.displacement[step])[at] for step in range(fields.steps)])
+    if probe.quantity == "mean":
+        share = np.linalg.norm(probe.area, axis=1) / probe.total
+        return names, components(np.einsum("k,a,tkai->ti", share, TRIANGLE_SHARES[corners.shape[1]], each)), None
+    each = components(each.reshape(len(each), at.size, each.shape[-1]))
+    each[~np.isfinite(each).all(axis=(1, 2))] = np.nan
+    place = (each.argmax if probe.quantity == "max" else each.argmin)(axis=1)  # which find what is no number first
+    points = fields.nodes[fields.cells[probe.cells[:, None], corners].ravel()]
+    return names, np.take_along_axis(each, place[:, None], 1)[:, 0], points[place]
 
 
-def read_probes(probes: Sequence[Point | Line | Section | Surface], read: Reader, carried: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
+def read_probes(probes: Sequence[Point | Line | Section | Surface], nodal: Nodal, carried: Mapping[str, np.ndarray]) -> list[dict[str, object]]:
     """Per probe its name, what it tells, and per component the values of all load steps; of lines nothing.
 
     carried : name of a probe of forces → (T, c) what these are
     Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
-    return [_at_point(probe, read) if isinstance(probe, Point) else _forces(probe, carried[probe.name]) if probe.quantity in FORCES
-            else _over_surface(probe, read) for probe in probes if not isinstance(probe, Line)]
+    return [_at_point(probe, nodal) if isinstance(probe, Point) else _forces(probe, carried[probe.name]) if probe.quantity in FORCES
+            else _over_surface(probe, nodal) for probe in probes if not isinstance(probe, Line)]
 
 
-def read_paths(probes: Sequence[object], read: Reader) -> list[dict[str, object]]:
+def read_paths(probes: Sequence[object], nodal: Nodal) -> list[dict[str, object]]:
     """Per path among probes ``name``, ``of``, ``distance`` (n,) from its first end, ``at`` (n, 3), and ``values``: component → (T, n), nan
     outside the body and where stresses are not to be believed."""
     return [{"name": probe.name, "of": probe.quantity, "distance": probe.distance, "at": probe.at,
              "values": {name: values[:, :, k] for k, name in enumerate(names)}}
-            for probe in probes if isinstance(probe, Line) for names, values in [read.at(probe)]]
+            for probe in probes if isinstance(probe, Line) for names, values in [along(probe, nodal)]]
 
 
 def write_paths(folder: ResultsFolder, found: Sequence[Mapping[str, object]]) -> Path:
@@ -130,8 +103,8 @@ def at_points(quantity: str, cells: np.ndarray, weights: np.ndarray, nodal: Noda
     return DISPLACEMENT, components_of_displacement(np.einsum("na,tnai->tni", shape, fields.displacement[:, fields.cells[cells]]))
 
 
-def _at_point(probe: Point, read: Reader) -> dict[str, object]:
-    names, values = read.at(probe)
+def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
+    names, values = along(probe, nodal)
     return _told(probe, "point", probe.quantity, names, values[:, 0], at=probe.at)
 
 
@@ -143,9 +116,9 @@ def _forces(probe: Section | Surface, carried: np.ndarray) -> dict[str, object]:
     return _told(probe, probe.quantity, "force", (*RESULTANT, "normal", "shear"), np.column_stack([carried, shear]), at=probe.about)
 
 
-def _over_surface(probe: Surface, read: Reader) -> dict[str, object]:
+def _over_surface(probe: Surface, nodal: Nodal) -> dict[str, object]:
     """Mean or extreme."""
-    names, values, places = read.over(probe)
+    names, values, places = over(probe, nodal)
     known = places is not None and np.isfinite(values).all()
     where = {name: column for name, column in zip(names, places.swapaxes(0, 1).tolist())} if known else probe.centre
     return _told(probe, probe.quantity, probe.of, names, values, at=where)

@@ -7,7 +7,6 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
@@ -30,7 +29,6 @@ from orchestrator.timing import Stopwatch
 
 TRACEBACK = "traceback.txt"
 GO_ON = "To go on: the same command with --resume."
-IN_PIECES = "no pictures of the structure: of several ranks they are drawn from fields.npz, which output.fields: false leaves out"
 
 
 class Record(Subscriber):
@@ -71,21 +69,16 @@ class Record(Subscriber):
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
         write. Figures come last, and hold up nothing: the command ``report`` draws them from what is there.
 
-        solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
-            together: the others ``write_piece``
+        solution : in its summary, the time that all this takes is noted
         """
         summary = solution.summary
         try:
             self._history.complete()
             with self.watch("output"):
                 if self._config.output.figures:
-                    apart = solution.piece is not None and not self._config.output.fields
-                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures(), *[IN_PIECES] * apart]
-                if solution.piece is None:
-                    self._draw(summary, solution.fields)
-                solution.write_results(self._folder, solution.piece)
-                if solution.piece is not None:
-                    self._draw(summary, self._folder.path if self._config.output.fields else None)
+                    summary["warnings"] = [*(summary.get("warnings") or ()), *no_figures()]
+                self._draw(summary, solution.fields)
+                solution.write_results(self._folder)
             self._summarise(summary)
         except BaseException as error:
             self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
@@ -102,7 +95,7 @@ class Record(Subscriber):
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
 
-    def _draw(self, summary: dict[str, object], fields: Fields | Path | None) -> None:
+    def _draw(self, summary: dict[str, object], fields: Fields | None) -> None:
         """Have figures drawn, where they are wanted, as ``write_figures`` does."""
         if self._artist:
             note_time(summary, self.watch)

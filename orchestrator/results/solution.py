@@ -24,7 +24,6 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
 from orchestrator.results.probes import NAME as PROBES, PATHS
-from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.model import Scene
@@ -37,14 +36,13 @@ class Solution:
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
     fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
-        asked for, where they were read or ranks have made the scene, and where ranks keep them in pieces
+        asked for, where they were read
     directory : the folder that it was read from
     scene : what was solved; None, as all that follows, where it was read from a folder
     iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
     reference : the undecomposed solution, if asked for
     answers : extremes, probes, and what interfaces carry
-    piece : this rank's of the fields, where there are several ranks
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
     config : what was asked for
 
@@ -79,18 +77,17 @@ class Solution:
     reference: Reference | None = None
     answers: Answers | None = None
     joints: list[np.ndarray | None] | None = None
-    piece: Piece | None = None
     config: Config | None = None
 
     @classmethod
-    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields | None, summary: dict[str, object],
-           reference: Reference | None, piece: Piece | None = None) -> Solution:
+    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
+           reference: Reference | None) -> Solution:
         """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written."""
-        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
+        answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
         summary |= answers.summary(config, delivered)
         summary["warnings"] = [*(summary.get("warnings") or ()), *of_unheld(scene, summary.get("detached") or ())]
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints, piece, config)
+                   delivered.parts, reference, answers, delivered.joints, config)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:
@@ -116,16 +113,13 @@ class Solution:
         write_summary(folder, self.summary)
         return folder.path
 
-    def write_results(self, folder: ResultsFolder, piece: Piece | None = None) -> None:
-        """Writes fields, where they are wanted, and tables.
-
-        piece : rank 0's, where several ranks write the fields together: the others ``write_piece``
-        """
+    def write_results(self, folder: ResultsFolder) -> None:
+        """Write fields, where they are wanted, and tables."""
         wanted = ((self.summary.get("config") or {}).get("output") or {}).get("fields", True)
-        if wanted and (self.fields is not None or piece is not None):
+        if wanted and self.fields is not None:
             foreign = self.scene is not None and self.config is not None and self.parts is not None
             beside = fields_of_parts(self.config.codes, self.scene, self.parts, self.joints) if foreign else []
-            write_fields(folder, self.fields, piece, beside)
+            write_fields(folder, self.fields, beside)
         if self.answers is not None:
             self.answers.write(folder)
         elif self.directory is not None:  # they have been read with it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from orchestrator.scene.mesh.quadratic import TET_EDGES, choose_element, edges_o
 from orchestrator.scene.mesh.size_map import Sizes
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Material
-from orchestrator.scene.partition import Partition
 
 # Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
 STEP_BYTES = 5 * 3 * 8
@@ -32,8 +31,6 @@ class Body:
 
     material : (m,) int, index into ``materials``, −1 for none
     choice : of the element, where that was left open
-    partition : where it is known with the mesh, as of a piece of one
-    surfaces : of entries of ``boundary`` of which this piece has some faces, (K, 3, 3) corners of all, see ``OnFaces.whole``
     """
 
     mesh: Mesh
@@ -41,8 +38,6 @@ class Body:
     materials: list[Material]
     material: np.ndarray
     choice: object = None
-    partition: Partition | None = None
-    surfaces: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
 class Meshed:

@@ -14,7 +14,7 @@ from orchestrator.scene.conditions.agreement import check_agreement, check_sides
 from orchestrator.scene.conditions.boundary import Held, moving_as_one, prescribe, resolve_boundary
 from orchestrator.scene.conditions.selection import assign_codes, cells_loaded
 from orchestrator.scene.conditions.ground import held_rows, within_free
-from orchestrator.scene.conditions.finder import OVER_FACES, Finder
+from orchestrator.scene.conditions.finder import Finder
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free, straighten
 from orchestrator.scene.conditions.supports import joins
@@ -34,8 +34,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     """Everything the method needs to know of the problem.
 
     run_programs : whether parts that are programs are started; they alone know their joints
-    meshed : what makes the mesh; one that has been used before has it already where nothing that makes it has changed; of a piece of a
-        mesh nothing is said that the others decide, see ``pieces``
+    meshed : what makes the mesh; one that has been used before has it already where nothing that makes it has changed
     Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
         a bad mesh is reported alone, since nothing else can be judged without it; programs that may not be started
 
@@ -53,11 +52,11 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     """
     problems = Problems()
     body = (meshed or Meshed())(config, run_programs, problems)
-    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, config.factors(config.boundary), problems, body.surfaces)
+    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, config.factors(config.boundary), problems)
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
     joints = joined(config, body, cut, boundary, problems)
-    plain, sagitta = replace(body), near_sagittas(body, cut, joints)
+    plain, sagitta = replace(body), near_sagittas(body, joints)
     add_rigid(config, body, cut, joints, boundary, problems)
     bodies = replace(body)  # without grounds
     if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
@@ -65,8 +64,7 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     loads, thermal, body_force = _loaded(config, plain, body, cut, boundary, problems)
     held = _supported(config, body, cut, joints, boundary, problems)
     _freed(config, body, cut, joints, held, problems)
-    whole = body.mesh.within is None  # a piece of a mesh may be held elsewhere, and what is asked for be there
-    if whole and resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
+    if resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
         # A selection that failed holds nothing: a second complaint would only distract.
         _check_held(bodies, cut, joints, held, problems)
     probes = _watched(config, plain, cut, joints, problems)
@@ -84,7 +82,7 @@ def _divided(config: Config, body: Body, problems: Problems) -> Cut:
     """The subdomains, bolts cut."""
     mesh, cuts, failed = body.mesh, (), False
     try:
-        partition = body.partition or make_partition(mesh, body.faces, config.subdomains)
+        partition = make_partition(mesh, body.faces, config.subdomains)
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.
@@ -141,11 +139,8 @@ def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: l
 
 def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
     """Takes out of the interfaces what is prescribed on both sides."""
-    before, joints.interfaces = joints.interfaces, leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed,
-                                                              config.interfaces, problems)
-    if joints.near and body.mesh.within is not None and len(joints.interfaces) < len(before):
-        problems.add(("interfaces",), "sides that are held altogether, beside parts that are near each other",
-                     "all of the mesh, to tell what joins them")
+    joints.interfaces = leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed,
+                                   config.interfaces, problems)
     joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
     within_free([i for _, i in joints.grounds], held, problems)
 
@@ -161,14 +156,11 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
-    """The probes; of a piece of a mesh those over faces and across sections, in subdomains that are all there."""
+    """Return the probes."""
     mesh, asked = plain.mesh, config.output.named_probes
     subdomain = cut.partition.subdomain[: len(mesh.cells)]  # tools and grounds come after
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
-    finder = Finder(mesh, plain.faces, subdomain, bodies, joints.interfaces, problems)
-    if mesh.within is not None:
-        return replace(finder, own=cut.partition.here[subdomain]).find(asked, OVER_FACES)
-    return finder.find(asked)
+    return Finder(mesh, plain.faces, subdomain, bodies, joints.interfaces, problems).find(asked)
 
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:

@@ -65,34 +65,28 @@ def joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], 
     asked = "interfaces" in config.model_fields_set and any(entry.tool is None for entry in config.interfaces)
     interfaces, near = ([], {}) if cut.failed else make_interfaces(Search(
         mesh, body.faces, cut.partition, cut.numbering, laws, problems, asked, matter))
-    bolts = join_bolts(cut.bolts, interfaces, config.bolts, config.factors(config.bolts), problems, mesh.within is None)
+    bolts = join_bolts(cut.bolts, interfaces, config.bolts, config.factors(config.bolts), problems)
     if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.standin import report_joints, report_units
 
         report_joints(mesh, interfaces, cut.numbering, problems)
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
-    here = np.ones(len(mesh.cells), dtype=bool) if cut.partition.here is None else cut.partition.here[cut.partition.subdomain]
-    covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering, here)
+    covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
     if any(i.surfaces is not None for i in interfaces):
         stays = matter.held.any(axis=1)
         for stand in mesh.foreign:
             stays[stand.nodes] = True
         body.mesh = fitted(mesh, cut.numbering, interfaces, stays)
-        if mesh.within is not None and not np.array_equal(body.mesh.nodes, mesh.nodes):
-            problems.add(("interfaces",), "curved faces that do not match", "all of the mesh, to fit one to the other")
         for entry, given, times in zip(boundary, config.boundary, config.factors(config.boundary)):
-            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems(),  # told before
-                                body.surfaces.get(entry.index))
+            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems())  # told before
     return Joints(interfaces, near, bolts, covered)
 
 
-def near_sagittas(body: Body, cut: Cut, joints: Joints) -> dict[int, np.ndarray]:
+def near_sagittas(body: Body, joints: Joints) -> dict[int, np.ndarray]:
     """Of volumes that are near others, see ``Scene``."""
     if not joints.near:
         return {}
-    here, beside = cut.partition.here, sorted({v for pair in joints.near for v in pair})
-    elsewhere = () if here is None else body.mesh.volume[~here[cut.partition.subdomain]]
-    return sagittas(body.mesh, body.faces, np.setdiff1d(beside, elsewhere).astype(int).tolist())
+    return sagittas(body.mesh, body.faces, sorted({v for pair in joints.near for v in pair}))
 
 
 def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
@@ -113,8 +107,7 @@ def add_rigid(config: Config, body: Body, cut: Cut, joints: Joints, boundary: li
         return
     from orchestrator.scene.tools.add import add_tools, pressed_tools
 
-    pressed = pressed_tools(body.mesh, body.faces, cut.partition, config.interfaces, config.tools, config.factors(config.tools.values()),
-                            problems)
+    pressed = pressed_tools(body.mesh, body.faces, config.interfaces, config.tools, config.factors(config.tools.values()), problems)
     if problems.found:
         return
     added, interfaces, entries = add_tools(body.mesh, body.faces, cut.partition, body.material, pressed, len(boundary))

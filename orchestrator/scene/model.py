@@ -165,9 +165,8 @@ class Scene:
     thermal : (steps, m, 4) α ΔT at the corners of every cell; None where nothing is heated
     body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies; None where there is none
     overview : of the whole scene, where this is a part of it
-    number, cell_number : (n,) and (m,) int, ascending, the nodes' and the cells' numbers in the whole scene, where this is a part of it
+    number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     brought : whether models of its codes have, or may have, loads of their own that are not in ``loads``
-    left : why ranks that solve it together have not made it together
     """
 
     name: str
@@ -189,12 +188,10 @@ class Scene:
     thermal: np.ndarray | None = None
     overview: Overview | None = None
     number: np.ndarray | None = None
-    cell_number: np.ndarray | None = None
     probes: list = field(default_factory=list)
     element: object = None
     body_force: np.ndarray | None = None
     brought: bool = False
-    left: str = ""
     covered: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=int))
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:

@@ -23,7 +23,6 @@ import numpy as np
 from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import Team
 from orchestrator.processes import trim
-from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.supports import loose_bodies, supports_of
 from orchestrator.scene.copies import Copies
@@ -35,11 +34,10 @@ from orchestrator.scene.soles.overlap import difficulty, first_row
 
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
-    opens, mesh = any(not i.law.joins for i in scene.interfaces), scene.mesh
-    nodes, met = np.array([len(s.nodes) for s in scene.subdomains]), np.array([len(i.global_nodes) for i in scene.interfaces], dtype=int)
+    opens = any(not i.law.joins for i in scene.interfaces)
     used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
-    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene), nodes,
-                    scene.matched, met, used, supports_of(scene), scene_cautions(scene), len(mesh.nodes), mesh.box, scene.prints)
+    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
+                    difficulty(scene), scene.matched, used, supports_of(scene), scene.mesh.box, scene.prints)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -52,7 +50,6 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     own = np.zeros(len(scene.subdomains), dtype=bool)
     own[np.asarray(mine, dtype=int)] = True
     touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
-    elsewhere = scene.mesh.volume[~own[scene.cell_subdomain]] if scene.sagitta else ()
     rows = _rows(scene, own, touched)
     cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
     kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own) if len(rows[e])}
@@ -72,8 +69,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                   for i, here in zip(scene.interfaces, touched)]
     return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
-                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes, cell_number=cells,
-                 near=scene.near, sagitta={v: scene.sagitta[v] for v in np.setdiff1d([*scene.sagitta], elsewhere).tolist()},
+                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes,
                  bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
                  probes=[probe.of_part(cells, own[scene.cell_subdomain]) if isinstance(probe, Surface | Section) else probe
                          for probe in scene.probes],

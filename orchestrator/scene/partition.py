@@ -29,13 +29,11 @@ class Partition:
     """``subdomain`` (m,) int per tet, and for each subdomain a name and the name of the body it is a piece of.
 
     Where bodies are not cut further, both names are the same and ``bodies`` may be left out.
-    ``here`` : (subdomains,) bool, of which all cells are there, in a piece of a mesh; None: of all
     """
 
     subdomain: np.ndarray
     names: list[str]
     bodies: list[str] = field(default_factory=list)
-    here: np.ndarray | None = None
 
     def body(self, index: int) -> str:
         """Name of the body that a subdomain is a piece of."""

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.parallel.numbering import Meeting
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene import elasticity as recovery
 from orchestrator.scene.copies import Copies
@@ -42,7 +41,6 @@ class Fields:
         nothing opens
     believed : (m,) bool, where stresses are those of the matter that was computed; None: everywhere
     thermal : (steps, m, 4) thermal strain at the cells' corners; None where nothing is heated
-    meeting : where these are a rank's piece, and other ranks have nodes of it too; never pickled
     """
 
     nodes: np.ndarray
@@ -58,7 +56,6 @@ class Fields:
     joined: np.ndarray | None = None
     believed: np.ndarray | None = None
     thermal: np.ndarray | None = None
-    meeting: Meeting | None = None
 
     @classmethod
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
@@ -86,18 +83,15 @@ class Fields:
         return replace(self, nodes=self.nodes[split.nodes], cells=split.corners, sides=None,
                        displacement=np.concatenate(self.sides, axis=1))
 
-    @property
+    @cached_property
     def nodal(self) -> Nodal:
-        """Stresses at the nodes, made once."""
-        known = vars(self)
-        if "_nodal" not in known:  # cached_property locks others out meanwhile, and of a piece others have to take part
-            known["_nodal"] = Nodal(self)
-        return known["_nodal"]
+        """Stresses at the nodes."""
+        return Nodal(self)
 
     def with_error(self, cells: np.ndarray | None) -> Fields:
         """The same with an estimate of the discretisation error (steps, m), and with all that has been found of them."""
         result = replace(self, discretisation_error=cells)
-        found = ("numbering", "material", "volumes", "_geometry", "_nodal")
+        found = ("numbering", "material", "volumes", "_geometry", "nodal")
         vars(result).update({name: vars(self)[name] for name in found if name in vars(self)})
         return result
 
@@ -112,7 +106,7 @@ class Fields:
 
     def __getstate__(self) -> dict[str, object]:
         """What others cannot compute themselves."""
-        return {field.name: getattr(self, field.name) for field in dataclass_fields(self)} | {"meeting": None}
+        return {field.name: getattr(self, field.name) for field in dataclass_fields(self)}
 
     def some(self, chosen: np.ndarray) -> Fields:
         """The same of some of the cells (k,) int, with their own nodes; without interfaces."""

@@ -7,7 +7,6 @@ stresses at nodes are of one body each; what happens on the interfaces is in fil
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -17,45 +16,33 @@ import numpy as np
 
 from orchestrator.blackbox.codes.parts import OwnFields
 from orchestrator.method.delivery.interface_fields import SHIFTS
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import NAME, arrays, write_npz
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.ranks import Piece
-from orchestrator.results.whole import arrays as arrays_of_pieces, tell
 from orchestrator.scene.elasticity import principal, von_mises
 
 PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
 STEP, INTERFACE = "step", "interface"  # what names of files begin with
 
 
-def write_fields(folder: ResultsFolder, fields: Fields | None, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
+def write_fields(folder: ResultsFolder, fields: Fields, beside: Sequence[OwnFields] = ()) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
-    Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
-    ``write_piece`` meanwhile.
-
-    fields : None: of rank 0's piece and the others'
-    piece : rank 0's, where there are several ranks
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
     """
     hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
     with folder.replacing(NAME) as temporary:
-        write_npz(temporary, arrays(fields) if piece is None else arrays_of_pieces(piece))
+        write_npz(temporary, arrays(fields))
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
-    if piece is not None:
-        piece.team.share((os.fspath(folder.path.absolute()), hidden))
-        names = _write_piece(folder, piece, hidden)
-    else:
-        names = {kind: _names(kind, fields.steps) for kind in (STEP, *[INTERFACE] * (fields.interfaces is not None))}
-        _write_steps(folder, names[STEP], fields, hidden)
-        if fields.interfaces is not None:
-            _write_interfaces(folder, names[INTERFACE], fields, ALONE)
-    write_pvd(folder, PVD, names[STEP], [_write_beside(folder, part) for part in beside])
-    if INTERFACE in names:
-        write_pvd(folder, INTERFACES_PVD, names[INTERFACE])
+    names = [f"{STEP}_{step + 1:04d}.vtu" for step in range(fields.steps)]
+    _write_steps(folder, names, fields, hidden)
+    write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
+    if fields.interfaces is not None:
+        names = [f"{INTERFACE}_{step + 1:04d}.vtu" for step in range(fields.steps)]
+        _write_interfaces(folder, names, fields)
+        write_pvd(folder, INTERFACES_PVD, names)
 
 
 def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
@@ -71,44 +58,8 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
     return names
 
 
-def write_piece(piece: Piece) -> None:
-    """What the other ranks do while rank 0 writes fields: a piece of every step."""
-    tell(piece)
-    directory, hidden = piece.team.share(None)
-    _write_piece(ResultsFolder(directory), piece, hidden)
-
-
-def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> dict[str, list[str]]:
-    """A rank's files; where its disk is not rank 0's, rank 0 writes what they contain. Then rank 0 puts the pieces together.
-
-    Returns names of what has, per kind of file one for each load step
-    """
-    team, steps, met = piece.team, piece.fields.steps, piece.interfaces
-    own = {STEP: _names(STEP, steps, team.rank)}
-    last = {STEP: _write_steps(folder, own[STEP], piece.fields, hidden)}
-    if met is not None:
-        own[INTERFACE] = _names(INTERFACE, steps, team.rank) if len(met.names) else []  # a rank may have no first side
-        last[INTERFACE] = _write_interfaces(folder, own[INTERFACE], piece, team)
-    names = team.all_gather(own)  # all have written
-    absent = team.share([name for one in names for each in one.values() for name in each if not (folder / f"fields/{name}").is_file()])
-    mine = {name: (folder / f"fields/{name}").read_bytes() for each in own.values() for name in each if name in absent}
-    whole = {kind: _names(kind, steps, ending="pvtu") for kind in own}
-    for found in team.gather(mine) or ():
-        for name, content in found.items():
-            folder.write(f"fields/{name}", content)
-    for kind in own if team.rank == 0 else ():
-        for step, name in enumerate(whole[kind]):
-            write_pvtu(folder, f"fields/{name}", [one[kind][step] for one in names if one[kind]], *last[kind])
-    return whole
-
-
-def _names(kind: str, steps: int, rank: int | None = None, ending: str = "vtu") -> list[str]:
-    return [f"{kind}_{step + 1:04d}{'' if rank is None else f'_{rank}'}.{ending}" for step in range(steps)]
-
-
-def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
-                 hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """A grid of every load step, without parts of these names; the data of the last."""
+def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields, hidden: set[str]) -> None:
+    """Write a grid of every load step, without parts of these names."""
     nodal, some, at, shown = fields.nodal, fields.apart, slice(None), slice(None)
     if hidden:
         shown = np.flatnonzero(~np.isin(fields.part, [i for i, name in enumerate(fields.parts) if name in hidden]))
@@ -116,7 +67,6 @@ def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
     for step, name in enumerate(names):
         data = _data(nodal, some, step, at, shown)
         write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data, names=_numbered("part", fields.parts))
-    return data
 
 
 def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
@@ -139,32 +89,27 @@ def _numbered(what: str, names: Sequence[str]) -> dict[str, int]:
     return {f"{what} {name}": number for number, name in enumerate(names) if name}
 
 
-def _write_interfaces(folder: ResultsFolder, names: Sequence[str], of: Fields | Piece,
-                      team: Team) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Writes the triangles of interfaces with gap, slip, pressure, friction traction, status, and shifts where they are known; what
-    pulls at the cut through a bolt is a tension, and no pressure.
+def _write_interfaces(folder: ResultsFolder, names: Sequence[str], fields: Fields) -> None:
+    """Write the triangles of interfaces with gap, slip, pressure, friction traction, status, and
+    shifts where they are known; what pulls at the cut through a bolt is a tension, and no pressure.
 
-    names : of files, one for each load step; none where there is no interface
-    of : what has them; all ranks write theirs together
-    Returns the data of the last, of nodes and of triangles
+    names : of files, one for each load step
     """
-    i, displacement = of.interfaces, [of.interface_displacement(side) for side in (0, 1)]
-    points, index = of.nodes[i.nodes] if i.points is None else i.points[0], np.arange(len(i.names)) if i.index is None else i.index
+    i, displacement = fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)]
     shifts = {name: x for name in SHIFTS if (x := getattr(i, name)) is not None}
     pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)], dtype=bool)[i.interface_of_node]
-    anywhere = bool(team.max(float(pulled.any()))[0])
-    for step in range(i.steps):
+    for step, name in enumerate(names):
         pressure = i.pressure[step]
-        tension = {"tension": np.where(pulled, -pressure, 0.0)} if anywhere else {}
-        data = ({"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
-                 "gap": i.gap[step], "slip": i.slip[step], "pressure": np.where(pulled, 0.0, pressure), **tension,
-                 "friction_traction": i.friction_traction[step],
-                 "status": i.status[step].astype(np.int32), **{name: x[step] for name, x in (shifts | i.own).items()}},
-                {"interface": index[i.owner].astype(np.int32)})
-        if names:
-            write_vtu(folder, f"fields/{names[step]}", points, i.triangles, *data,
-                      {f"interface {name}": int(number) for name, number in zip(i.names, index)})
-    return data
+        tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
+        write_vtu(folder, f"fields/{name}", fields.nodes[i.nodes], i.triangles,
+                  {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
+                   "gap": i.gap[step], "slip": i.slip[step],
+                   "pressure": np.where(pulled, 0.0, pressure), **tension,
+                   "friction_traction": i.friction_traction[step],
+                   "status": i.status[step].astype(np.int32),
+                   **{name: x[step] for name, x in (shifts | i.own).items()}},
+                  {"interface": i.owner.astype(np.int32)},
+                  {f"interface {name}": number for number, name in enumerate(i.names)})
 
 
 _ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
@@ -230,23 +175,6 @@ def _kind(name: str, values: np.ndarray) -> str:
     """What is said of an array's numbers."""
     kind = {"i": "Int", "u": "UInt", "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
     return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else "")
-
-
-def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_data: Mapping[str, np.ndarray],
-               cell_data: Mapping[str, np.ndarray]) -> None:
-    """Writes what puts the pieces of one grid together, files beside it.
-
-    point_data, cell_data : as for ``write_vtu``, of any one cell
-    """
-    def array(name: str, values: np.ndarray) -> str:
-        return f"      <PDataArray {_kind(name, values)}/>"
-
-    rows = ['<?xml version="1.0"?>', f'<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="{_ORDER}">',
-            '  <PUnstructuredGrid GhostLevel="0">', "    <PPoints>", array("Points", np.zeros((1, 3))), "    </PPoints>",
-            "    <PPointData>", *(array(*item) for item in point_data.items()), "    </PPointData>",
-            "    <PCellData>", *(array(*item) for item in cell_data.items()), "    </PCellData>",
-            *(f'    <Piece Source="{piece}"/>' for piece in pieces), "  </PUnstructuredGrid>", "</VTKFile>", ""]
-    folder.write(name, "\n".join(rows))
 
 
 def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str], parts: Sequence[Sequence[str]] = ()) -> None:

@@ -12,17 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.numbering import Borders
 from orchestrator.scene.mesh.mesh import split_numbering
 from orchestrator.scene.elasticity import von_mises
-
-NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
 
 
 class Nodal:
     """Nodal stresses of a solution; K nodes, counted once for each stress that they have.
 
-    Of a rank's piece of a solution each rank makes one, and all ask together. Made of ``Fields``, which keep it.
+    Made of ``Fields``, which keep it.
 
     fields : those on ``Fields.opened``, whose nodes are meant
     corner : (m, 4) int, which of the K each tet's corners are
@@ -46,19 +43,12 @@ class Nodal:
         self.part = np.zeros(len(self.node), dtype=int)
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
-        self._borders = Borders(*NOWHERE)
-        if self.fields.meeting is not None:
-            cell = np.empty(len(self.node), dtype=int)
-            cell[self.corner] = np.arange(len(self.corner))[:, None]
-            self._borders = self.fields.meeting.borders(self.node, self.fields.lame[cell], self.part)
-        self._weight: np.ndarray | None = None
         self._latest = -1, np.empty((0, 6))  # load step and its stress
 
+    @cached_property
     def _around(self) -> np.ndarray:
         """(K,) volume around each; formed at the first stress: who only numbers nodes needs none."""
-        if self._weight is None:
-            self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=len(self)))
-        return self._weight
+        return np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=len(self))
 
     def __len__(self) -> int:
         return len(self.node)
@@ -70,7 +60,7 @@ class Nodal:
 
     def stress(self, step: int) -> np.ndarray:
         """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
-        if self._latest[0] == step:  # by all ranks alike: who forms it speaks to the others
+        if self._latest[0] == step:
             return self._latest[1]
         fields, volumes = self.fields, self.fields.volumes
         linear = fields.cells.shape[1] == 4
@@ -79,10 +69,9 @@ class Nodal:
         for c in range(6):
             each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
             result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
-        if fields.believed is not None:  # before other ranks' sums: theirs are no better there
+        if fields.believed is not None:
             result[:, self.corner[~fields.believed]] = np.nan
-        self._borders(result)
-        result /= self._around()
+        result /= self._around
         self._latest = step, result.T
         return self._latest[1]
 

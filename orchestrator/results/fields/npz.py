@@ -18,7 +18,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -40,55 +40,24 @@ _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}"
 _OWN = "own_"
 
 
-@dataclass(frozen=True)
-class Streamed:
-    """An array of the whole in C order, block after block, once; all ranks go through it together, and rank 0 alone gets them."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype
-    made: Iterator[np.ndarray]
-
-    def __iter__(self) -> Iterator[np.ndarray]:
-        return self.made
-
-    def whole(self) -> np.ndarray:
-        """All of it, on rank 0; empty elsewhere."""
-        result, first = np.empty(self.shape, self.dtype), 0
-        for block in self:
-            result.reshape(-1)[first : first + block.size] = block.ravel()
-            first += block.size
-        return result
-
-
 def arrays(written: Fields) -> Iterator[tuple[str, np.ndarray]]:
     """Names and arrays of the file."""
     yield from ((name, getattr(written, name)) for name in _ALWAYS)
     yield from ((f"{SIDES}{e}", u) for e, u in enumerate(written.sides or ()))
-    yield from of_interfaces(written.interfaces)
+    if (met := written.interfaces) is not None:
+        yield from ((key, getattr(met, name)) for name, key in _INTERFACE.items())
+        yield from ((_OWN + name, x) for name, x in met.own.items())
+        yield from ((name, x) for name in SHIFTS if (x := getattr(met, name)) is not None)
     yield from ((name, array) for name in _IF_THERE if (array := getattr(written, name)) is not None)
     yield "parts", np.array(written.parts, dtype=str)
 
 
-def of_interfaces(written: InterfaceFields | None) -> Iterator[tuple[str, np.ndarray]]:
-    """Those of the interfaces that are not perfect."""
-    if written is not None:
-        yield from ((key, getattr(written, name)) for name, key in _INTERFACE.items())
-        yield from ((_OWN + name, x) for name, x in written.own.items())
-        yield from ((name, x) for name in SHIFTS if (x := getattr(written, name)) is not None)
-
-
-def write_npz(path: Path, written: Iterable[tuple[str, np.ndarray | Streamed]]) -> None:
-    """Writes names and arrays as ``np.savez`` does, uncompressed (compression would take longer than the solution)."""
+def write_npz(path: Path, written: Iterable[tuple[str, np.ndarray]]) -> None:
+    """Write names and arrays as ``np.savez`` does, uncompressed (compression would take longer than the solution)."""
     with zipfile.ZipFile(path, "w") as file:
         for name, array in written:
             with file.open(f"{name}.npy", "w", force_zip64=True) as member:
-                if not isinstance(array, Streamed):
-                    np.lib.format.write_array(member, array, allow_pickle=False)
-                    continue
-                np.lib.format.write_array_header_1_0(member, {"descr": np.lib.format.dtype_to_descr(array.dtype), "fortran_order": False,
-                                                              "shape": array.shape})
-                for block in array:
-                    member.write(block)
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_npz(directory: str | os.PathLike[str]) -> Fields | None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.figures.charts import convergence, time_per_stage
 from orchestrator.results.figures.pictures import compose, deformed, interfaces
 from orchestrator.results.figures.plotting import png
@@ -19,16 +18,14 @@ def write_figures(
     folder: ResultsFolder,
     summary: Mapping[str, object],
     history: Mapping[str, np.ndarray],
-    fields: Fields | Path | None = None,
+    fields: Fields | None = None,
 ) -> list[Path]:
     """Draw a run, as far as it is known; the structure in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
-    fields : of the structure, or the folder whose fields.npz has them; None: charts alone
+    fields : of the structure; None: charts alone
     Returns paths of the figures written
     """
-    if isinstance(fields, Path):
-        fields = read_npz(fields)
     made = {
         "convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
         "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None,

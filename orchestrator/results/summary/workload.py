@@ -132,5 +132,4 @@ def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
         "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
         "workload": joined([rank.workload for rank in ranks]), "workers": sum(rank.workers for rank in ranks),
         "memory_peak_mb": sum(rank.memory_mb for rank in ranks), "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
-        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks),
-        "scene_in_pieces": scene.overview is not None, "scene_left_to_one": (scene.left or None) if len(ranks) > 1 else None}
+        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks)}

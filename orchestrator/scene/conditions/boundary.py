@@ -6,7 +6,7 @@ what is prescribed on one of them is so on all; where an interface opens, the ne
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,17 +29,18 @@ SAME = 1e-12
 
 
 def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: Sequence[Sequence[float]],
-                     problems: Problems, surfaces: Mapping[int, np.ndarray]) -> list[BoundaryEntry]:
+                     problems: Problems) -> list[BoundaryEntry]:
     """Effect of each entry of ``boundary:``, with its faces.
 
-    factors : per entry (steps,) what multiplies it; surfaces : as of ``Body``
+    factors : per entry (steps,) what multiplies it
     """
     resolved = []
     for i, (entry, times) in enumerate(zip(entries, factors)):
         path = ("boundary", i)
-        chosen = _with_meshes(mesh, faces, faces_meant(mesh, faces, entry, path, problems), path, problems)
+        meant = select(mesh, faces, entry.on, (*path, "on"), problems)
+        chosen = _with_meshes(mesh, faces, _of_part(mesh, faces, meant, entry.part, path, problems), path, problems)
         triangles = faces.triangles[chosen]
-        does = acting(mesh, triangles, entry, times, path, problems, surfaces.get(i))
+        does = acting(mesh, triangles, entry, times, path, problems)
         inside = chosen[faces.neighbour[chosen] >= 0]
         if len(inside) and not isinstance(does, Prescribed):
             where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
@@ -51,15 +52,9 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
     return resolved
 
 
-def faces_meant(mesh: Mesh, faces: Faces, entry: Any, path: KeyPath, problems: Problems) -> np.ndarray:
-    """Indices of the faces that an entry of ``boundary:`` names."""
-    return _of_part(mesh, faces, select(mesh, faces, entry.on, (*path, "on"), problems), entry.part, path, problems)
-
-
-def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems,
-           whole: np.ndarray | None = None) -> Any:
-    """Effect of an entry of ``boundary:`` on faces (k, 3 or 6); ``whole`` : as of ``OnFaces``."""
-    where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems, whole)
+def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems) -> Any:
+    """Effect of an entry of ``boundary:`` on faces (k, 3 or 6)."""
+    where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems)
     return entry.kind.made(entry.given, where)
 
 

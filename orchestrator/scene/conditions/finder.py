@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,17 +11,14 @@ import numpy as np
 from orchestrator.config.base import unit
 from orchestrator.config.probes import PathProbe, PointProbe, SectionProbe, SurfaceProbe
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.probes import Line, Point, Section, Surface, Tets
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors, barycentric, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.interface import Interface, ends_of
-from orchestrator.scene.model import Scene
 from orchestrator.scene.names import matching, suggestion
 
-AT_POINTS, OVER_FACES = (PointProbe, PathProbe), (SectionProbe, SurfaceProbe)
 # A point counts as in a tet that it is outside of by rounding, in barycentric coordinates.
 INSIDE = 1e-9
 # On curved faces a point of the true surface lies beside the facets: taken to the nearest one within this share of the
@@ -31,11 +28,9 @@ BESIDE = 0.1
 
 @dataclass(frozen=True)
 class Finder:
-    """Finds probes on a mesh, or on the parts of it that ranks have: these look for points and paths together, for faces and sections
-    each on its piece, and tell each other in the end, see ``of_all``.
+    """Finds probes on a mesh.
 
     subdomain : (m,) int, of each tet; bodies : name of each subdomain's body
-    number, own : (m,) int, the tets' numbers in the whole mesh, and bool, which are this rank's; None where this is all of it
     """
 
     mesh: Mesh
@@ -44,16 +39,13 @@ class Finder:
     bodies: Sequence[str]
     interfaces: Sequence[Interface]
     problems: Problems
-    number: np.ndarray | None = None
-    own: np.ndarray | None = None
-    team: Team = ALONE
 
-    def find(self, asked: Mapping[str, Any], kinds: tuple[type, ...] = (*AT_POINTS, *OVER_FACES)) -> list[Point | Line | Section | Surface]:
-        """The probes that ``output.probes`` asks for, by their names; of some kinds alone."""
+    def find(self, asked: Mapping[str, Any]) -> list[Point | Line | Section | Surface]:
+        """The probes that ``output.probes`` asks for, by their names."""
         found = []
         for i, (name, one) in enumerate(asked.items()):
             path = ("output", "probes", i)
-            cells = self._cells_of(one.part, (*path, "part")) if isinstance(one, kinds) else None
+            cells = self._cells_of(one.part, (*path, "part"))
             if cells is None:
                 continue
             find = {PointProbe: self._point, PathProbe: self._path, SectionProbe: self._section, SurfaceProbe: self._surface}[type(one)]
@@ -68,7 +60,7 @@ class Finder:
         if volumes := matching(part, self.mesh.volumes):
             return np.isin(self.mesh.volumes, volumes)[self.mesh.volume]
         own = np.isin(self.bodies, matching(part, self.bodies))[self.subdomain]
-        if self.mesh.within is None and not self.team.max(float(own.any()))[0]:
+        if not own.any():
             self.problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
                               suggestion(part, list(dict.fromkeys([*self.mesh.volumes, *self.bodies])), "volume"))
             return None
@@ -76,7 +68,7 @@ class Finder:
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Point | None:
         at = np.array(asked.at, dtype=float)
-        tets, = self._around(at[None], allowed)
+        tets = self._around(at, allowed)
         if len(tets.number):
             names = self._apart(tets)
             if len(names) > 1:
@@ -84,9 +76,6 @@ class Finder:
                                  "one part", f"add part: {names[0]}")
                 return None
             return Point(name, asked.quantity, tets.place, int(tets.number[0]), tets.weights[0], tets.subdomain[:1])
-        if self.number is not None:
-            self.problems.add((*path, "at"), "a point outside", "all of the mesh, to tell what is near")
-            return None
         nodes = np.unique(self.mesh.cells[allowed, :4])
         distance = np.linalg.norm(self.mesh.nodes[nodes] - at, axis=1)
         nearest = self.mesh.nodes[nodes[np.argmin(distance)]]
@@ -96,19 +85,14 @@ class Finder:
                      f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
         return None
 
-    def _around(self, points: np.ndarray, allowed: np.ndarray) -> list[Tets]:
-        """Tets that have each of some points (n, 3), of all ranks; beside a curved surface the nearest one, farther away none."""
-        told = self.team.all_gather([self._here(at, allowed) for at in points])
-        return [Tets.joined(each) for each in zip(*told)]
-
-    def _here(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
-        """Those of this rank's that have a point, else the nearest."""
-        cells, mesh = np.flatnonzero(allowed if self.own is None else allowed & self.own), self.mesh
+    def _around(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
+        """Return tets that have a point; beside a curved surface the nearest one, farther away none."""
+        cells, mesh = np.flatnonzero(allowed), self.mesh
         corners = mesh.nodes[mesh.cells[cells, :4]]
         size = np.ptp(corners, axis=1).max(axis=1)
         near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
         cells, corners, size = cells[near], corners[near], size[near]
-        weights, place, away = barycentric(corners, at), at, np.zeros(len(cells))
+        weights, place = barycentric(corners, at), at
         chosen = np.flatnonzero(weights.min(axis=1, initial=np.inf) >= -INSIDE)
         if len(cells) and not len(chosen):
             weights = np.maximum(weights, 0.0)
@@ -117,16 +101,17 @@ class Finder:
             away = np.linalg.norm(places - at, axis=1)
             chosen = away.argmin()[None]
             place = places[chosen[0]]
-        within, cells = bool((away[chosen] <= BESIDE * size[chosen]).all()), cells[chosen]
-        return Tets(cells if self.number is None else self.number[cells], weights[chosen], mesh.volume[cells], self.subdomain[cells],
-                    place, float(away[chosen].max(initial=0.0)), within)
+            chosen = chosen[away[chosen] <= BESIDE * size[chosen]]
+        cells = cells[chosen]
+        return Tets(cells, weights[chosen], mesh.volume[cells], self.subdomain[cells], place)
 
     def _path(self, asked: PathProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Line | None:
         """Points of a path; where parts meet, a point belongs to the one that the path comes from."""
         ends = np.array(asked.along, dtype=float)
         at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
         cells, weights, before, of = np.full(len(at), -1), np.zeros((len(at), 4)), None, set()
-        for k, tets in enumerate(self._around(at, allowed)):
+        for k, point in enumerate(at.copy()):
+            tets = self._around(point, allowed)
             if len(tets.number):
                 at[k] = tets.place
                 same = [] if before is None else np.flatnonzero(tets.subdomain == before)
@@ -153,7 +138,7 @@ class Finder:
                               "move it by an element; what interfaces carry is in interfaces.csv, bolts have lines of their own")
             return None
         front, behind = np.flatnonzero(front & allowed), np.flatnonzero(~front & allowed)
-        if mesh.within is None and not len(np.intersect1d(mesh.cells[front], mesh.cells[behind])):
+        if not len(np.intersect1d(mesh.cells[front], mesh.cells[behind])):
             box = mesh.nodes[np.unique(mesh.cells[allowed, :4])]
             self.problems.add((*path, "section"), "no tets have their centres behind the plane, or none before it, of the body from "
                               f"{format_point(box.min(axis=0))} to {format_point(box.max(axis=0))}", "a plane through it",
@@ -174,11 +159,11 @@ class Finder:
 
     def _surface(self, asked: Any, name: str, allowed: np.ndarray, path: KeyPath) -> Surface | None:
         chosen = select(self.mesh, self.faces, asked.on, (*path, "on"), self.problems)
-        if not len(chosen) and self.mesh.within is None:
+        if not len(chosen):
             return None
         triangles, owner, other = self.faces.triangles[chosen], self.faces.owner[chosen], self.faces.neighbour[chosen]
         first, second = allowed[owner], (other >= 0) & allowed[other]
-        if self.mesh.within is None and not (first | second).any():
+        if not (first | second).any():
             self.problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has",
                               "name another part, or leave it out")
             return None
@@ -190,39 +175,17 @@ class Finder:
                          f"add part: {names[0]}")
             return None
         cells = np.where(first, owner, other)
-        kept = (first | second) & (True if self.own is None else self.own[cells])
+        kept = first | second
         area = np.where(first, 1.0, -1.0)[:, None] * area_vectors(self.mesh.nodes, triangles)
         triangles, cells, area = triangles[kept], cells[kept], area[kept]
         each = np.linalg.norm(area, axis=1)
         total = float(each.sum())
-        centre = each @ self.mesh.nodes[triangles[:, :3]].mean(axis=1) / (total or 1.0)
+        centre = each @ self.mesh.nodes[triangles[:, :3]].mean(axis=1) / total
         within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
         corners = (self.mesh.cells[cells][:, None, :] == triangles[:, :, None]).argmax(axis=2)
-        return Surface(name, asked.quantity, asked.of or "displacement", cells, corners, area, total, centre, _about(asked, centre), within,
+        about = centre if asked.about is None else np.array(asked.about, dtype=float)
+        return Surface(name, asked.quantity, asked.of or "displacement", cells, corners, area, total, centre, about, within,
                        np.unique(self.subdomain[cells]))
-
-
-def _about(asked: SurfaceProbe, centre: np.ndarray) -> np.ndarray:
-    """(3,) what the moment is about."""
-    return centre if asked.about is None else np.array(asked.about, dtype=float)
-
-
-def of_all(found: Surface | Section, asked: Any, scene: Scene, team: Team) -> Surface | Section | None:
-    """What a rank's part has of a probe, with what all ranks know of it together; None, on all of them, where there is nothing to read.
-
-    scene : the rank's part
-    """
-    if isinstance(found, Section):
-        cells = scene.mesh.cells
-        return found if team.max(float(len(np.intersect1d(cells[found.front], cells[found.behind]))))[0] else None
-    of, within = np.zeros(len(scene.subdomains)), np.zeros(len(scene.mesh.volumes))
-    of[scene.cell_subdomain[found.cells]], within[found.within] = 1, 1
-    total, moment, of, within = team.sum(found.total, found.total * found.centre, of, within)
-    if not total:
-        return None
-    centre = moment / total
-    return replace(found, total=float(total), centre=centre, about=_about(asked, centre), within=np.flatnonzero(within),
-                   subdomains=np.flatnonzero(of))
 
 
 def _parted(mesh: Mesh, cells: np.ndarray, allowed: np.ndarray, front: np.ndarray) -> np.ndarray:

@@ -85,10 +85,7 @@ def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, want
         names.append(one.name)
         bodies.append(one.body)
     whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume))
-    here = partition.here  # a layer is where the first of the subdomains is that it lies on
-    if here is not None:
-        here = np.concatenate([here, np.array([here[partition.subdomain[one.cells].min()] for one in wanted], dtype=bool)])
-    cut = Partition(np.concatenate(subdomain), names, bodies, here)
+    cut = Partition(np.concatenate(subdomain), names, bodies)
     numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
     faces = faces_of(whole.cells[:, :4], len(whole.nodes))
     faces = faces if whole.cells.shape[1] == 4 else faces_of_six(faces, whole.cells)

@@ -6,7 +6,6 @@ its own cells: ``of_part``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,7 +101,7 @@ class Section:
 class Tets:
     """Tets that have a point: numbers (k,), ascending, barycentric coordinates (k, 4) there, volumes and subdomains (k,).
 
-    place : (3,) the point, or the nearest one in the tet; away : how far that is, 0 inside; within : whether that is near
+    place : (3,) the point, or the nearest one in the tet
     """
 
     number: np.ndarray
@@ -110,16 +109,3 @@ class Tets:
     volume: np.ndarray
     subdomain: np.ndarray
     place: np.ndarray
-    away: float
-    within: bool
-
-    @classmethod
-    def joined(cls, several: Sequence[Tets]) -> Tets:
-        """Those of all ranks that are nearest; beside a surface the first of them, and none where it is not near."""
-        found = [tets for tets in several if len(tets.number)] or several[:1]
-        least = min(tets.away for tets in found)
-        first = min((tets for tets in found if tets.away == least), key=lambda tets: tets.number.min(initial=0))
-        found = [tets for tets in found if tets.away == 0] or [first]
-        whole = [np.concatenate([getattr(tets, name) for tets in found]) for name in ("number", "weights", "volume", "subdomain")]
-        order = np.argsort(whole[0])[: len(whole[0]) if first.within else 0]
-        return cls(*(values[order] for values in whole), first.place, least, first.within)

@@ -23,7 +23,7 @@ EXACT = 1e-12
 
 
 def select(mesh: Mesh, faces: Faces, on: Any, path: KeyPath, problems: Problems) -> np.ndarray:
-    """Indices of the faces selected; empty, with a problem, when there are none: of a piece of a mesh all ranks' count.
+    """Indices of the faces selected; empty, with a problem, when there are none.
 
     A plane or a box takes the faces of the outer boundary that have all three nodes in it, see ``Outside.met``. A named surface
     may also lie inside the mesh.
@@ -44,7 +44,7 @@ def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems)
                      if not mesh.surfaces else suggestion(on, mesh.surfaces, "surface"))
         return np.empty(0, dtype=int)
     triangles = np.concatenate([mesh.surfaces[name] for name in names])
-    if not len(triangles) and mesh.within is None:
+    if not len(triangles):
         problems.add(path, f"{on!r} is a surface without triangles on the tets", "a surface that has some",
                      "put faces of the body in the group and save them with the mesh, or select a plane or a box")
     found = faces.find(triangles)
@@ -78,8 +78,6 @@ class Outside:
         off, across = away[near].max(axis=1), np.ptp(mesh.nodes[mesh.cells[self.faces.owner[self.outer[near]], :4]], axis=1)[:, axes]
         taken = (away[near] <= np.maximum(THICKNESS * across, EXACT * size)).all(axis=1)
         exact = off <= EXACT * size
-        if mesh.within is not None and not exact.all():
-            self.problems.add(self.path, f"{what} meets faces of a piece of the mesh but for digits", "all of the mesh, to tell which are meant")
         if exact.any():
             taken &= exact | (off <= THICKNESS * np.median(across[exact].min(axis=1)))
         elif taken.any() and not taken.all():
@@ -96,7 +94,7 @@ class Outside:
         along = self.corners[:, :, axis]
         distance = np.abs(along - on.at)
         hit = self.met(distance.max(axis=1)[:, None], [axis], f"the plane {on.plane} = {on.at:g}")
-        if not hit.any() and self.mesh.within is None:
+        if not hit.any():
             nearest = along.reshape(-1)[np.argmin(distance)]
             self.problems.add(self.path, f"no boundary face lies on the plane {on.plane} = {on.at:g}; the nearest boundary node is "
                          f"{distance.min():.6g} away, at {on.plane} = {nearest:.6g}",
@@ -116,7 +114,7 @@ class Outside:
             return np.empty(0, dtype=int)
         outside = np.maximum(np.maximum(low - corners, corners - high), 0)
         hit = self.met(outside.max(axis=1), [0, 1, 2], f"the box {format_point(low)} … {format_point(high)}")
-        if not hit.any() and self.mesh.within is None:
+        if not hit.any():
             distance = np.linalg.norm(outside, axis=2)
             flat = int(np.argmin(distance))
             within = int(np.sum((outside == 0).all(axis=2).any(axis=1)))

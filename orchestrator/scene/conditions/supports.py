@@ -54,11 +54,6 @@ class Supports:
             result.rows[k, : len(factor)], result.count[k] = factor, len(rows)
         return result
 
-    @classmethod
-    def joined(cls, several: Sequence[Supports], order: np.ndarray) -> Supports:
-        """Of all of several, in an order (s,) int."""
-        return cls(*(np.concatenate([getattr(x, name) for x in several])[order] for name in ("centre", "size", "rows", "count")))
-
     def of_body(self, pieces: np.ndarray) -> tuple[tuple[np.ndarray, float], np.ndarray]:
         """Centre (3,) and size of some subdomains (k,) int that move as one; (6 k, 6) what holds them, of motions about these."""
         centre = self.centre[pieces].mean(axis=0)
@@ -102,16 +97,12 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     """
     if scene.overview is not None:
         return scene.overview.loose
-    return with_grounds(scene, scene.subdomains).loose(ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground))
-
-
-def with_grounds(scene: Scene, own: Sequence[Subdomain]) -> Supports:
-    """What supports and grounds keep subdomains from, whose nodes are all there."""
     kept: dict[int, list[np.ndarray]] = {}
     for i in scene.interfaces:
         if i.law.on_ground:
             kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], *ORIGIN)))
-    return Supports.of(scene, own, kept)
+    joining = ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground)
+    return Supports.of(scene, scene.subdomains, kept).loose(joining)
 
 
 SHARED = "an edge that bodies share is a hinge, and a corner less"

@@ -53,7 +53,7 @@ def paired_gap(search: Search, interface: Interface, key: tuple[int, str], fille
 def _refuse(search: Search, interface: Interface, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
     """Adds the problem of sides that are in each other at points (n, 3) by depths (n,), 0 where they are not."""
     worst = int(depth.argmax())
-    search.problems_of(interface.subdomains).add(
+    search.problems.add(
         ("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
         f"by up to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
         "move the parts, or ask for a press fit by a number: gap: -0.01")
@@ -83,7 +83,7 @@ def surface_gap(search: Search, interface: Interface, key: tuple[int, str]) -> n
         _refuse_press_fit(search, interface, key, gap, unsure + nothing)
     touching = (gap <= unsure + nothing) & (gap >= -off_facets - nothing)
     if (touching & ((unsure > COINCIDE * h) | (gap < -np.maximum(unsure, COINCIDE * h)))).any() and not deep.any():
-        search.problems_of(interface.subdomains).warnings.append(
+        search.problems.warnings.append(
             f"{interface.name}: the mesh's flat faces lie up to {off_facets.max():.2g} off the round surfaces, so that a "
             f"clearance below {unsure.max():.2g} and an overlap below {off_facets.max():.2g} may be the mesh's alone: such sides count as "
             "touching. Where it matters, give the clearance or the press fit as a number, gap: 0.01, or mesh finer")
@@ -121,7 +121,7 @@ def _refuse_press_fit(search: Search, interface: Interface, key: tuple[int, str]
     known = np.abs(one - two)[~np.isnan(one - two)]
     depth = depth if not len(known) else float(np.median(known))  # as the CAD model has it
     at = surfaces.points[0][order[0]]
-    search.problems_of(interface.subdomains).add(
+    search.problems.add(
         ("interfaces", *key), f"{interface.name} are drawn inside each other by about "
         f"{depth:.4g}, at {format_point(at)}, and nothing says whether that is a press fit",
         "round sides that touch or are apart, or a gap",
@@ -184,7 +184,7 @@ def tell_distances(search: Search, found: Sequence[Interface]) -> None:
             worst[key] = float(gap[at]), points[at], interface.subdomains
     for (read, names), (gap, point, sides) in worst.items():
         where = f"{abs(gap):.2g} {'apart' if gap > 0 else 'inside each other'} in the initial geometry, at {format_point(point)}, and "
-        search.problems_of(sides).warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
+        search.problems.warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
             "are pressed together by as much; gap: 0 takes them as touching" if read else
             "count as touching; gap: geometry reads the distance, gap: 0 says that they touch"))
 

@@ -64,9 +64,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
                          "interfaces with nodes that are free to open or slip", "hold the parts elsewhere, or leave the law out")
     _number_patches(kept)
     _share_normals(mesh, numbering, kept, bodies)
-    here = np.ones(len(bodies), dtype=bool) if partition.here is None else partition.here  # others see more of what is elsewhere
     for interface in kept:
-        if interface.matching and not interface.law.perfect and here[list(interface.subdomains)].any():
+        if interface.matching and not interface.law.perfect:
             points = sum(mesh.nodes[numbering.nodes[own]] for own in numbering.sides(interface)) / 2
             if interface.tool is None:  # which has normals of its own
                 _curve(interface, points)
@@ -139,27 +138,26 @@ ALONG = 1e-6  # share of the axis that a prescribed component may have
 
 
 def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Sequence[Any],
-               factors: Sequence[Sequence[float]], problems: Problems, whole: bool) -> list[PlacedBolt]:
+               factors: Sequence[Sequence[float]], problems: Problems) -> list[PlacedBolt]:
     """Give the interfaces at the cuts the law of their bolts.
 
     entries : of ``bolts``; factors : per entry (steps,) what multiplies it
-    whole : of a piece of a mesh others may have some
     """
     placed = []
     for cut in cuts:
         sides = {(a, b) for a in cut.behind for b in cut.ahead} | {(b, a) for a in cut.behind for b in cut.ahead}
         found = [i for i in interfaces if i.subdomains in sides]
-        if len(found) != 1 and whole:
+        if len(found) != 1:
             problems.add(("bolts", cut.index, "cut"), f"a cut of {cut.name} that is in {len(found)} interfaces: between "
                          f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the other",
                          "one subdomain on either side of the cut, and one piece of its section",
                          "leave bolts whole: write subdomains: groups, without split_above or with a larger one; or move the plane")
             continue
-        for interface in found:
-            govern(interface, entries[cut.index].law, factors[cut.index])
-            interface.entry = -1
-            axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
-            placed.append(PlacedBolt(cut.name, interface, axis, cut.point, cut.index))
+        interface, = found
+        govern(interface, entries[cut.index].law, factors[cut.index])
+        interface.entry = -1
+        axis = cut.axis if interface.subdomains[0] in cut.behind else -cut.axis
+        placed.append(PlacedBolt(cut.name, interface, axis, cut.point, cut.index))
     return placed
 
 

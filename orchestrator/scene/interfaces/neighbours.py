@@ -58,26 +58,22 @@ def report_neighbours(search: Search, found: list[Interface]) -> dict[tuple[int,
     cells = [i.cells for i in found] + mesh.one_body
     joined = {tuple(pair) for pair in np.sort(mesh.volume[np.concatenate(cells)], axis=1).tolist()} if cells else set()
     beside, governing = _beside(search, found)
-    if (here := search.partition.here) is not None:  # others see more of pairs of which neither is all there
-        mine = np.unique(mesh.volume[here[search.partition.subdomain]])
-        beside = {pair: seen for pair, seen in beside.items() if np.isin(pair, mine).any()}
     count, piece = search.pieces
     inside = _overlaps(search, governing) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
-    told, near, whole = set(inside), {}, mesh.within is None
+    told, near = set(inside), {}
     for pair, seen in beside.items():
         entry, own = laws[governing[pair]], Problems()
-        # of pieces of a mesh it is seen once they are together
-        apart = not (whole and len(np.intersect1d(*(connected[mesh.volume == v] for v in pair))))
+        apart = not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
         enough = not seen.touching or bool(entry.apart) or entry.found  # what faces beside a pair of theirs do later is looked at in the end
         if pair not in inside and apart and entry.found:
             told.add(pair)
             _beyond_reach(search, pair, seen, governing[pair], own)
         elif pair not in inside and (apart or not enough):
             _report(search, pair, seen, governing[pair], pair in joined, own)
-        search.problems.found += own.found * (whole or not enough)
+        search.problems.found += own.found
         gap = "" if seen.touching or pair in inside else _gap(search, pair, seen)
-        near[pair] = Beside(gap, "".join(own.warnings), enough, bool(own.found))
+        near[pair] = Beside(gap, "".join(own.warnings))
     _report_alone(search, cells, told)
     return near
 
@@ -204,9 +200,7 @@ def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, 
         return
     paired = np.unique(piece[np.concatenate(links)]) if links else np.empty(0, dtype=int)
     known = {v for pair in told for v in pair}
-    here = search.partition.here  # other pieces of the mesh may have pairs elsewhere
-    mine = piece if here is None else piece[here[search.partition.subdomain]]
-    for number in np.setdiff1d(mine, paired):
+    for number in np.setdiff1d(piece, paired):
         own = [int(v) for v in np.unique(mesh.volume[piece == number])]
         others = [(b, c) for b in search.bodies if b.volume in own for c in search.bodies if c.volume not in own
                   and not laws.excluded(search.known(b), search.known(c))]

@@ -19,8 +19,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
 AROUND, DEEP = 8, 0.1 * ROUND
 ROUNDING = 1e-9
-# Of the mesh size, how far corners that two parts share may be off their planes for rounding.
-SHARED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -28,14 +26,11 @@ class Solid:
     """One part as a set of points in space.
 
     nodes : (n, 3); cells : (m, 4 or 10) int; outer : (k, 3 or 6) int, its outer faces
-    skin : (s, 3 or 6) int, these and the faces that others share, of which nobody knows in a piece of a mesh whether they hold the two
-        together; none where not all of it is there, and nothing can be said to be inside it; None: in a whole mesh
     """
 
     nodes: np.ndarray
     cells: np.ndarray
     outer: np.ndarray
-    skin: np.ndarray | None = None
 
     @cached_property
     def boxes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,8 +104,6 @@ def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: 
     own = np.r_[np.zeros(len(corners)), mine, mine]
     least = np.r_[np.full(len(corners) + len(one.outer), np.inf), deep * height]  # a middle may be no deeper than a thin tet is
     within = contained(points, two)
-    if two.skin is not None and within.any():  # corners and edges that it shares are on it
-        within[within] = len(two.skin) > 0 and _behind(points[within], Facets.of(two.nodes[two.skin[:, :3]]))[0] > SHARED * one.surface.size.max()
     points, own, least = points[within], own[within], least[within]
     if not len(points):
         return None

@@ -36,18 +36,16 @@ def make_interfaces(search: Search) -> tuple[list[Interface], dict[tuple[int, in
     """
     laws, partition, problems = search.laws, search.partition, search.problems
     found, near = _shared(search), {}
-    if search.mesh.within is None:
-        _report_loose(search, found)
+    _report_loose(search, found)
     found += _opposite(search)
     within = [partition.body(one) == partition.body(two) for one, two in (i.subdomains for i in found)]
     cuts, pairs = ([search.names(i.subdomains) for i, cut in zip(found, within) if cut == wanted] for wanted in (True, False))
     found += hinges(search, found)
     for number, interface in enumerate(found):
         interface.index = number
-    if search.mesh.within is None:  # else an entry may be of use elsewhere
-        laws.refuse_within(cuts, problems)
-        if search.asked:
-            _report_unused(search, list(dict.fromkeys(pairs)))
+    laws.refuse_within(cuts, problems)
+    if search.asked:
+        _report_unused(search, list(dict.fromkeys(pairs)))
     if search.bodies and not problems.found:
         tell_distances(search, found)
         near = report_neighbours(search, found)

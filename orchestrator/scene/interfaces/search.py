@@ -160,14 +160,11 @@ class Search:
     slaves: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        mesh, faces, partition = self.mesh, self.faces, self.partition  # without self, as above
+        mesh, faces = self.mesh, self.faces  # without self, as above
 
         def solid(v: int) -> Solid:
-            own, skin = mesh.volume == v, None
-            if partition.here is not None:
-                beside = own[faces.owner] ^ (own[faces.neighbour] & (faces.neighbour >= 0))
-                skin = faces.triangles[beside & partition.here[partition.subdomain[own]].all()]
-            return Solid(mesh.nodes, mesh.cells[own], faces.triangles[faces.outer[own[faces.owner[faces.outer]]]], skin)
+            own = mesh.volume == v
+            return Solid(mesh.nodes, mesh.cells[own], faces.triangles[faces.outer[own[faces.owner[faces.outer]]]])
 
         self._solid = cache(solid)
 
@@ -201,11 +198,6 @@ class Search:
     def names(self, sides: tuple[int, int]) -> tuple[str, str]:
         """Names of two subdomains."""
         return self.partition.names[sides[0]], self.partition.names[sides[1]]
-
-    def problems_of(self, sides: Sequence[int]) -> Problems:
-        """Where problems of two subdomains are told; where neither is all there nobody reads them: others see more."""
-        here = self.partition.here
-        return self.problems if here is None or here[list(sides)].any() else Problems()
 
     def known(self, body: Body) -> tuple[str, str]:
         """Names by which an entry may call a body: its subdomain's name, and its volume's."""

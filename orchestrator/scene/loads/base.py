@@ -125,7 +125,6 @@ class OnFaces:
     triangles : (k, 3 or 6) int, outward
     factors : (steps,) what its history multiplies it with
     frame : directions that its components are along; None: x, y and z
-    whole : (K, 3, 3) corners of all its faces, where these are some of them; None: they are all
     """
 
     path: KeyPath
@@ -134,7 +133,6 @@ class OnFaces:
     factors: np.ndarray
     frame: Cylindrical | None
     problems: Problems
-    whole: np.ndarray | None = None
 
     def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
         """Rows of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
@@ -144,9 +142,9 @@ class OnFaces:
         return fixed, values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
 
     @property
-    def every(self) -> np.ndarray:
-        """(K, 3, 3) corners of all its faces."""
-        return self.nodes[self.triangles[:, :3]] if self.whole is None else self.whole
+    def corners(self) -> np.ndarray:
+        """(k, 3, 3) where the corners of the faces are."""
+        return self.nodes[self.triangles[:, :3]]
 
     def check_frame(self, values: np.ndarray) -> None:
         """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""
@@ -198,7 +196,6 @@ class Kind:
     listed : whether vectors may be listed there, one per load step
     files : keys of a mapping there that name files
     axes : keys, from one mapping to the next, at which it has an axis
-    local : whether what comes of a face hangs on no other one; else on all that the entry has, see ``OnFaces.whole``
     """
 
     takes: ClassVar[Any]
@@ -206,7 +203,6 @@ class Kind:
     listed: ClassVar[bool] = False
     files: ClassVar[tuple[str, ...]] = ()
     axes: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    local: ClassVar[bool] = True
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:

@@ -85,13 +85,12 @@ class Liquid(Kind):
     takes = Hydrostatic
     meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
     axes = (("up",),)
-    local = False  # a liquid reaches some of the faces, if not those of every rank
 
     @classmethod
     def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
-        depth, every = (value.level - corners @ np.array(unit(value.up)) for corners in (where.nodes[where.triangles[:, :3]], where.every))
-        if len(every) and not (every > 0).any():
-            where.problems.add(where.path, f"faces that are all above the level, by {-every.max():.6g} at least",
+        depth = value.level - where.corners @ np.array(unit(value.up))
+        if len(depth) and not (depth > 0).any():
+            where.problems.add(where.path, f"faces that are all above the level, by {-depth.max():.6g} at least",
                                "a level above some of the faces", "raise level, or turn up to look against gravity")
         return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
 
@@ -131,7 +130,6 @@ class Resultant(Part):
 class Spread(Kind):
     takes = Resultant
     meaning = "force and moment as a whole: {force, moment, about}"
-    local = False
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
@@ -143,15 +141,14 @@ class Spread(Kind):
         moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
         if not len(where.triangles):
             return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
-        own, corners = where.nodes[where.triangles[:, :3]], where.every
-        area = areas(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        corners, area = where.corners, areas(where.nodes, where.triangles)
         centre = area @ corners.mean(axis=1) / area.sum()
         r = corners - centre
         second = np.einsum("k,ab,kax,kby->xy", area, TRIANGLE_MOMENTS[3], r, r)
         force, point = np.array(value.force), centre if value.about is None else np.array(value.about)
         turn = np.linalg.solve(np.trace(second) * np.eye(3) - second, np.array(value.moment) + np.cross(point - centre, force))
-        traction = force / area.sum() + np.cross(turn, own - centre)
-        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", areas(where.nodes, where.triangles), moments, traction)[None])
+        traction = force / area.sum() + np.cross(turn, corners - centre)
+        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", area, moments, traction)[None])
 
 
 class BodyForce(Kind):

@@ -87,11 +87,10 @@ STRAIGHT = 1e-6  # how far a plane's normal may be from its axis: coordinates in
 class Symmetry(Kind):
     takes = Literal[True]
     meaning = "true: held along the normal of a plane across an axis"
-    local = False
 
     @classmethod
     def made(cls, value: Any, where: OnFaces) -> Prescribed:
-        vectors = np.abs(area_vectors(where.every.reshape(-1, 3), np.arange(3 * len(where.every)).reshape(-1, 3)))
+        vectors = np.abs(area_vectors(where.nodes, where.triangles[:, :3]))
         axis = int(vectors.sum(axis=0).argmax())
         if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
             where.problems.add((*where.path[:-1], "on"), "a plane of symmetry that is curved, or across no axis",

@@ -1,4 +1,4 @@
-"""A box of bricks, each split along its diagonals in six tets: all of it, or some of its bricks with the numbers that they have in it."""
+"""A box of bricks, each split along its diagonals in six tets."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from itertools import permutations
 import numpy as np
 
 from orchestrator.scene.mesh.mesh import Mesh
-
-TETS = 6  # of a brick
 
 
 @dataclass(frozen=True)
@@ -33,37 +31,26 @@ class Bricks:
         """Coordinates of the nodes along x, y, z."""
         return [np.linspace(0.0, length, int(count) + 1) for length, count in zip(self.size, self.counts)]
 
-    @property
-    def bricks(self) -> int:
-        """How many there are."""
-        return int(np.prod(self.counts))
-
     def mesh(self) -> Mesh:
-        """The whole box."""
-        return self.some(np.arange(self.bricks))[0]
-
-    def some(self, bricks: np.ndarray) -> tuple[Mesh, np.ndarray, np.ndarray]:
-        """The mesh of some bricks (k,) int, ascending; its nodes' and its cells' numbers in the box, ascending."""
+        """Return the mesh of the box."""
         shape = tuple(int(c) + 1 for c in self.counts)
-        corner = np.ravel_multi_index(np.unravel_index(bricks, tuple(map(int, self.counts))), shape)
-        cells = (corner[:, None, None] + _tets(shape)).reshape(-1, 4)
-        number, cells = np.unique(cells, return_inverse=True) if len(bricks) < self.bricks else (np.arange(np.prod(shape)), cells)
-        at = np.stack(np.unravel_index(number, shape), axis=1)
-        nodes = np.column_stack([along[i] for along, i in zip(self.axes, at.T)])
-        made = Mesh(nodes, cells.reshape(-1, 4), np.zeros(TETS * len(bricks), dtype=int), [self.name], self._sides(bricks, number), self.name)
-        return made, number, (TETS * bricks[:, None] + np.arange(TETS)).ravel()
+        bricks = np.stack(np.unravel_index(np.arange(np.prod(self.counts)), self.counts), axis=1)
+        cells = (np.ravel_multi_index(bricks.T, shape)[:, None, None] + _tets(shape)).reshape(-1, 4)
+        at = np.unravel_index(np.arange(np.prod(shape)), shape)
+        nodes = np.column_stack([along[i] for along, i in zip(self.axes, at)])
+        return Mesh(nodes, cells, np.zeros(len(cells), dtype=int), [self.name], self._sides(bricks), self.name)
 
-    def _sides(self, bricks: np.ndarray, number: np.ndarray) -> dict[str, np.ndarray]:
-        """The six sides, as outward triangles cut along the bricks' diagonals."""
+    def _sides(self, index: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the six sides, as outward triangles cut along the bricks' diagonals; bricks have an index (k, 3) each."""
         shape, sides = tuple(int(c) + 1 for c in self.counts), {}
-        stride, index = np.array([shape[1] * shape[2], shape[2], 1]), np.stack(np.unravel_index(bricks, tuple(map(int, self.counts))), axis=1)
+        stride = np.array([shape[1] * shape[2], shape[2], 1])
         for axis, letter in enumerate("xyz"):
             one, two = np.delete(stride, axis)
             for end, label in ((0, "min"), (int(self.counts[axis]), "max")):
                 own = index[index[:, axis] == max(end - 1, 0)]
                 a = (own @ stride) + (end - own[:, axis]) * stride[axis]
                 a, b, c, d = a, a + one, a + one + two, a + two
-                triangles = np.searchsorted(number, np.r_[np.c_[a, b, c], np.c_[a, c, d]])
+                triangles = np.r_[np.c_[a, b, c], np.c_[a, c, d]]
                 # (y,z), (x,z), (x,y): the middle pair is left-handed.
                 outward = (axis != 1) == (end > 0)
                 sides[letter + label] = triangles if outward else triangles[:, ::-1]

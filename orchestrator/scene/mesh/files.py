@@ -9,7 +9,6 @@ import io
 import re
 import tempfile
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,11 @@ import numpy as np
 
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
-from orchestrator.scene.mesh.faces import LOCAL_FACES, MAX_NODES, pack
 from orchestrator.scene.mesh.groups import cells_of, far_apart, named_groups, physical_names, volumes_of
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.checks import HEAD, bad_file, check_content, check_memory, memory_left
-from orchestrator.scene.mesh.partitioned import TAG, in_partitions, read_all, read_partitions, share_of
+from orchestrator.scene.mesh.partitioned import in_partitions, read_all
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 
@@ -45,46 +43,7 @@ def read(path: Path) -> Mesh:
     surfaces likewise, else ``surface_<tag>``. A named surface none of whose triangles lies on tets is there, empty.
     Raises InputError: no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
     """
-    return _meshed(_load(path), path)
-
-
-@dataclass(frozen=True)
-class MeshShare:
-    """A part of a mesh file.
-
-    mesh : its tets; all its named triangles are faces of theirs
-    node_tags, cell_tags : (n,) and (m,) int, ascending, the same in all shares
-    volumes : numbers of partitions and names of its volumes
-    listed : of each file, the partitions of the whole mesh
-    """
-
-    mesh: Mesh
-    node_tags: np.ndarray
-    cell_tags: np.ndarray
-    volumes: list[tuple[int, str]]
-    listed: list[frozenset[int]]
-
-
-def read_share(path: Path, share: int, shares: int) -> MeshShare:
-    """One of equal shares of a mesh file in partitions: some of several files, some partitions of one.
-
-    Raises InputError: as ``read``; or it has to be judged with all of the mesh
-    """
-    files, wanted = share_of(in_partitions(path), share, shares)
-    raw, tags = read_partitions(files, wanted)
-    solid = [i for i, block in enumerate(raw.cells) if block.type not in FLAT_CELLS]
-    mesh = _meshed(raw, path)
-    if [raw.cells[i].type for i in solid] != ["tetra"] or len(mesh.remarks) > 1 or len(mesh.nodes) > MAX_NODES:
-        raise bad_file(path, "more than tetrahedra of four nodes in groups that are apart", "these, where ranks read it together",
-                       "start one process")
-    faces = np.concatenate([pack(mesh.cells[:, face], len(mesh.nodes)) for face in LOCAL_FACES])
-    if not all(np.isin(pack(triangles, len(mesh.nodes)), faces).all() for triangles in mesh.surfaces.values()):
-        raise bad_file(path, "named triangles that are no faces of tets in their partition", "faces", "start one process")
-    return MeshShare(mesh, tags[np.unique(raw.cells[solid[0]].data)], raw.cell_data[TAG][solid[0]],
-                     [own for own in raw.info["volumes"] if own[1] in mesh.volumes], [file.partitions for file in files])
-
-
-def _meshed(loaded: meshio.Mesh, path: Path) -> Mesh:
+    loaded = _load(path)
     raw, remarks = straightened(loaded)
     raw, split = in_tets(raw, str(path))
     _check_kinds(path, {block.type for block in raw.cells})
@@ -129,7 +88,7 @@ def _load(path: Path) -> meshio.Mesh:
     """Read a file with the reader of its ending."""
     ending = path.suffix.lower()
     if parts := in_partitions(path):
-        check_memory(ROOM * sum(path.stat().st_size for path in parts), ("mesh", "file"), str(parts[0]), "start it on several ranks")
+        check_memory(ROOM * sum(path.stat().st_size for path in parts), ("mesh", "file"), str(parts[0]), "use a coarser mesh")
         return read_all(parts)
     if not path.is_file():
         raise bad_file(path, "no such file", "an existing mesh file", "check the path")

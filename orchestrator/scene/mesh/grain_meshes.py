@@ -1,9 +1,8 @@
 """Meshes of single grains: every face of a tessellation is meshed alone, every grain from its faces
 alone.
 
-So what two grains share comes out the same to the bit wherever each of them is made, and nobody
-needs the mesh of all. Bad tets are mended together with the grains around them: by whoever has one
-of these, each for itself and with the same result.
+So what two grains share comes out the same to the bit. Bad tets are mended together with the
+grains around them.
 """
 
 from __future__ import annotations
@@ -11,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from zlib import crc32
 
 import numpy as np
 
-from orchestrator.errors import wrong
-from orchestrator.parallel.team import Team
 from orchestrator.processes import mallopt
 from orchestrator.scene.mesh.faces import components, LOCAL_FACES
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
@@ -54,11 +50,6 @@ class GrainMesh:
         used, corners = np.unique(self.cells[cells], return_inverse=True)
         return GrainMesh(self.tags[used], self.points[used], corners.reshape(-1, 4), self.grain[cells])
 
-    @property
-    def print(self) -> int:
-        """A number that tells it from others."""
-        return crc32(self.cells.tobytes(), crc32(self.points.tobytes(), crc32(self.tags.tobytes())))
-
     def sides(self, size: np.ndarray) -> dict[str, np.ndarray]:
         """Triangles (k, 3) on each side of the box from the origin, of lengths ``size`` (3,), outward."""
         triangles, found = self.cells[:, LOCAL_FACES].reshape(-1, 3), {}
@@ -69,17 +60,14 @@ class GrainMesh:
 
 
 class Failed(Exception):
-    """gmsh has made nothing of a grain: which, and what it says."""
+    """gmsh has made nothing of a grain."""
 
 
 class GrainMesher:
-    """Meshes faces and grains of a skeleton, each once.
-
-    prints : (faces,) numbers that tell two meshes of one face apart; nan where there is none yet
-    """
+    """Meshes faces and grains of a skeleton, each once."""
 
     def __init__(self, skeleton: Skeleton):
-        self.skeleton, self.prints = skeleton, np.full(len(skeleton.cells.loops), np.nan)
+        self.skeleton = skeleton
         self._faces: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._grains: dict[int, GrainMesh] = {}
 
@@ -95,7 +83,7 @@ class GrainMesher:
                     try:
                         self._grains[grain] = self._grain(grain)
                     except Exception as error:  # gmsh raises no other
-                        raise Failed(grain, f"gmsh: {last_complaint(error)}") from None
+                        raise Failed(f"gmsh: {last_complaint(error)}") from None
         return [self._grains[grain] for grain in grains]
 
     def _face(self, face: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -119,7 +107,6 @@ class GrainMesher:
         other = self.skeleton.cells.cells[face, 1]
         if other < 0:  # a side of the box
             found[:, (-1 - other) // 2] = points[0, (-1 - other) // 2]
-        self.prints[face] = crc32(triangles.tobytes(), crc32(found.tobytes()))
         self._faces[face] = np.concatenate([tags, self.skeleton.in_face(face, len(found) - len(tags))]), found, triangles
         return self._faces[face]
 
@@ -169,28 +156,19 @@ def _meshed(dimension: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
         gmsh.model.remove()
 
 
-def mended(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray, fitness: Fitness, team: Team) -> tuple[GrainMesh, Mended]:
-    """This rank's grains with bad tets mended, and what was done on all ranks. All ranks ask together.
+def mended(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray, fitness: Fitness) -> tuple[GrainMesh, Mended]:
+    """Return all grains with bad tets mended, and what was done.
 
-    A bad tet may change with what is around its own nodes and those next to them: the grains there make a cluster, which is mended by
-    itself. What they have in common with others stays.
+    A bad tet may change with what is around its own nodes and those next to them: the grains there
+    make a cluster, which is mended by itself. What they have in common with others stays.
 
-    whole : this rank's grains, of which no other has one; bad : (m,) bool, of its tets
-    Raises InputError: on all ranks, where two have not made the same of a cluster
+    whole : all grains; bad : (m,) bool, of its tets
     """
     patches = [_patch(mesher, whole, bad, grain) for grain in np.unique(whole.grain[bad])]
-    clusters = _clusters([patch for several in team.all_gather(patches) for patch in several], mesher.skeleton.grains)
-    own, parts, done = set(whole.grain.tolist()), [whole.some(~np.isin(whole.grain, np.concatenate(clusters)))], {}
-    for cluster in clusters:
-        if own & set(cluster):
-            found, what = _mended(mesher, cluster, fitness)
-            parts.append(found.some(np.isin(found.grain, [*own])))
-            done[cluster[0]] = found.print, what
-    known: dict[int, tuple[int, Mended]] = {}
-    for first, told in ((first, told) for several in team.all_gather(done) for first, told in several.items()):
-        if known.setdefault(first, told) != told:
-            raise wrong(("mesh", "polycrystal"), "ranks that have mended grains differently", "machines that round alike")
-    return GrainMesh.joined(parts), sum((what for _, what in known.values()), Mended())
+    clusters = _clusters(patches, mesher.skeleton.grains)
+    parts, done = zip(*(_mended(mesher, cluster, fitness) for cluster in clusters))
+    rest = whole.some(~np.isin(whole.grain, np.concatenate(clusters)))
+    return GrainMesh.joined([rest, *parts]), sum(done, Mended())
 
 
 def _patch(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray, grain: int) -> list[int]:

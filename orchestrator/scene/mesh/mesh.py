@@ -57,7 +57,6 @@ class Mesh:
     remarks : sentences on how it differs from what was asked for
     smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names, with its normals
     foreign : the volumes that stand for parts whose mesh is not ours
-    within : (2, 3) the box around the whole mesh, where this is a piece of it: what is missed here may be elsewhere
     """
 
     nodes: np.ndarray
@@ -69,19 +68,11 @@ class Mesh:
     remarks: list[str] = field(default_factory=list)
     smooth: dict[str, Shape] = field(default_factory=dict)
     foreign: list[StandIn] = field(default_factory=list)
-    within: np.ndarray | None = None
 
     @property
     def box(self) -> np.ndarray:
-        """(2, 3) the box around all nodes, of the whole mesh where this is a piece of it."""
-        return np.stack([self.nodes.min(axis=0), self.nodes.max(axis=0)]) if self.within is None else self.within
-
-    @property
-    def hollow(self) -> Mesh:
-        """The mesh without nodes and cells: what is known of all of it."""
-        return replace(self, nodes=self.nodes[:0], cells=self.cells[:0], volume=self.volume[:0],
-                       surfaces={name: triangles[:0] for name, triangles in self.surfaces.items()},
-                       smooth={name: shape.of(slice(0)) for name, shape in self.smooth.items()})
+        """(2, 3) the box around all nodes."""
+        return np.stack([self.nodes.min(axis=0), self.nodes.max(axis=0)])
 
     def is_foreign(self, cells: np.ndarray) -> np.ndarray:
         """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""

@@ -1,9 +1,9 @@
-"""One file of a mesh that gmsh has cut into partitions (MSH 4.1), read block by block: what is in none of those wanted is passed over."""
+"""One file of a mesh that gmsh has cut into partitions (MSH 4.1), read block by block."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -56,7 +56,7 @@ class _Stream:
 
 @dataclass
 class Elements:
-    """Of one kind, some partitions' alone.
+    """Of one kind, of one partition.
 
     dimension, kind : 2 or 3, and meshio's word
     number, groups : their partition, and the names of their groups
@@ -104,14 +104,14 @@ class Partitioned:
         """Names of all surfaces of the mesh."""
         return [name for (dimension, _), name in self._names.items() if dimension == 2]
 
-    def elements(self, wanted: Collection[int] | None = None) -> Iterator[Elements]:
-        """Elements of volumes, and those of surfaces that are in groups, of some partitions; none: of all."""
+    def elements(self) -> Iterator[Elements]:
+        """Yield elements of volumes, and those of surfaces that are in groups."""
         for stream, (dimension, tag), number, count in self._blocks("Elements"):
             kind = kinds._gmsh_to_meshio_type.get(number)
             if kind is None:
                 raise self._bad(f"elements of gmsh's kind {number}", "elements that meshio knows")
             width, (own, groups) = 1 + common.num_nodes_per_cell[kind], self._entities.get((dimension, tag), ([], []))
-            if dimension < 2 or dimension == 2 and not groups or not set(own if wanted is None else wanted) & set(own):
+            if dimension < 2 or dimension == 2 and not groups or not own:
                 stream.pass_over(count, LONG().itemsize * width)
                 continue
             rows, word = stream.read(LONG, count * width).reshape(count, width), "surface" if dimension == 2 else "volume"

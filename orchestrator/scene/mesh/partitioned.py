@@ -1,4 +1,4 @@
-"""gmsh's meshes in partitions, in one file or a file for each: all of them or some of the partitions.
+"""gmsh's meshes in partitions, in one file or a file for each.
 
 gmsh keeps the tags of nodes and elements in all files of a mesh. They tell what is the same, and give nodes and cells an order that
 hangs neither on the number of files nor on who reads which.
@@ -17,7 +17,6 @@ from orchestrator.scene.mesh.msh import Elements, Partitioned
 
 meshio = Late("meshio")  # not for who merely asks whether a file is in partitions
 REMARK = "the mesh is in partitions: each is a volume, and with subdomains: groups a subdomain; what joins two is an interface as all others"
-TAG = "tag"  # of cells, among the data
 
 
 def in_partitions(path: Path) -> list[Path]:
@@ -37,55 +36,36 @@ def _announced(path: Path) -> bool:
     return False
 
 
-def share_of(paths: Sequence[Path], share: int, shares: int) -> tuple[list[Partitioned], list[int] | None]:
-    """One of equal shares of a mesh: some of several files, or some partitions of one file."""
-    def own(things: list) -> list:
-        return things[share * len(things) // shares : (share + 1) * len(things) // shares]
+def read_all(paths: Sequence[Path]) -> meshio.Mesh:
+    """Return the mesh of all files, nodes and cells in the order of their tags.
 
-    if len(paths) > 1:
-        return [Partitioned(path) for path in own(list(paths))], None
-    file = Partitioned(paths[0])
-    return [file], own(sorted(file.partitions))
+    Volumes are called as their groups are, with the number of the partition; partition_1 where
+    there are no groups; surfaces as their groups.
 
-
-def read_partitions(files: Sequence[Partitioned], wanted: Collection[int] | None = None) -> tuple[meshio.Mesh, np.ndarray]:
-    """The mesh of some files, some partitions of it or all; nodes and cells in the order of their tags, and the tags of the nodes (n,) int.
-
-    ``cell_data`` has those of the cells as ``TAG``. Volumes are called as their groups are, with the number of the partition; partition_1
-    where there are no groups; surfaces as their groups. ``info`` has numbers and names of the volumes.
-
-    Raises InputError: files of different meshes
+    Raises InputError: files of different meshes, or some are missing
     """
+    files = [Partitioned(path) for path in paths]
     found: dict[str, list[Elements]] = {}
     for file in files:
-        for block in file.elements(wanted):
+        for block in file.elements():
             found.setdefault(block.kind, []).append(block)
     volumes = sorted({(block.number, name) for own in found.values() for block in own if block.dimension == 3 for name in _names(block)})
     tags = np.unique(np.concatenate([np.empty(0, int), *(block.rows[:, 1:].ravel() for own in found.values() for block in own)]))
-    points, cells, cell_tags, sets = _points(files, tags), [], [], {}
+    points, cells, sets = _points(files, tags), [], {}
     for kind, own in sorted(found.items()):
         rows = np.concatenate([block.rows for block in own])
         known, first = np.unique(rows[:, 0], return_index=True)
         if len(known) < len(rows) and (rows[first][np.searchsorted(known, rows[:, 0])] != rows).any():
             raise strangers(files[0].path, "elements of one tag that are not the same")
         cells.append(meshio.CellBlock(kind, np.searchsorted(tags, rows[first, 1:])))
-        cell_tags.append(known)
         for block in own:
             for name in _names(block):
                 sets.setdefault(name, {}).setdefault(kind, []).append(np.searchsorted(known, block.rows[:, 0]))
     order = [name for _, name in volumes] + sorted(sets.keys() - {name for _, name in volumes})
     named = {name: [np.unique(np.concatenate(sets[name].get(block.type, [np.empty(0, int)]))) for block in cells] for name in order}
     surfaces = {name: np.array([0, 2]) for file in files for name in file.surfaces}
-    info = {"remarks": [REMARK], "volumes": volumes}
-    return meshio.Mesh(points, cells, cell_data={TAG: cell_tags}, cell_sets=named, field_data=surfaces, info=info), tags
-
-
-def read_all(paths: Sequence[Path]) -> meshio.Mesh:
-    """The mesh of all its files. Raises InputError: they are of different meshes, or some are missing"""
-    files = [Partitioned(path) for path in paths]
-    raw, _ = read_partitions(files)
-    check_whole([file.partitions for file in files], {number for number, _ in raw.info["volumes"]}, paths[0])
-    return raw
+    check_whole([file.partitions for file in files], {number for number, _ in volumes}, paths[0])
+    return meshio.Mesh(points, cells, cell_sets=named, field_data=surfaces, info={"remarks": [REMARK]})
 
 
 def _names(block: Elements) -> list[str]:

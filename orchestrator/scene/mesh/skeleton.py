@@ -6,13 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.mesh.checks import DENSITY
 from orchestrator.scene.mesh.faces import MAX_NODES
-from orchestrator.scene.mesh.polyhedra import Tessellation, loop_vectors
+from orchestrator.scene.mesh.polyhedra import Tessellation
 
 # Edges have pieces of h at most, but for this share of it.
 OVER = 0.01
-SURFACE = 1.15  # nodes per h² of a plane of equilateral triangles
 # The tag of a node is that of its vertex, edge, face or grain times this, and its place there; messages hold it exactly.
 EACH = MAX_NODES + 1
 
@@ -47,16 +45,6 @@ class Skeleton:
                 self.faces_of[grain].append(face)
                 for entity in (*loop, *(self._first[1] + edges[face]), self._first[2] + face):
                     self._around[entity].add(grain)
-
-    def sizes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(grains,) about how many nodes each has; (k, 2) int, pairs with a face between them; (k,) int, about how many nodes are on it."""
-        vertices, (one, other) = self.cells.vertices, self.cells.cells.T
-        normals = loop_vectors(vertices, self.cells.loops)
-        on = 1 + SURFACE * np.linalg.norm(normals, axis=1) / self.h**2
-        inside = DENSITY * np.einsum("ij,ij->i", normals, vertices[[loop[0] for loop in self.cells.loops]]) / 3 / self.h**3
-        shared, nodes = other >= 0, np.bincount(one, inside + on / 2, self.grains)
-        nodes += np.bincount(other[shared], (on / 2 - inside)[shared], self.grains)
-        return nodes, self.cells.cells[shared], on[shared].astype(int)
 
     def outline(self, face: int) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int, int]]]:
         """Tags (n,) and points (n, 3) of the nodes around a face: its corners in order, then those on each edge; and of each edge the place

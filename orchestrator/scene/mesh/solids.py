@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, some, visible, wrong
+from orchestrator.errors import InputError, Problem, some, visible
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
     ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, read_unit,
@@ -26,7 +26,7 @@ SMALL = 1e-3
 SHOWN = 5  # faces that one sentence names
 
 
-def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None, share: tuple[int, int] = (0, 1)) -> Mesh:
+def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None) -> Mesh:
     """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h``, lengths of STEP in mm.
 
     Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes carry the solids' names; each
@@ -34,12 +34,11 @@ def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | Non
 
     failed : takes what is wrong with single solids, by name, of a mesh that is not conforming: they are left out then
     sizes : elements are as small as these say, in the solid of that name, or in all that is meshed in one piece
-    share : which of how many, of the solids of a mesh that is not conforming
-    Raises InputError: fewer solids than shares, unreadable, no solids, faces that close none, names that match none, solids that gmsh cannot mesh
+    Raises InputError: unreadable, no solids, faces that close none, names that match none, solids that gmsh cannot mesh
     """
     path = locate(str(mesh.step))
     if getattr(mesh, "conforming", None) is False:
-        made = _apart(path, mesh, failed, sizes or {}, share)
+        made = _apart(path, mesh, failed, sizes or {})
     else:
         made = conforming(path, mesh, sizes or {})
     return replace(made, remarks=[*read_unit(path), *made.remarks])
@@ -69,16 +68,12 @@ class Solid:
         return f"{self.name}:{self.faces.index(tag) + 1}"
 
 
-def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Sizes, share: tuple[int, int]) -> Mesh:
+def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Sizes) -> Mesh:
     """The mesh in which solids share nothing; what becomes of one does not depend on the others."""
     source, refine = str(mesh.step), getattr(mesh, "refine", None) or []
     with session():
         solids, remarks = _survey(path, mesh, failed)
     refined = refined_faces(refine, {solid.face(tag): tag for solid in solids for tag in solid.faces})
-    begin, end = (len(solids) * k // share[1] for k in (share[0], share[0] + 1))
-    if len(solids) < share[1]:
-        raise wrong(("mesh", "step"), f"{len(solids)} solids in {share[1]} shares", "a solid for each of them")
-    solids = solids[begin:end]
     for algorithm, per_circle in ATTEMPTS:
         if not (left := [solid for solid in solids if solid.complaint]):
             break

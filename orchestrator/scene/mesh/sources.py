@@ -29,7 +29,7 @@ SOURCES = {"beam": "mesh.sources", "box": "mesh.sources", "file": "mesh.files",
 
 
 def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None,
-              known: dict[str, Mesh] | None = None, share: tuple[int, int] = (0, 1)) -> tuple[Mesh, Faces]:
+              known: dict[str, Mesh] | None = None) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry, its names such as can be shown.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
@@ -37,13 +37,12 @@ def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes 
     failed : takes what is wrong with single solids of a CAD file, by name: they are left out then
     sizes : elements are as small as these say: a CAD model is meshed so, the tets of other meshes are halved until they are
     known : takes and gives sources' meshes before tets are halved, by what the configuration says of them
-    share : as of ``solids.step``, of a CAD model
     Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
     key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
     make = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)
     if key == "step":
-        made = make(mesh, failed, sizes, share)
+        made = make(mesh, failed, sizes)
     else:
         known, name = {} if known is None else known, str(mesh)
         made = known[name] = known.get(name) or make(mesh)

@@ -45,14 +45,13 @@ class Pressed:
     faces: np.ndarray
 
 
-def pressed_tools(mesh: Mesh, faces: Faces, partition: Partition, entries: Sequence[Entry], tools: Mapping[str, Tool],
+def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Mapping[str, Tool],
                   factors: Sequence[Sequence[float]], problems: Problems) -> list[Pressed]:
-    """The tools in their places, each with its faces; adds problems. Of a piece of a mesh these are faces of subdomains that are all there,
-    and of a tool that has to find its way all faces that it may touch, if some are of these.
+    """The tools in their places, each with its faces; adds problems.
 
     entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history of each
     """
-    found, here = [], np.ones(len(mesh.cells), dtype=bool) if partition.here is None else partition.here[partition.subdomain]
+    found = []
     there = [(i, entry) for i, entry in enumerate(entries) if entry.tool is not None]
     for (i, entry), (name, tool), times in zip(there, tools.items(), factors):
         path = ("interfaces", i)
@@ -69,8 +68,8 @@ def pressed_tools(mesh: Mesh, faces: Faces, partition: Partition, entries: Seque
             problems.add((*path, "between", 0), f"a rigid tool on {foreign[0]!r}, whose mesh is not this program's",
                          "parts with a mesh of this program's", "name these alone, or mesh the tool as a part")
         elif volumes:
-            own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes) & (here | (not rigid.driven.held)), rigid, entry, path, problems)
-            found.append(Pressed(rigid, i, entry, own := own if here[faces.owner[own]].any() else own[:0]))
+            own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes), rigid, entry, path, problems)
+            found.append(Pressed(rigid, i, entry, own))
             if len(own) and pulled_away(mesh.nodes[np.unique(faces.triangles[own])], rigid):
                 problems.add((*path, "between", 1, "force"), f"a force that draws {name} away from the part, along which nothing holds it",
                              "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
@@ -158,8 +157,6 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     entry : of ``interfaces``, which says how far off faces may be, and how far turned away
     """
     outer = faces.outer[cells[faces.owner[faces.outer]]]
-    if not len(outer):  # of a piece of a mesh
-        return outer
     triangles = faces.triangles[outer]
     nodes, local = np.unique(triangles, return_inverse=True)
     local, points = local.reshape(triangles.shape), mesh.nodes[nodes]
@@ -168,7 +165,7 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
     chosen, near = _within_reach(points, local, Facing(facet, entry.reach or REACH * size), tool, entry)
-    if not chosen.any() and mesh.within is None:  # others may have faces that it touches
+    if not chosen.any():
         _nothing(mesh, cells, tool, near, path, problems)
     return outer[chosen]
 
