@@ -254,9 +254,9 @@ def test_checkpoints_and_fields_hold_no_objects(tmp_path):
 
     path, results = written(tmp_path), tmp_path / "results" / "stranger"
     (results / "checkpoint").mkdir(parents=True)
-    for name in ("fields.npz", "checkpoint/iteration-000001-0of1.npz"):
+    for name in ("fields.npz", "checkpoint/iteration-000001.npz"):
         np.savez(results / name, about=np.array([Evil()], dtype=object), nodes=np.array([Evil()], dtype=object))
-    (results / "checkpoint" / "iteration-000002-0of1.npz").write_bytes(pickle.dumps(Evil()))
+    (results / "checkpoint" / "iteration-000002.npz").write_bytes(pickle.dumps(Evil()))
     (results / "summary.json").write_bytes(pickle.dumps(Evil()))
     assert call("report", results).exit_code == 2
     for more in (["--resume"], []):  # they are in the way

@@ -1,5 +1,7 @@
 """Mesh files of other programs: names, node sets, surfaces, ten-node tets."""
 
+from pathlib import Path
+
 import gmsh
 import numpy as np
 import pytest
@@ -70,6 +72,15 @@ def test_partitions_are_volumes(saved, binary):
         pieces = [i for i, name in enumerate(mesh.volumes) if name in {f"{box}_{k}" for k in (1, 2, 3)}]
         assert sizes[np.isin(mesh.volume, pieces)].sum() == pytest.approx(1.0) and len(pieces) >= 1
     assert len(mesh.surfaces["clamp"]) == len(whole.surfaces["clamp"])
+
+
+@pytest.mark.parametrize("there, told", [
+    ("bar_[123]", "partition 4 of 4 is in none of the files"), ("*", "files of meshes in different partitions")])
+def test_files_that_do_not_belong_together(tmp_path, saved, there, told):
+    for file in [*Path(__file__).parent.glob("meshes/bar_*.msh"), saved / "cut0.msh"]:
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    with pytest.raises(InputError, match=told):
+        read(tmp_path / f"{there}.msh")
 
 
 def test_nastran_has_numbers_for_names(saved):

@@ -119,7 +119,7 @@ def test_a_fresh_run_removes_what_runs_have_written_and_nothing_else(tmp_path, c
 
 
 @pytest.mark.parametrize("name", ["summary.json", "history.csv", "fields.npz", "fields/step_0001.vtu", "fields/interface_0002.vtu",
-                                  "figures/time.png", "checkpoint/iteration-000001-0of1.npz", "checkpoint/reserve-0", "extremes.csv"])
+                                  "figures/time.png", "checkpoint/iteration-000001.npz", "checkpoint/reserve", "extremes.csv"])
 @pytest.mark.parametrize("kind", ["before any run", "changed since", "a link", "a folder"])
 def test_files_that_stand_in_the_way_are_refused(tmp_path, name, kind):
     """Told before anything is removed, and what writes there all the same is refused as well."""
@@ -181,7 +181,7 @@ def test_killed_while_it_wrote(tmp_path):
     writer = HistoryWriter(folder)
     writer.iteration(case.iteration(1))
     begun(folder)
-    put(tmp_path, [*THEIRS, "checkpoint/iteration-000001-0of1.npz"])
+    put(tmp_path, [*THEIRS, "checkpoint/iteration-000001.npz"])
     (tmp_path / "fields" / ".step_0002.vtu.orchestrator-part").write_text("half")
     ResultsFolder(tmp_path).clear()
     assert left_in(tmp_path) == set(THEIRS)

@@ -211,7 +211,7 @@ def test_the_program_is_killed(tmp_path, temporary):
 def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     """What an earlier run wrote is not mixed with the new; files of the user's stay."""
     out = tmp_path / "out"
-    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/iteration-000001-0of1.npz", "report.md"):
+    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/iteration-000001.npz", "report.md"):
         ResultsFolder(out).write(name, "old")
     for name in ("mine.txt", "fields/measured.vtu", "figures/holiday.png"):
         (out / name).write_text("old")

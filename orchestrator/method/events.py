@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.parallel.team import Team
-
 
 # What every history has; columns for further statuses, for the laws' measures and for what else monitors tell follow.
 COUNTED = ("open", "stick", "slip")
@@ -106,8 +104,7 @@ class Subscriber:
     only rank 0 has subscribers.
 
     wants_states : whether ``Iteration.state`` is needed: with several ranks, it is brought together for those alone who want it
-    wants_checkpoints : whether ``Iteration.checkpoint`` is needed: each of several ranks has its own columns of it, and tells a copy
-        of the subscriber
+    wants_checkpoints : the same of ``Iteration.checkpoint``
 
     Examples
     --------
@@ -128,9 +125,6 @@ class Subscriber:
     """
 
     wants_states = wants_checkpoints = False
-
-    def begins(self, team: Team, numbers: Mapping[str, np.ndarray]) -> None:
-        """Iterations begin on these ranks; told on each to those who want checkpoints, with the columns that are its own."""
 
     def stage(self, name: str) -> None:
         """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""

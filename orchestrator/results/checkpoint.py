@@ -1,40 +1,34 @@
 """checkpoint/: what a run needs to go on where it stood, as files.
 
-- ``iteration-000001-0of1.npz`` …  a ``Checkpoint`` each, of several ranks each its own columns.
-  Those go that the acceleration needs no more; the last one of each increment of load steps stays
+- ``iteration-000001.npz`` …  a ``Checkpoint`` of the whole scene each. Those go that the
+  acceleration needs no more; the last one of each increment of load steps stays
 - ``problem.json``  what the run's problem depends on, so that another is told by what differs
-- ``reserve-0`` …   room for the end of the run, of each rank
+- ``reserve``       room for the end of the run
 
-Files are whole or not there, and carry checksums and which columns of the whole scene's arrays are
-theirs: what some ranks have left, any number of ranks goes on from. An iteration counts that all
-its ranks have written.
+Files are whole or not there, and carry checksums: any number of ranks goes on from them.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 
 from orchestrator.errors import InputError, Problem, wrong
 from orchestrator.method.checkpoint import COMMON, Checkpoint, Numbers, Start, kind_of
 from orchestrator.folders import read_arrays
-from orchestrator.parallel.numbering import runs
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
 from orchestrator.results.manifest import CHECKPOINT
 
-VERSION = 7  # of what is in the files: part of the problem, see ``Record``
+VERSION = 8  # of what is in the files: part of the problem, see ``Record``
 NAME, PROBLEM, RESERVE, FILES = "checkpoint", "problem.json", "reserve", "iteration-*.npz"
 TOLD = [f.name for f in fields(Checkpoint) if f.name != "arrays"]
-COLUMNS = "columns/"  # + kind: runs (k, 2) of the whole scene's columns, begin and length of each
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
 Warn = Callable[[str], None]
 
@@ -51,51 +45,34 @@ def saved(folder: ResultsFolder) -> bool:
     return any((folder / NAME).glob(FILES))
 
 
-def named(path: Path) -> tuple[int, int, int]:
-    """Return iteration, number of ranks, and rank, as a file's name tells them."""
-    found = re.fullmatch(r"iteration-(\d+)-(\d+)of(\d+)", path.stem)
-    return (int(found[1]), int(found[3]), int(found[2])) if found else (0, 1, 0)
-
-
 @dataclass(frozen=True)
 class Kept(Checkpoint):
-    """A checkpoint of the whole scene, whose arrays stay in its files.
+    """A checkpoint of the whole scene, whose arrays stay in its file.
 
-    files : of all ranks that wrote it
+    file : which
     widths : name → columns of the whole scene
     """
 
-    files: tuple[Path, ...] = ()
+    file: Path = Path()
     widths: Mapping[str, int] = field(default_factory=dict)
 
     def of_rank(self, numbers: Numbers) -> Checkpoint:
-        """Return one rank's columns, from one file after the other; nan where there are none.
+        """Return one rank's columns.
 
         Raises InputError: a file that was whole is so no more
         """
-        arrays: dict[str, np.ndarray] = {}
-        for path in self.files:
-            try:
-                theirs = read_file(path)[1].arrays
-            except Exception as error:  # whatever a disk has made of it
-                raise wrong(DIRECTORY_KEY, f"{path} cannot be read any more: {error}",
-                            "the checkpoint as it was", "try again") from error
-            for name in self.widths:
-                own = numbers[kind_of(name)]
-                rows = arrays.setdefault(name, np.full((len(theirs[name]), len(own)), np.nan))
-                _, at, of = np.intersect1d(own, _columns(theirs, name), return_indices=True)
-                rows[:, at] = theirs[name][:, of]
-            arrays |= {name: x for name, x in theirs.items() if kind_of(name) == COMMON}
+        try:
+            whole = read_file(self.file)[1].arrays
+        except Exception as error:  # whatever a disk has made of it
+            raise wrong(DIRECTORY_KEY, f"{self.file} cannot be read any more: {error}",
+                        "the checkpoint as it was", "try again") from error
+        arrays = {name: x if kind_of(name) == COMMON else x[:, numbers[kind_of(name)]]
+                  for name, x in whole.items()}
         return Checkpoint(self.iteration, self.increment, self.evaluations, arrays, self.notes)
 
 
-def _columns(arrays: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """(k,) int, which columns of the whole scene a file has of an array."""
-    return runs(*arrays[COLUMNS + kind_of(name)].T)
-
-
 def read_file(path: Path) -> tuple[dict[str, Any], Checkpoint]:
-    """Return what is told about a file, and the checkpoint: its rank's columns.
+    """Return what is told about a file, and the checkpoint.
 
     Raises Exception: of whatever kind, it cannot be read or is not as it was written
     """
@@ -111,8 +88,7 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
                     warn: Warn = lambda text: print(text, file=sys.stderr)) -> Start | None:
     """Return where the run of a results folder stood; None where no iteration of it is whole.
 
-    Files that are damaged are left out, and iterations that not all ranks have written: what they
-    tell is computed again.
+    Files that are damaged are left out: what they tell is computed again.
 
     problem : what the fingerprint is of, so that another problem is told by what differs
     warn : is told of damage
@@ -122,10 +98,8 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     if not path.is_dir():
         raise wrong(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
                     "the checkpoint of an interrupted run of this configuration", _FRESH)
-    together: dict[tuple[int, int], list[Path]] = {}
-    for file in sorted(path.glob(FILES), key=named):
-        together.setdefault(named(file)[:2], []).append(file)
-    read = (_sound(files, fingerprint, problem, warn) for files in together.values())
+    files = sorted(path.glob(FILES), key=number)
+    read = (_sound(file, fingerprint, problem, warn) for file in files)
     found = [kept for kept in read if kept is not None]
     done: list[Kept] = []
     for kept in found:  # one increment after the other
@@ -147,32 +121,27 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     return Start(None, last.iteration, last.notes["sweeps"], last.notes["seconds"], done, latest)
 
 
-def _sound(files: Sequence[Path], fingerprint: str, problem: Mapping[str, str] | None,
+def number(file: Path) -> int:
+    """Return the iteration that a file's name tells; −1 where it tells none."""
+    last = file.stem.rpartition("-")[2]
+    return int(last) if last.isdigit() else -1
+
+
+def _sound(file: Path, fingerprint: str, problem: Mapping[str, str] | None,
            warn: Warn) -> Kept | None:
-    """Return what files of the ranks tell together, if all are there and sound."""
-    first, written, widths = None, [], {}
-    for file in files:
-        try:
-            about, found = read_file(file)
-            for name in found.arrays:
-                if kind_of(name) not in (COMMON, kind_of(COLUMNS)):
-                    end = 1 + int(_columns(found.arrays, name).max(initial=-1))
-                    widths[name] = max(end, widths.get(name, 0))
-        except Exception as error:  # whatever a disk has made of it
-            what = f"is damaged: {file}"
-            if isinstance(error, OSError):
-                what = f"cannot be read: {file}: {error.strerror}"
-            warn(f"The checkpoint {what}. What it told is computed again.")
-            return None
-        if about["problem"] != fingerprint:
-            raise InputError(_another(file.parent, about["problem"], problem))
-        first = first or found
-        written.append(about["run"])
-    run, _, size = written[0]
-    if sorted(written) != [[run, rank, size] for rank in range(size)]:
-        return None  # a rank was killed before it had written its part
-    return Kept(first.iteration, first.increment, first.evaluations, {}, first.notes,
-                tuple(files), widths)
+    """Return what a file tells, if it is sound."""
+    try:
+        about, found = read_file(file)
+        widths = {name: x.shape[1] for name, x in found.arrays.items() if kind_of(name) != COMMON}
+    except Exception as error:  # whatever a disk has made of it
+        what = f"is damaged: {file}"
+        if isinstance(error, OSError):
+            what = f"cannot be read: {file}: {error.strerror}"
+        warn(f"The checkpoint {what}. What it told is computed again.")
+        return None
+    if about["problem"] != fingerprint:
+        raise InputError(_another(file.parent, about["problem"], problem))
+    return Kept(found.iteration, found.increment, found.evaluations, {}, found.notes, file, widths)
 
 
 def _another(path: Path, theirs: str, problem: Mapping[str, str] | None) -> Problem:

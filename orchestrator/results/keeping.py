@@ -1,4 +1,4 @@
-"""Writes every iteration to checkpoint/ (``checkpoint`` says what is in it), each rank its part.
+"""Writes every iteration to checkpoint/ (``checkpoint`` says what is in it).
 
 For the day the machine goes down, the disk itself is waited for every ``SYNCED`` seconds and at the
 end of each increment.
@@ -6,24 +6,20 @@ end of each increment.
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import os
-import platform
 import sys
 import time
-import uuid
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from orchestrator.method.checkpoint import Checkpoint, Numbers, Start, kind_of
+from orchestrator.method.checkpoint import Checkpoint, Start, kind_of
 from orchestrator.method.events import Iteration, Subscriber
-from orchestrator.parallel.team import ALONE, Team
-from orchestrator.results.checkpoint import COLUMNS, FILES, NAME, RESERVE, TOLD, Warn, begun, named
+from orchestrator.results.checkpoint import FILES, NAME, RESERVE, TOLD, Warn, begun
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.manifest import UNFINISHED
 
@@ -36,9 +32,8 @@ class CheckpointWriter(Subscriber):
 
     The room that the end of the run needs is taken at its first iteration: a run whose end would
     not fit is not worth computing. A disk that is full later ends no run: what is not needed any
-    more is removed, and if that is too little the run goes on without, and says so. Of several
-    ranks each has a copy of rank 0's, and writes its own columns; what one of them cannot write,
-    none goes on to keep. What is needed no more goes once all have written what comes after it.
+    more is removed, and if that is too little the run goes on without, and says so. What is needed
+    no more goes once what comes after it is written.
 
     folder : where
     fingerprint : of the problem
@@ -57,26 +52,11 @@ class CheckpointWriter(Subscriber):
         self._spare: dict[Path, float] = {}
         if start is not None:
             self._spare = dict.fromkeys(self._path.glob(FILES), -math.inf)
-            self._spare |= {self._path / file.name: x.iteration
-                            for x in start.latest for file in x.files}
-            for file in (file for x in start.ended for file in x.files):
-                self._spare.pop(self._path / file.name, None)
+            self._spare |= {self._path / x.file.name: x.iteration for x in start.latest}
+            for x in start.ended:
+                self._spare.pop(self._path / x.file.name, None)
         self._reserved, self.keeps, self._synced = False, True, time.monotonic()
-
-    def begins(self, team: Team, numbers: Numbers) -> None:
-        self._team = team
-        # parts of two runs make no whole
-        self._run = [team.share(uuid.uuid4().hex), team.rank, team.size]
-        self._reserve_file = self._path / f"{RESERVE}-{team.rank}"
-        self._columns = {}
-        for kind, of in numbers.items():
-            starts = np.flatnonzero(np.diff(of, prepend=-2) != 1)
-            runs = np.column_stack([of[starts], np.diff([*starts, len(of)])])
-            self._columns[COLUMNS + kind] = runs
-
-    def __getstate__(self) -> dict[str, object]:
-        """Return what other ranks need: rank 0 speaks, and removes all in the end."""
-        return vars(self) | {"_folder": None, "_warn": None, "_team": ALONE}
+        self._reserve_file = self._path / RESERVE
 
     def iteration(self, event: Iteration) -> None:
         checkpoint = event.checkpoint
@@ -105,43 +85,35 @@ class CheckpointWriter(Subscriber):
             self._path.rmdir()
 
     def _go_on_without(self, error: OSError) -> None:
-        if self.keeps and not self._team.rank:
+        if self.keeps:
             self._warn(f"No checkpoint can be written in {self._path} ({error.strerror}): the run "
                        "goes on without; if it is killed, --resume begins where the last checkpoint was.")
         self.keeps = False
 
     def _tried(self, action: Callable[..., None], given: object) -> OSError | None:
-        """Return what has kept a rank from what all have tried; None: all have done it."""
-        failed = None
+        """Return what has kept from doing it; None: it is done."""
         try:
             action(given)
         except (OSError, MemoryError) as error:
-            where = f", rank {self._team.rank} on {platform.node()}" if self._team.size > 1 else ""
             text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            failed = OSError(getattr(error, "errno", errno.ENOMEM), text + where)
-        if not self._team.max(float(failed is not None))[0]:
-            return None
-        return next(filter(None, self._team.all_gather(failed)))
+            return OSError(getattr(error, "errno", None), text)
+        return None
 
     def _drop(self, first: float) -> None:
-        """Remove files before iteration ``first``: this rank's, and those of ranks that are gone."""
+        """Remove files before iteration ``first``."""
         for path in [path for path, iteration in self._spare.items() if iteration < first]:
             del self._spare[path]
-            if named(path)[2] % self._team.size == self._team.rank:
-                path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
     def _reserve(self, checkpoint: Checkpoint) -> None:
         """Take the room that the end of the run will need: what is known now, and five fields."""
         self._reserved = True
-        if not self._team.rank:
-            begun(self._folder)
+        begun(self._folder)
         width = max(array.shape[1] for name, array in checkpoint.arrays.items()
                     if kind_of(name) == "trace")
         size = sum(array.nbytes for array in checkpoint.arrays.values())
         error = self._tried(self._take, size + 8 * 5 * checkpoint.notes["steps"] * width + MARGIN)
-        if error is not None and error.errno == errno.ENOENT:  # a node without rank 0's folder
-            self._go_on_without(error)
-        elif error is not None and not self._team.rank:
+        if error is not None:
             with self._folder.guarded(f"what the end of the run will need ({error.strerror})"):
                 raise error
 
@@ -155,22 +127,20 @@ class CheckpointWriter(Subscriber):
             raise
 
     def _write(self, checkpoint: Checkpoint) -> None:
-        """Write this rank's file; wait for the disk at the end of an increment, and at times."""
+        """Write a file; wait for the disk at the end of an increment, and at times."""
         if checkpoint.ended and checkpoint.notes["last"]:
             self._reserve_file.unlink(missing_ok=True)
         sync = checkpoint.ended or time.monotonic() - self._synced > SYNCED
-        arrays = {**checkpoint.arrays, **self._columns}
         about = {name: getattr(checkpoint, name) for name in TOLD}
-        about |= {"problem": self._fingerprint, "run": self._run, "arrays": sorted(arrays)}
+        about |= {"problem": self._fingerprint, "arrays": sorted(checkpoint.arrays)}
         text = json.dumps(about, default=lambda number: number.item()).encode()
-        _, rank, size = self._run
-        path = self._path / f"iteration-{checkpoint.iteration:06}-{rank}of{size}.npz"
+        path = self._path / f"iteration-{checkpoint.iteration:06}.npz"
         temporary = path.with_name(f".{path.name}{UNFINISHED}")
         self._path.mkdir(exist_ok=True)
         temporary.unlink(missing_ok=True)  # nothing is written through a link
         try:
             with open(temporary, "wb") as file:
-                np.savez(file, about=np.frombuffer(text, np.uint8), **arrays)
+                np.savez(file, about=np.frombuffer(text, np.uint8), **checkpoint.arrays)
                 file.flush()
                 if sync:
                     os.fsync(file.fileno())

@@ -23,10 +23,10 @@ NAME = f"{OWN}/manifest"
 UNFINISHED = ".orchestrator-part"  # the ending of files that are being written; nobody else's have it
 PARTS = "parts"  # in it a folder for each part that writes results of its own
 FOLDERS = ("fields", "figures", "checkpoint", PARTS)
-CHECKPOINT = r"checkpoint/(iteration-\d{6,}-\d+of\d+\.npz|reserve-\d+|problem\.json)"
+CHECKPOINT = r"checkpoint/(iteration-\d{6,}\.npz|reserve|problem\.json)"
 # Names that a run writes under; programs that are parts have folders of their own beside.
 RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
-           r"|fields/((step|interface)_\d{4,}(_\d+)?\.p?vtu|(fields|interfaces)\.pvd)"
+           r"|fields/((step|interface)_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|deformed|interfaces)\.png"
            rf"|{CHECKPOINT})")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.method.checkpoint import Numbers
+from orchestrator.method.checkpoint import COMMON, Numbers, kind_of
 from orchestrator.method.delivery.interface_fields import ALONG, InterfaceFields
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.parallel.team import Team
@@ -29,34 +29,41 @@ def interfaces_of_all(own: InterfaceFields | None, team: Team) -> InterfaceField
 
 
 class OnRanks(Subscriber):
-    """Rank 0's subscribers, on all ranks: who wants checkpoints has a copy on each, who wants states gets the whole on rank 0.
+    """Rank 0's subscribers, on all ranks: states and checkpoints come together for who wants them.
 
-    The volume of states is that of all traces, to one rank: right for some hundreds of ranks.
+    The volume is that of all traces, to one rank: right for some hundreds of ranks.
 
     numbers : which columns of the whole scene's arrays are this rank's
     """
 
     def __init__(self, subscribers: Sequence[Subscriber], numbers: Numbers, team: Team):
-        self.team, writers = team, team.share([s for s in subscribers if s.wants_checkpoints])
-        self.told = Subscribers(writers if team.rank else subscribers)
-        self.states = team.share(any(s.wants_states for s in subscribers)) and team.size > 1
-        self.numbers = team.all_gather(numbers["trace"]) if self.states else []
-        for writer in writers:
-            writer.begins(team, numbers)
+        self.team, self.told = team, Subscribers(subscribers)
+        wanted = [any(s.wants_states for s in subscribers),
+                  any(s.wants_checkpoints for s in subscribers)]
+        self.wanted = team.share(wanted if team.size > 1 else [False, False])
+        self.numbers = team.gather(numbers)
 
     def iteration(self, event: Iteration) -> None:
-        whole = replace(event, state=self._whole(event.state)) if self.states else event
-        for each in self.told.all:
-            each.iteration(whole if each.wants_states else event)
+        states, checkpoints = self.wanted
+        if states:
+            event = replace(event, state=self._whole("trace", event.state))
+        if checkpoints and event.checkpoint is not None:
+            arrays = {name: self._whole(kind_of(name), x)
+                      for name, x in event.checkpoint.arrays.items()}
+            event = replace(event, checkpoint=replace(event.checkpoint, arrays=arrays))
+        self.told.iteration(event)
 
-    def _whole(self, state: np.ndarray) -> np.ndarray | None:
-        """On rank 0, from every rank's columns."""
-        arrived = self.team.gather(state)
+    def _whole(self, kind: str, part: np.ndarray) -> np.ndarray | None:
+        """Return on rank 0 an array of the whole scene, from every rank's columns."""
+        if kind == COMMON:
+            return part
+        arrived = self.team.gather(part)
         if arrived is None:
             return None
-        whole = np.zeros((len(state), 1 + max(own.max(initial=-1) for own in self.numbers)))
-        for part, own in zip(arrived, self.numbers):
-            whole[:, own] = part
+        columns = [own[kind] for own in self.numbers]
+        whole = np.zeros((len(part), 1 + max(own.max(initial=-1) for own in columns)), part.dtype)
+        for theirs, own in zip(arrived, columns):
+            whole[:, own] = theirs
         return whole
 
     def warned(self, sentence: str) -> None:

@@ -1,6 +1,7 @@
 """Reads a file of a stranger by gmsh or VTK in a process of its own, which can start no other and takes no more memory than is free.
 
     python -P child.py BYTES FILE MESH.msh    by gmsh, which also knows a language with SystemCall: its groups become physical names
+    python -P child.py BYTES FILE.msh MESH.npz    by gmsh, of a mesh in partitions, what is in each
     python -P child.py BYTES FILE GRID.npz    by VTK, which would end this program where a file declares more than there is
 
 It ends with 1 and the reader's complaint on standard output where something is wrong. FILE is for gmsh in a folder of its own: gmsh runs
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import json
 import platform
 import re
 import resource
@@ -69,15 +71,7 @@ def locked() -> bool:
 
 def by_gmsh(source: str, target: str) -> None:
     """Writes a file that gmsh reads as gmsh's own; raises whatever gmsh raises."""
-    import gmsh
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("General.NumThreads", 1)
-    try:
-        gmsh.merge(source)
-    except Exception as error:
-        raise RuntimeError(str(error).strip() or gmsh.logger.getLastError()) from None
+    gmsh = _opened(source)
     names = {group: gmsh.model.getPhysicalName(*group).strip()  # MED's have 80 letters
              for group in gmsh.model.getPhysicalGroups()}
     free = _free_volumes(gmsh.model, names)
@@ -91,6 +85,47 @@ def by_gmsh(source: str, target: str) -> None:
     gmsh.option.setNumber("Mesh.SaveAll", 0 if names else 1)
     gmsh.option.setNumber("Mesh.Binary", 1)
     gmsh.write(target)
+
+
+def _opened(source: str) -> Any:
+    """Return gmsh, which has read a file; raises whatever it raises."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("General.NumThreads", 1)
+    try:
+        gmsh.merge(source)
+    except Exception as error:
+        raise RuntimeError(str(error).strip() or gmsh.logger.getLastError()) from None
+    return gmsh
+
+
+def by_parts(source: str, target: str) -> None:
+    """Write nodes with their tags, and of each partition elements of volumes, and of surfaces that
+    are in groups, with their tags; ``blocks`` tells what they are, ``listed`` all partitions of the
+    mesh, ``surfaces`` the names of all its surfaces."""
+    import numpy as np
+
+    model, blocks, rows = _opened(source).model, [], {}
+    for dimension, word in ((2, "surface"), (3, "volume")):
+        for _, tag in model.getEntities(dimension):
+            groups = [model.getPhysicalName(dimension, group).strip() or f"{word}_{group}"
+                      for group in model.getPhysicalGroupsForEntity(dimension, tag)]
+            partitions = model.getPartitions(dimension, tag).tolist()
+            if not partitions or dimension == 2 and not groups:
+                continue
+            for kind, own, nodes in zip(*model.mesh.getElements(dimension, tag)):
+                table = np.column_stack([own, nodes.reshape(len(own), -1)])
+                rows[f"rows_{len(blocks)}"] = table.astype(int)
+                blocks.append([dimension, int(kind), partitions[0], groups])
+    tags, points, _ = model.mesh.getNodes()
+    listed = sorted({number for entity in model.getEntities(3)
+                     for number in model.getPartitions(*entity).tolist()})
+    surfaces = [name for group in model.getPhysicalGroups(2)
+                if (name := model.getPhysicalName(*group).strip())]
+    np.savez(target, tags=tags.astype(int), points=points.reshape(-1, 3), **rows,
+             about=np.array(json.dumps({"blocks": blocks, "listed": listed, "surfaces": surfaces})))
 
 
 def _free_volumes(model: Any, groups: Iterable[tuple[int, int]]) -> dict[tuple[int, int], str]:
@@ -147,7 +182,9 @@ def by_vtk(source: str, target: str) -> None:
 
 
 if __name__ == "__main__":
-    limit, reader = int(sys.argv[1]) + (1 << 30), by_gmsh if sys.argv[3].endswith(".msh") else by_vtk  # and the readers' own code
+    limit = int(sys.argv[1]) + (1 << 30)  # and the readers' own code
+    gmshs = [name.endswith(".msh") for name in sys.argv[2:]]
+    reader = by_gmsh if gmshs[1] else by_parts if gmshs[0] else by_vtk
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     locked()

@@ -1,21 +1,24 @@
 """gmsh's meshes in partitions, in one file or a file for each.
 
-gmsh keeps the tags of nodes and elements in all files of a mesh. They tell what is the same, and give nodes and cells an order that
-hangs neither on the number of files nor on who reads which.
+gmsh keeps the tags of nodes and elements in all files of a mesh. They tell what is the same, and
+give nodes and cells an order that does not hang on the number of files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import json
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from orchestrator.optional import Late
-from orchestrator.scene.mesh.checks import bad_file
-from orchestrator.scene.mesh.msh import Elements, Partitioned
+from orchestrator.optional import Late, check_there
+from orchestrator.scene.mesh.checks import bad_file, check_content, memory_left
+from orchestrator.scene.mesh.child import apart
 
-meshio = Late("meshio")  # not for who merely asks whether a file is in partitions
+# not for who merely asks whether a file is in partitions
+meshio, common = Late("meshio"), Late("meshio.gmsh.common")
 REMARK = "the mesh is in partitions: each is a volume, and with subdomains: groups a subdomain; what joins two is an interface as all others"
 
 
@@ -42,61 +45,85 @@ def read_all(paths: Sequence[Path]) -> meshio.Mesh:
     Volumes are called as their groups are, with the number of the partition; partition_1 where
     there are no groups; surfaces as their groups.
 
-    Raises InputError: files of different meshes, or some are missing
+    Raises InputError: files that gmsh cannot read, of different meshes, or some are missing
     """
-    files = [Partitioned(path) for path in paths]
-    found: dict[str, list[Elements]] = {}
-    for file in files:
-        for block in file.elements():
-            found.setdefault(block.kind, []).append(block)
-    volumes = sorted({(block.number, name) for own in found.values() for block in own if block.dimension == 3 for name in _names(block)})
-    tags = np.unique(np.concatenate([np.empty(0, int), *(block.rows[:, 1:].ravel() for own in found.values() for block in own)]))
-    points, cells, sets = _points(files, tags), [], {}
-    for kind, own in sorted(found.items()):
-        rows = np.concatenate([block.rows for block in own])
+    read = [_read(path) for path in paths]
+    about = [json.loads(str(file["about"])) for file in read]
+    _check_whole(about, paths[0])
+    found: dict[int, list[tuple[list[str], np.ndarray]]] = {}
+    volumes = set()
+    for file, told in zip(read, about):
+        for i, (dimension, kind, number, names) in enumerate(told["blocks"]):
+            if dimension == 3:
+                names = [f"{name}_{number}" for name in names or ["partition"]]
+                volumes |= {(number, name) for name in names}
+            found.setdefault(kind, []).append((names, file[f"rows_{i}"]))
+    tags = np.unique(np.concatenate([rows[:, 1:].ravel()
+                                     for own in found.values() for _, rows in own]))
+    cells, sets = [], {}
+    for kind, own in sorted(found.items(), key=lambda each: common._gmsh_to_meshio_type[each[0]]):
+        word, rows = common._gmsh_to_meshio_type[kind], np.concatenate([rows for _, rows in own])
         known, first = np.unique(rows[:, 0], return_index=True)
-        if len(known) < len(rows) and (rows[first][np.searchsorted(known, rows[:, 0])] != rows).any():
-            raise strangers(files[0].path, "elements of one tag that are not the same")
-        cells.append(meshio.CellBlock(kind, np.searchsorted(tags, rows[first, 1:])))
-        for block in own:
-            for name in _names(block):
-                sets.setdefault(name, {}).setdefault(kind, []).append(np.searchsorted(known, block.rows[:, 0]))
-    order = [name for _, name in volumes] + sorted(sets.keys() - {name for _, name in volumes})
-    named = {name: [np.unique(np.concatenate(sets[name].get(block.type, [np.empty(0, int)]))) for block in cells] for name in order}
-    surfaces = {name: np.array([0, 2]) for file in files for name in file.surfaces}
-    check_whole([file.partitions for file in files], {number for number, _ in volumes}, paths[0])
-    return meshio.Mesh(points, cells, cell_sets=named, field_data=surfaces, info={"remarks": [REMARK]})
+        if (rows[first][np.searchsorted(known, rows[:, 0])] != rows).any():
+            raise _strangers(paths[0], "elements of one tag that are not the same")
+        nodes = common._gmsh_to_meshio_order(word, rows[first, 1:])
+        cells.append(meshio.CellBlock(word, np.searchsorted(tags, nodes)))
+        for names, theirs in own:
+            for name in names:
+                chosen = np.searchsorted(known, theirs[:, 0])
+                sets.setdefault(name, {}).setdefault(word, []).append(chosen)
+    order = [name for _, name in sorted(volumes)]
+    order += sorted(sets.keys() - set(order))
+    named = {name: [np.unique(np.concatenate(sets[name].get(block.type, [np.empty(0, int)])))
+                    for block in cells] for name in order}
+    surfaces = {name: np.array([0, 2]) for told in about for name in told["surfaces"]}
+    return meshio.Mesh(_points(paths, read, tags), cells, cell_sets=named, field_data=surfaces,
+                       info={"remarks": [REMARK]})
 
 
-def _names(block: Elements) -> list[str]:
-    """Of its surfaces or volumes."""
-    return block.groups if block.dimension == 2 else [f"{name}_{block.number}" for name in block.groups or ["partition"]]
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """Return what gmsh finds in a file, see ``child.by_parts``."""
+    check_there("gmsh")
+    check_content(path, ("mesh", "file"))
+    # gmsh runs options that it finds beside a file
+    with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
+        source, target = Path(folder) / "source.msh", Path(folder) / "mesh.npz"
+        source.symlink_to(path.resolve())
+        if complaint := apart(memory_left(), source, target, folder):
+            complaint = complaint.replace(source.name, path.name)
+            raise bad_file(path, f"cannot be read by gmsh: {complaint}",
+                           "a mesh that gmsh has written whole, in version 4.1",
+                           "save the mesh again with gmsh; or without partitions")
+        with np.load(target) as found:
+            return dict(found)
 
 
-def check_whole(listed: Collection[frozenset[int]], found: Collection[int], path: Path) -> None:
-    """Raises InputError where files of one mesh do not have all its partitions.
+def _check_whole(about: Sequence[dict], path: Path) -> None:
+    """Raise InputError where files of one mesh do not have all its partitions."""
+    listed = about[0]["listed"]
+    if any(told["listed"] != listed for told in about):
+        raise _strangers(path, "files of meshes in different partitions")
+    there = {number for told in about for dimension, _, number, _ in told["blocks"]
+             if dimension == 3}
+    if missing := sorted(set(listed) - there):
+        raise _strangers(path, f"partition {missing[0]} of {len(listed)} is in none of the files")
 
-    listed : of each file, numbers of those that it says the mesh has; found : of those that are in any
-    """
-    if len(set(listed)) > 1:
-        raise strangers(path, "files of meshes in different partitions")
-    if missing := sorted(set().union(*listed) - set(found)):
-        raise strangers(path, f"partition {missing[0]} of {len(set().union(*listed))} is in none of the files")
 
-
-def _points(files: Sequence[Partitioned], tags: np.ndarray) -> np.ndarray:
-    """(n, 3) where the nodes of these tags are."""
+def _points(paths: Sequence[Path], read: Sequence[dict[str, np.ndarray]],
+            tags: np.ndarray) -> np.ndarray:
+    """Return (n, 3) where the nodes of these tags are."""
     points = np.full((len(tags), 3), np.nan)
-    for file in files:
-        at, here = file.nodes(tags)
+    for path, file in zip(paths, read):
+        own = np.isin(file["tags"], tags)
+        at, here = np.searchsorted(tags, file["tags"][own]), file["points"][own]
         before = points[at]
         if (~np.isnan(before) & (before != here)).any():
-            raise strangers(file.path, "nodes of one tag at different places")
+            raise _strangers(path, "nodes of one tag at different places")
         points[at] = here
     if len(lost := np.flatnonzero(np.isnan(points).any(axis=1))):
-        raise strangers(files[0].path, f"node {tags[lost[0]]} is not there")
+        raise _strangers(paths[0], f"node {tags[lost[0]]} is not there")
     return points
 
 
-def strangers(path: Path, found: str) -> Exception:
+def _strangers(path: Path, found: str) -> Exception:
     return bad_file(path, found, "all files of one mesh that gmsh has cut, and no other's", "write them again, into an empty folder")
