@@ -1,7 +1,7 @@
 """Bodies that land after a gap, and bodies that are pulled beyond friction: what is carried, and the share of it."""
 
 import pytest
-from helpers import on, STEEL, solved, stopped
+from helpers import HELD, STEEL, box, on, solved, stopped
 
 WEIGHT = 7.85e-9 * 9810 * 1000  # of a cube of 10
 
@@ -22,6 +22,19 @@ def test_a_block_lands_on_the_ground(axis, gap):
     solution = solved(falling(axis, gap))
     assert solution.reactions[0][0][axis] == pytest.approx(WEIGHT, rel=1e-4)
     assert solution.displacement[0, :, axis].min() == pytest.approx(-gap, rel=1e-4)
+
+
+def test_landed_blocks_are_as_exact_as_was_asked():
+    """The gap is a thousand times what the block deforms by: slips of its last digits are none."""
+    solution = solved({"name": "landing", "subdomains": "groups", "materials": [STEEL],
+                       "parts": [box("ground", [3, 3, 1], [3, 3, 1], [-1, -1, -1]),
+                                 box("block", [1, 1, 1], [2, 2, 2], [0, 0, 1])],
+                       "interfaces": [{"between": ["ground", "block"], "law": "contact",
+                                       "friction": 0.6, "gap": "geometry"}],
+                       "boundary": [{"on": "ground/zmin", "displacement": HELD},
+                                    {"on": "block/zmax", "traction": [4, 0, -200]}],
+                       "method": {"tolerance": {"error": 1e-8}}})
+    assert solution.reactions[0][0] == pytest.approx([-4, 0, 200], abs=1e-6)
 
 
 def test_a_block_that_may_never_land_is_no_balance():
