@@ -73,10 +73,11 @@ def pytest_collection_finish(session):
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """What is made once for a module is made by one process. Ranks first: what one process does one after the other is done while others
+    """What is made or kept once for a module is made by one process. Ranks first: what one process does one after the other is done while others
     do the rest."""
     for item in items:
         shared = any(known[-1].scope == "module" for known in item._fixtureinfo.name2fixturedefs.values())
-        if shared and not item.get_closest_marker("xdist_group"):
+        kept = any(hasattr(made, "cache_info") and made.__module__ == item.module.__name__ for made in vars(item.module).values())
+        if (shared or kept) and not item.get_closest_marker("xdist_group"):
             item.add_marker(pytest.mark.xdist_group(item.module.__name__))
     items.sort(key=lambda item: not any(mark.kwargs.get("name", *mark.args) == "ranks" for mark in item.iter_markers("xdist_group")))

@@ -255,8 +255,8 @@ def program(transport="pipe", once=False):
     return child, pids
 
 
-@pytest.mark.parametrize("transport", quick(TRANSPORTS, "file"))
-@pytest.mark.parametrize("blow", quick([signal.SIGTERM, signal.SIGINT], signal.SIGTERM))
+@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("blow", quick([signal.SIGTERM, signal.SIGINT]))
 def test_the_program_is_interrupted(blow, transport, temporary):
     child, pids = program(transport)
     time.sleep(0.1)
@@ -277,6 +277,7 @@ def test_the_program_is_killed(transport, temporary):
         assert len(list(temporary.iterdir())) == 1, "the next one sweeps it"
 
 
+@pytest.mark.long
 def test_the_program_forgets_to_close(temporary):
     child, pids = program(once=True)
     assert child.wait(60) == 0

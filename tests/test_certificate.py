@@ -98,7 +98,7 @@ FRICTIONLESS = {
 }
 
 
-@pytest.mark.parametrize("name", quick(FRICTIONLESS, "cubes with a cross edge", "loose grains", "a gap", "springs that are slack", "P2"))
+@pytest.mark.parametrize("name", quick(FRICTIONLESS, "cubes with a cross edge", "a gap", "P2"))
 def test_the_error_is_bounded_without_friction(name):
     made = FRICTIONLESS[name]()
     scene = build_scene(made)
@@ -144,7 +144,7 @@ def at_pairs(d, forces, exact):
     return result
 
 
-@pytest.mark.parametrize("kind, friction", [("blocks", 0.3), ("cubes", 0.1), late("grains", 0.1), ("grains", 0.6)])
+@pytest.mark.parametrize("kind, friction", [late("blocks", 0.3), ("cubes", 0.1), late("grains", 0.1), late("grains", 0.6)])
 def test_with_friction_the_error_is_estimated(kind, friction):
     made = case(kind, friction)
     scene = build_scene(made)
@@ -155,7 +155,7 @@ def test_with_friction_the_error_is_estimated(kind, friction):
     assert min(ratios) > 0.7 and np.median(ratios) < 5
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [late(0.0), 0.3])
 def test_across_meshes_that_do_not_match(friction):
     held = [{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": PATH[:3]}]
     made = blocks(TWO, {"a": free_mesh(TWO["a"][0], 0.3), "b": free_mesh(TWO["b"][0], 0.22)}, {"law": "contact", "friction": friction},

@@ -20,7 +20,7 @@ CODES = {"calculix": {"code": "calculix", "transport": "file"}, "scikit-fem": {"
          "template": {"code": TEMPLATE}}
 
 
-@pytest.mark.parametrize("name", quick(CODES, "calculix", "scikit-fem"))
+@pytest.mark.parametrize("name", quick(CODES, "calculix"))
 def test_numbers_are_freefems(name):
     """Stiffness, fields and traces to 1e-12: CalculiX reads 14 digits, and gives its doubles away unrounded."""
     models = [box((3, 2, 2), "a"), box((2, 2, 3), "b", seed=1)]

@@ -104,7 +104,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", quick(WRONG, "not linear"))
+@pytest.mark.parametrize("name", quick(WRONG))
 def test_wrong_adapters_are_caught(name, tmp_path):
     solve, stiffness, words = WRONG[name]
     path = tmp_path / "wrong.py"
@@ -114,7 +114,7 @@ def test_wrong_adapters_are_caught(name, tmp_path):
 
 
 @pytest.mark.parametrize("changed, words", [
-    ("k = -k", "against them"), late("k = k + 1e-3 * k.max() * sp.eye_array(k.shape[0])", "rigid motions of the body"), ("pass", "")],
+    late("k = -k", "against them"), late("k = k + 1e-3 * k.max() * sp.eye_array(k.shape[0])", "rigid motions of the body"), late("pass", "")],
     ids=["negated", "held", "sound"])
 def test_matter_of_ones_own_is_asked_for(tmp_path, changed, words):
     """Of models without a place in a mesh all is soles, which are plain."""
@@ -152,8 +152,7 @@ def test_models_that_are_mixed_up_are_told_as_such():
     assert any("of the body: those of another model of the same size, the twin body" in wrong for wrong in found), found
 
 
-@pytest.mark.parametrize("name", quick(["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"], "sign",
-                                       "not finite"))
+@pytest.mark.parametrize("name", quick(["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"], "sign"))
 def test_a_run_stops_at_them_too(name, tmp_path):
     """Loading a subdomain suffices: the message quotes what is wrong and names the subdomain."""
     solve, stiffness, words = WRONG[name]

@@ -234,6 +234,7 @@ def parts_of(annotation) -> list:
     return [part for argument in getattr(annotation, "__args__", ()) for part in parts_of(argument)]
 
 
+@pytest.mark.long
 def test_python_shown_runs_and_prints_what_it_says(tmp_path, capsys, monkeypatch):
     """Numbers behind ``print(…)   # …`` are those that are printed, but for rounding."""
     (tmp_path / "configs").symlink_to(ROOT / "configs")

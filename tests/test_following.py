@@ -193,6 +193,7 @@ def test_sides_that_cannot_follow_stay_and_it_is_said_why(more, why):
     assert solved.converged and any(f"not paired anew where sides have slid to: {why}" in w for w in solved.summary["warnings"])
 
 
+@pytest.mark.long
 def test_a_run_killed_while_sides_are_paired_anew_goes_on(tmp_path, monkeypatch):
     """From the end of the first one: no iteration of that is lost."""
     loaded = Loaded(config_from({**dragged(*DRAGGED), "output": {"figures": False}}), None)

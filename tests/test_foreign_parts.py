@@ -380,6 +380,7 @@ def test_other_faces_between_the_same_nodes(tmp_path, faces, matching):
 
 
 @CALCULIX
+@pytest.mark.long
 def test_a_deck_rubs(tmp_path):
     """Four load steps with reversal, on a slab of another mesh: as the same block in our own mesh."""
     x, t = tets((2, 2, 2), (0.5, 0.5, 1), (1, 1, 1))

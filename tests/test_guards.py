@@ -131,7 +131,7 @@ def test_balance_of_every_body(pressed, share, found):
     assert ((apart > 1e-7).any(axis=1) == found).all()
 
 
-@pytest.mark.parametrize("digits, trusted", [late(6, False), (17, True)])
+@pytest.mark.parametrize("digits, trusted", [late(6, False), late(17, True)])
 def test_answers_of_few_digits(digits, trusted):
     """Six digits cannot carry an error of 1e-6; the run says so instead of claiming it."""
     made = config(subdomains={"slices": {"axis": "x", "count": 2}},

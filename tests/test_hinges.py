@@ -42,8 +42,8 @@ def assert_bounded(solution) -> None:
 
 
 @pytest.mark.parametrize("filled, cells, cut, element", [
-    (EDGE, 1, {"metis": 2}, "P1"), late(EDGE, 2, {"slices": {"axis": "x", "count": 2}}, "P1"), (EDGE, 1, {"metis": 3}, "P2"),
-    (AROUND, 1, {"slices": {"axis": "x", "count": 3}}, "P1"), (CORNER, 1, {"metis": 9}, "P1"),
+    (EDGE, 1, {"metis": 2}, "P1"), late(EDGE, 2, {"slices": {"axis": "x", "count": 2}}, "P1"), late(EDGE, 1, {"metis": 3}, "P2"),
+    (AROUND, 1, {"slices": {"axis": "x", "count": 3}}, "P1"), late(CORNER, 1, {"metis": 9}, "P1"),
 ])
 def test_a_cut_through_an_edge_or_a_corner_leaves_it_whole(tmp_path, filled, cells, cut, element):
     """The answer is that of the mesh in one piece, and the bound holds."""

@@ -18,7 +18,7 @@ import in_process  # noqa: F401 - the code that runs in this process
 import meshio
 import numpy as np
 import pytest
-from quick import late
+from quick import late, quick
 from yaml_case import call
 
 import orchestrator
@@ -105,7 +105,7 @@ def test_the_script_is_one(tmp_path):
     (tmp_path / MARK).unlink()
 
 
-@pytest.mark.parametrize("command", ["check", "inspect", "init", "run"])
+@pytest.mark.parametrize("command", quick(["check", "inspect", "init", "run"], "init", "run"))
 def test_nothing_that_is_no_mesh_is_run(tmp_path, command):
     for name, content in FORGED.items():
         path = tmp_path / name
@@ -232,6 +232,7 @@ def test_yaml_makes_data_alone(tmp_path, text, command):
     assert call(command, written(tmp_path, f"mesh: {text}")).exit_code == 2
 
 
+@pytest.mark.long
 def test_modules_of_the_current_folder_are_not_ours(tmp_path):
     """Of ``python -m`` and ``-c`` they would come before numpy."""
     path = written(tmp_path, blackbox="{code: scikit-fem, workers: 1}")
@@ -379,7 +380,7 @@ def test_sizes_that_files_declare_are_not_taken_where_there_is_no_room(tmp_path,
         read(tmp_path / name)
 
 
-@pytest.mark.parametrize("mode, coded", [late("Appended", False), ("Appended", True), late("Binary", True)])
+@pytest.mark.parametrize("mode, coded", [late("Appended", False), late("Appended", True), late("Binary", True)])
 def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mode, coded):
     """Blocks of compressed arrays: VTK ends the process that reads. Lengths of others it does not ask."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter

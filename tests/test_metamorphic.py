@@ -40,7 +40,7 @@ MORE = [name for name in RELATIONS if name not in [*DOORS, *FEW, "mirrored"]]
 
 
 @pytest.mark.parametrize("scene, relations, silent", [
-    (TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "solved roughly", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
+    late(TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "solved roughly", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
     ids=["contact", "contact, more", "bonded"])
 def test_relations_hold(scene, relations, silent):
     """Blocks pressed and sheared: all relations but those of other doors have something to say of them, and hold; with friction nothing is

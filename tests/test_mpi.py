@@ -94,7 +94,7 @@ def subdomains(case: str) -> int:
     return cut["metis"] if "metis" in cut else len(made["parts"]) if "parts" in made else np.prod(cut["grid"]) if "grid" in cut else 4
 
 
-FEW = ["grounds", "contact", "a little friction", "pushed off", PAIRED]  # most of what two ranks share, in few scenes
+FEW = ["grounds", "pushed off", PAIRED]  # beside what ``tests/public/test_same`` solves
 
 
 @pytest.mark.parametrize("ranks, few", [(2, True), late(2, False), late(3, False), late(4, False)])

@@ -141,10 +141,10 @@ class Solver(Adapter):
 @pytest.mark.parametrize("body, words", [
     late("def commit(self, prepared): pass", "has no method advance"),
     late("commit = None\n    def advance(self, p, f): pass", "has no method commit"),
-    ("def commit(self, p): pass\n    def advance(self, p, f): return 1.1 * self.solve(p, f[None])[0], f", None),
+    late("def commit(self, p): pass\n    def advance(self, p, f): return 1.1 * self.solve(p, f[None])[0], f", None),
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], 0.999 * f",
      "advance\\(\\) returned forces that are not those it was given on free dofs"),
-    ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], float('nan') * f",
+    late("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], float('nan') * f",
      "advance\\(\\) returned what is no number .nan or infinite. on [0-9]+ dofs, the first at "),
     late("def commit(self, p): pass\n    def advance(self, p, f): return f[:3], f", "returned 3 displacements"),
 ], ids=["no advance", "no commit", "softer than elastic", "forces left over", "no number", "another size"])

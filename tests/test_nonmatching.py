@@ -67,7 +67,7 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
 @pytest.mark.parametrize("bodies, cells, law, element", [
     late(TWO, (2, 6), {**SLIDES, "friction": 0.1}, "P1"), late(TWO, (6, 2), {**SLIDES, "friction": 0.0}, "P1"),
     (TWO, (4, 5), {**SLIDES, "friction": 0.4}, "P1"), late(TWO, (4, 5), {**SLIDES, "gap": 0.002}, "P1"),
-    late(TWO, (5, 4), {**SLIDES, "gap": -0.002}, "P1"), (TWO, (2, 3), SLIDES, "P2"),
+    late(TWO, (5, 4), {**SLIDES, "gap": -0.002}, "P1"), late(TWO, (2, 3), SLIDES, "P2"),
     (FOUR, (4, 3, 5, 4), {**SLIDES, "friction": 0.1}, "P1"),
 ], ids=["fine on coarse", "without friction", "much friction", "gap", "press fit", "ten nodes", "four round an edge"])
 def test_contact_is_that_of_one_piece(bodies, cells, law, element):
@@ -93,7 +93,7 @@ def as_in_one_piece(made, scene):
     return solved
 
 
-@pytest.mark.parametrize("friction", [late(0.0), 0.4])
+@pytest.mark.parametrize("friction", [late(0.0), late(0.4)])
 def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
     """Facets that are chords of other polygons about the same circle; turned and pulled there and back."""
     made = config_from({**assemblies.bolt_in_bore(tmp_path, (0.6, 0.8), friction), "blackbox": IN_PROCESS,

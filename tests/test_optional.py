@@ -33,6 +33,7 @@ def blocked(code: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_the_core_runs_alone_and_the_rest_is_asked_for_by_name(tmp_path):
     """A bonded bar is solved and written; contact, METIS, CAD files, VTK's files, a report, pages and ranks are refused, each with its cure."""
     (tmp_path / "mesh.vtu").write_text('<VTKFile type="UnstructuredGrid"></VTKFile>')

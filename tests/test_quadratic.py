@@ -77,6 +77,7 @@ def test_what_is_factorised_is_the_sum(tmp_path, kind):
 # --- patch tests ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_pure_bending_is_exact(tmp_path):
     """σ_xx = 10 (z − 1): a quadratic displacement, prescribed at both ends and found in between."""
     made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains=CUBES["subdomains"], **P2, materials=STEEL,

@@ -273,6 +273,7 @@ def test_output_cannot_be_written(tmp_path, temporary):
     assert file.read_text() == ""
 
 
+@pytest.mark.long
 def test_disk_full(tmp_path, temporary):
     """A disk with room for the history but not for the fields."""
     if os.geteuid() != 0:

@@ -67,6 +67,7 @@ def test_a_file_gets_lines_of_plain_text(monkeypatch):
     assert silent.getvalue() == ""
 
 
+@pytest.mark.long
 def test_who_reads_enough_hears_no_complaint():
     done = subprocess.run(f'"{sys.executable}" -m orchestrator schema | head -c 20', shell=True, capture_output=True, text=True, cwd=ROOT)
     assert len(done.stdout) == 20 and done.stderr == ""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, PULL, method, solved
 
@@ -103,6 +104,7 @@ def loaded_modules(*commands: str) -> list[set[str]]:
     return [set(line.split()) for line in done.stdout.splitlines() if line.startswith("MODULES")]
 
 
+@pytest.mark.long
 def test_commands_load_only_what_they_need(tmp_path):
     """A structured mesh needs numpy and scipy alone; METIS comes with METIS. Without fields and figures nothing that draws or writes
     them is loaded, and no stress is computed; one process needs nothing of MPI, and what is bonded no compiler."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
+from quick import quick
 
 from orchestrator.blackbox.models import extended_model, sides_by_subdomain
 from orchestrator.scene.build import build_scene
@@ -49,7 +50,7 @@ def triangles_of(cells):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("mesh", ["slices", "cubes", "irregular"])
+@pytest.mark.parametrize("mesh", quick(["slices", "cubes", "irregular"], "irregular"))
 def test_extended_stiffness_is_the_sum(tmp_path, mesh, kind):
     """K of the extended mesh = K_E + Σ NᵀkN on all free dofs of a subdomain (paper, section 3.2)."""
     changes = {"slices": {}, "cubes": CUBES,

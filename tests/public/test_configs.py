@@ -148,7 +148,7 @@ def hertz(r):
     assert np.all(np.abs(found * np.pi * half / (2 * force) - 1) < 0.5 * h / half)
 
 
-@shows("mesh.box.cells=[6, 6, 3]", "blackbox.element=P1", LOOSE)
+@shows("mesh.box.cells=[4, 4, 2]", "blackbox.element=P1", LOOSE)
 def rigid_ball(r):
     """The ball's force is what the block stands on; friction holds what pushes it aside."""
     assert r.forces[1, :, 2] == pytest.approx([-800, -800], rel=0.01) and r.balanced
@@ -188,7 +188,7 @@ def bolts(r):
         assert 8000 < bolt["force"][2] < 9000
 
 
-@shows("method.tolerance.error=1e-3")
+@shows(LOOSE)
 def punch(r):
     """Sticks in part, more, slides with T = μ N, sticks again."""
     assert r.count("slip")[2] == r.count("stick")[3] == 88 and r.count("stick")[0] > 0
@@ -196,8 +196,8 @@ def punch(r):
     assert r.codes == ["freefem pipe", "calculix file"]
 
 
-@shows("parts.0.mesh.box.cells=[5, 4, 1]", "parts.1.mesh.box.cells=[4, 4, 3]",
-       "method.tolerance.error=1e-4")
+@shows("parts.0.mesh.box.cells=[5, 4, 1]", "parts.1.mesh.box.cells=[3, 3, 2]",
+       "method.tolerance.error=1e-3")
 def slider(r):
     """Dragged there and back with T = μ N, all of it."""
     assert r.count("stick")[1:] == [0, 0] and r.count("open") == [0, 0, 0] and r.balanced
@@ -205,14 +205,14 @@ def slider(r):
     assert drag == pytest.approx([0.3, 0.3], rel=0.01)
 
 
-@shows("method.tolerance.error=1e-4")
+@shows("method.tolerance.error=1e-3")
 def portal(r):
     """The base carries the beam's load of 3.5 and, in the end, the push of .2."""
     assert r.forces[0, 2] == pytest.approx([-0.2, 0, 3.5], abs=1e-3) and r.count("slip")[2] > 0
     assert {"deck file", "matrix file"} < {*r.codes}
 
 
-@shows("method.tolerance.error=1e-3")
+@shows(LOOSE)
 def five_doors(r):
     """The base carries what is on the beam, and the statue's own loads."""
     assert r.forces[0, 2] == pytest.approx([-3.272, 0, 7.912], abs=1e-2)
@@ -220,7 +220,7 @@ def five_doors(r):
                           "program file"}
 
 
-@shows("histories.expand=[0.5, 1.0, 0.0]", "method.tolerance.error=1e-3")
+@shows("histories.expand=[0.5, 1.0, 0.0]", LOOSE)
 def tube_in_frame(r):
     """What has yielded stays pressed on the frame when the pressure is gone."""
     assert r.count("open") == [0, 0, 0] and r.summary["nonlinear"]["subdomains"] == ["tube"]
@@ -252,8 +252,9 @@ def test_every_configuration_is_shown():
     assert {path.stem for path in CONFIGS.glob("*.yaml")} == {*SHOWN}
 
 
-# gmsh joins the CAD model's 18 solids anew in each
-LATE = ("assembly", "assembly_codes", "assembly_contact", "accuracy_l")
+# gmsh joins the CAD model's 18 solids anew in each; what else takes seconds is shown by others
+LATE = ("assembly", "assembly_codes", "assembly_contact", "accuracy_l",
+        "punch", "bolts", "five_doors", "tube_in_frame")
 NAMES = [pytest.param(name, marks=[pytest.mark.long] * (name in LATE)) for name in SHOWN]
 
 

@@ -60,6 +60,6 @@ def test_a_bar_holds_what_friction_does():
 
 
 def test_a_bar_that_is_pulled_beyond_friction_has_a_limit_load_and_its_share():
-    solution = stopped(pulled(1.1))
+    solution = stopped(pulled(1.1, 14))
     assert solution.stop_reason == "limit load"
     assert solution.summary["limit_load"][0]["factor"] == pytest.approx((1 - 0.4) / (1.1 - 0.4), rel=1e-3)

@@ -61,8 +61,8 @@ def dome(tmp_path, counts, code, friction, whole):
 
 
 @pytest.mark.parametrize("counts, code, friction",
-                         [((2, 3), P1, 0.0), ((3, 2), P1, 0.3), ((2, 3), P2, 0.0)],
-                         ids=["P1", "P1 with friction", "P2"])
+                         [((3, 2), P1, 0.3), ((2, 3), P2, 0.0)],
+                         ids=["P1 with friction", "P2"])
 def test_a_quarter_is_the_whole(counts, code, friction, tmp_path):
     """Slave nodes on planes of symmetry carry their laws in the components that are free."""
     quarter, whole = (dome(tmp_path, counts, code, friction, part).interfaces
@@ -73,8 +73,8 @@ def test_a_quarter_is_the_whole(counts, code, friction, tmp_path):
     assert seen == pytest.approx(peak, rel=1e-7)
 
 
-@pytest.mark.parametrize("code", [P1, P2], ids=["P1", "P2"])
-@pytest.mark.parametrize("held", [[None, 0, 0], HELD], ids=["normal", "altogether"])
+@pytest.mark.parametrize("code, held", [(P1, HELD), (P2, [None, 0, 0])],
+                         ids=["P1, altogether", "P2, in part"])
 def test_supports_on_contact_faces_leave_constant_pressure_as_it_is(code, held):
     """A third of the slave's face is held, where uniform strain leaves it."""
     third = {"box": [[-0.01, -0.01, 0.99], [0.34, 1.01, 1.01]]}
@@ -121,8 +121,7 @@ def tube(radii, heights, around, seed):
     return nodes[first], place.reshape(-1)[tets]
 
 
-@pytest.mark.parametrize("around, code", [((12, 12), P2), ((12, 15), P1), ((12, 15), P2)],
-                         ids=["P2", "P1 apart", "P2 apart"])
+@pytest.mark.parametrize("around, code", [((12, 15), P1), ((12, 12), P2)], ids=["P1 apart", "P2"])
 def test_round_fits_without_friction_carry_no_torque(around, code, tmp_path):
     """Normals are the round surface's where a point takes its mean: chords do not wedge."""
     shaft, hub = tube([1, 2], [-1, 2], around[0], 1), tube([2, 3], [0, 3], around[1], around[1] - 11)
