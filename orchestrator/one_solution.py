@@ -17,7 +17,7 @@ from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver
 from orchestrator.method.delivery.flux import Forces
-from orchestrator.method.delivery.recovery import Parts, of_all, on_mesh
+from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
@@ -69,10 +69,11 @@ class Solving:
         team, watch, wanted = self.ranks.team, self.watch, self.config.method.tolerance.error == "auto"
         with watch("parts"):
             part = Part.handed_out(self.whole, self.rank_of, team)
-        self.forces = Forces.of(part.scene, self.rank_of if team.size > 1 else None, team)
+        forces = team.share(None if team.rank else Forces.of(self.whole))
+        self.forces = forces.of_rank(part.space.subdomains)
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
         self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
-        self.estimate = DiscretisationEstimate(self.whole, self.cases, self._estimated)
+        self.estimate = DiscretisationEstimate(self.whole, self.cases)
         with set_aside(self.whole, team.size > 1 and not (self.reference or wanted)):
             delivered, setup_sweeps, spent = self._part_solved(part)
             del part, own
@@ -140,8 +141,3 @@ class Solving:
         told = OnRanks(self.told.all, numbers_of(chosen), self.ranks.team)
         return iterate(chosen, self.config.method, [told], self.watch, Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)
-
-    def _estimated(self, d: Decomposition, parts: Parts, numbers: Sequence[int] | None) -> float:
-        """Return the estimated relative error of displacements on several ranks."""
-        every, team = of_all(d, parts), d.space.team
-        return team.share(None if team.rank else self.estimate.estimator(every, numbers).relative)

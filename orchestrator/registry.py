@@ -134,8 +134,6 @@ CODES = Registry({
     "freefem": "orchestrator.blackbox.codes.freefem.code:FreeFem",
     "calculix": "orchestrator.blackbox.codes.calculix.code:CalculiX",
     "scikit-fem": "orchestrator.blackbox.codes.libraries:ScikitFem",
-    "ngsolve": "orchestrator.blackbox.codes.libraries:NGSolve",
-    "mfem": "orchestrator.blackbox.codes.libraries:Mfem",
 }, own={
     r".+\.py(:\w+)?|[\w.]+:\w+": "orchestrator.blackbox.codes.python_code:PythonCode",
 }, made="orchestrator.blackbox.codes.python_code:code_of")

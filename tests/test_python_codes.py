@@ -3,7 +3,6 @@
 import os
 import subprocess
 import venv
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -91,13 +90,3 @@ def test_interpreters_that_will_not_do_are_told(tmp_path, python, words):
     with pytest.raises(InputError) as caught:
         displacement({"code": file(tmp_path, STIFFNESS), "python": python, "workers": 1})
     assert words in str(caught.value) and caught.value.problems[0].path == ("blackbox", "python")
-
-
-@pytest.mark.parametrize("code", ["ngsolve", "mfem"])
-def test_adapters_shipped(code, shipped):
-    """Where the package is installed; a folder named by CODE_PYTHON may hold an interpreter that has it."""
-    python = os.environ.get(f"{code.upper()}_PYTHON")
-    if not python and find_spec(code) is None:
-        pytest.skip(f"no {code} here: pip install '.[{code}]', or {code.upper()}_PYTHON=/path/to/python")
-    entry = {"code": code, "workers": 1, **({"python": python} if python else {})}
-    assert apart(displacement(entry), shipped) < 1e-8

@@ -35,11 +35,10 @@ from orchestrator.method.monitors.following import Following
 from orchestrator.method.stopping.bound import ErrorBound, ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, pushed
 from orchestrator.method.stopping.convexity import check_convex
-from orchestrator.parallel.numbering import Meeting
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
-from orchestrator.scene.part import meeting_of, overview, part_of
+from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.timing import Savings, Stopwatch
@@ -52,13 +51,11 @@ class Part:
     scene : own subdomains, their interfaces, and of their neighbours what meets these
     space : numbering of its traces
     carried : rigid motions that go with what is prescribed, of the whole scene
-    meeting : what its fields' nodes are called on all ranks, where there are several, see ``meeting_of``
     """
 
     scene: Scene
     space: TraceSpace
     carried: Carried
-    meeting: Meeting | None = None
 
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Part:
@@ -69,8 +66,7 @@ class Part:
         rank_of = np.zeros(len(scene.subdomains), dtype=int) if rank_of is None else rank_of
         sides = sides_by_subdomain(scene)
         traces = [boundary_dofs(scene, scene.subdomains[e], sides[e]) for e in np.flatnonzero(rank_of == team.rank)]
-        return cls(scene, TraceSpace.of(scene, sides, traces, rank_of, team), Carried.of(scene, rank_of, team),
-                   meeting_of(scene, rank_of, team) if team.size > 1 else None)
+        return cls(scene, TraceSpace.of(scene, sides, traces, rank_of, team), Carried.of(scene, rank_of, team))
 
     @classmethod
     def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> Part:

@@ -9,7 +9,6 @@ of it, and that one tells all who have asked.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -76,20 +75,6 @@ class Borders:
                 total[..., self._with[rank]] += theirs[rank]
         sums[..., self._at] = total[..., self._place.ravel()]
         return sums
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Where a rank's part of a mesh meets those of others."""
-
-    label: np.ndarray  # (n,) int, what a node is called on all ranks; nodes of a rank that are one, see ``Fields.joined``, share it
-    shared: np.ndarray  # (n,) bool, whether cells of other ranks have it too
-    team: Team = ALONE
-
-    def borders(self, node: np.ndarray, *properties: np.ndarray) -> Borders:
-        """Of places at nodes (K,); properties (K,) or (K, …) tell places at a node from each other."""
-        at = np.flatnonzero(self.shared[node])
-        return Borders(np.column_stack([self.label[node[at]], *(p[at] for p in properties)]), at, self.team)
 
 
 def rendezvous(names: np.ndarray, team: Team) -> dict[int, np.ndarray]:

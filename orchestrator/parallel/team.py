@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
@@ -59,12 +58,6 @@ class Team:
     def deliver(self, outgoing: Sequence[np.ndarray]) -> list[np.ndarray]:
         """An array of numbers to every rank, most of them empty: what each of the ranks has for this one, flat; all ranks take part."""
         return [np.ravel(array) for array in outgoing]
-
-    def trade(self, outgoing: Sequence[Any]) -> list[Any]:
-        """An object to every rank, None where there is nothing of it: what each of the ranks has for this one; all ranks take part."""
-        packed = [pickle.dumps(thing) if thing else b"" for thing in outgoing]
-        arrived = self.deliver([np.frombuffer(p + bytes(-len(p) % 8)) for p in packed])  # as numbers, which nobody looks at
-        return [pickle.loads(message) if len(message) else None for message in arrived]
 
     def all_gather(self, part: Any) -> list[Any]:
         """Every rank's object, on all ranks."""

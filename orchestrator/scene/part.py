@@ -20,12 +20,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from orchestrator.parallel.numbering import Meeting
-from orchestrator.parallel.team import Team
 from orchestrator.processes import trim
-from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.supports import loose_bodies, supports_of
-from orchestrator.scene.copies import Copies
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
@@ -71,26 +67,7 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
                  interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
                  scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes,
                  bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
-                 probes=[probe.of_part(cells, own[scene.cell_subdomain]) if isinstance(probe, Surface | Section) else probe
-                         for probe in scene.probes],
-                 element=scene.element, thermal=None if scene.thermal is None else scene.thermal[:, cells],
-                 body_force=None if scene.body_force is None else scene.body_force[:, cells])
-
-
-def meeting_of(scene: Scene, rank_of: np.ndarray, team: Team) -> Meeting:
-    """What the nodes of a rank's fields are called on all ranks, which ask together; ``scene`` is the rank's part.
-
-    Where all interfaces are perfect these are the mesh's nodes, ascending; else each own subdomain's, one subdomain after another.
-    """
-    mine = rank_of == team.rank
-    own = [s for s in scene.subdomains if mine[s.index]]
-    if scene.bonded:
-        theirs = np.zeros(len(scene.mesh.nodes), dtype=bool)
-        for s in scene.subdomains:
-            theirs[s.nodes] |= not mine[s.index]
-        nodes = np.unique(np.concatenate([s.nodes for s in own]))
-        return Meeting(scene.number[nodes], theirs[nodes], team)
-    return Copies.of(scene, rank_of, team).meeting
+                 thermal=None if scene.thermal is None else scene.thermal[:, cells])
 
 
 def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:

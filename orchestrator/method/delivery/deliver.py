@@ -16,7 +16,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, inter
 from orchestrator.method.delivery.lawful import Lawful, Shares, shares
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.met import Met
-from orchestrator.method.delivery.moved import Moved, Passed, passing
+from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
 from orchestrator.method.delivery.tools import Placed, placed
@@ -58,7 +58,6 @@ class Delivered:
     discretisation: Estimate | None = None  # its estimated error, if asked for
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
-    passed: list[Passed] | None = None  # parts that are inside each other; None: not known, as of subdomains that rank 0 has got from others
     tools: Sequence[Placed] = ()  # where rigid tools are
 
     def without(self, wanted: Forces, unsound: Collection[int]) -> Delivered:
@@ -73,12 +72,11 @@ class Delivered:
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
-            wanted: Forces = Forces(), gathered: bool = True) -> Delivered:
+            wanted: Forces = Forces()) -> Delivered:
     """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are rank 0's to add.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
     wanted : forces that probes ask for
-    gathered : whether rank 0 gets the subdomains' displacements of all ranks
     """
     with watch("linear_stage"):
         ours, parts = ([part if part is None else cases.all_steps(part) for part in each]
@@ -112,12 +110,10 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
     tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
     met = Met.of(d.scene, interfaces, resultants, d.space.team)
-    everyones = of_all if gathered else lambda d, own: own
     energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
-    return Delivered(iterated, everyones(d, parts), everyones(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
+    return Delivered(iterated, of_all(d, parts), of_all(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
                      reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [],
-                     carried=through, moved=moved, tools=tools,
-                     passed=None if gathered else passing(d.scene, ours, d.space.team))
+                     carried=through, moved=moved, tools=tools)
 
 
 def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:

@@ -18,13 +18,12 @@ node, for the last, as among the reactions. Where a node has both, what the othe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.blackbox.models import Matter
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.probes import Section, Surface
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.copies import Copies
@@ -81,8 +80,8 @@ class Layer:
 
 
 class Carrier:
-    """What carries a probe's forces: of a section tets behind it and tets in front, of a surface those around its nodes. Of a part of a
-    scene each rank has its own; all make it together."""
+    """What carries a probe's forces: of a section tets behind it and tets in front, of a surface
+    those around its nodes."""
 
     def __init__(self, probe: Section | Surface, copies: Copies):
         self.probe, self.copies = probe, copies
@@ -90,15 +89,13 @@ class Carrier:
 
     @cached_property
     def measured(self) -> Measured:
-        """Force and moment, six components; of a section the force along its normal besides. All ranks ask together."""
+        """Force and moment, six components; of a section the force along its normal besides."""
         scene, cells, count = self.copies.scene, self.copies.cells, len(self.layers[0].moved)
         given = np.zeros((scene.steps, count))
         if isinstance(self.probe, Surface):
             given = self._loads()
         chosen, weights = [np.empty(0, dtype=int)], [np.empty((count, 0, 3))]
         for layer in self.layers:
-            if not len(layer.tets):
-                continue  # others'
             used, corners = np.unique(cells[layer.tets], return_inverse=True)
             moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[layer.tets]]
             points, motions = scene.mesh.nodes[self.copies.node[used]], layer.moved[:, used].reshape(count, -1)
@@ -107,12 +104,11 @@ class Carrier:
                 given -= _heated(self.copies, layer.tets)[:, used].reshape(scene.steps, -1) @ motions.T
             chosen.append(used)
             weights.append(weight.reshape(count, -1, 3))
-        given, = self.copies.meeting.team.sum(given)
         at = Measured.at(self.copies, np.concatenate(chosen), np.concatenate(weights, axis=1))
         return Measured(at, given)
 
     def rims(self) -> list[Rim]:
-        """All of a surface's; of a part those on sides of its own subdomains."""
+        """All of a surface's."""
         (layer,), found = self.layers, []
         for number, side, there, on in self._acting:
             nodes = np.flatnonzero(layer.factor[there].any(axis=1))
@@ -123,18 +119,18 @@ class Carrier:
     def _across(self) -> list[Layer]:
         copies, probe = self.copies, self.probe
         cells, one_with = copies.cells, copies.one_with
-        sides = [side[copies.own[side]] for side in (probe.behind, probe.front)]
+        sides = [probe.behind, probe.front]
         on = one_with(cells[sides[0]].ravel()) & one_with(cells[sides[1]].ravel())
         sides = [side[on[cells[side]].any(axis=1)] for side in sides]
         both = one_with(cells[sides[0]].ravel()) & one_with(cells[sides[1]].ravel())
         height = copies.scene.mesh.nodes[copies.node] @ probe.normal - probe.level
-        size, = copies.meeting.team.max(np.ptp(height[cells[np.concatenate(sides)]], axis=1).max(initial=0.0))
+        size = np.ptp(height[cells[np.concatenate(sides)]], axis=1).max(initial=0.0)
         share = np.where(both[:, None], 0.5 + 0.5 * np.sign(np.where(np.abs(height) > ON * size, height, 0.0))[:, None], np.zeros(3))
         return [self._layer(own, factor) for own, factor in zip(sides, (share, np.where(both[:, None], share - 1.0, 0.0)))]
 
     def _through(self) -> Layer:
         copies, within = self.copies, self.probe.within
-        around = copies.own & self._here[copies.cells].any(axis=1) & (np.isin(copies.scene.mesh.volume, within) if len(within) else True)
+        around = self._here[copies.cells].any(axis=1) & (np.isin(copies.scene.mesh.volume, within) if len(within) else True)
         return self._layer(np.flatnonzero(around), self._counted(around))
 
     def _layer(self, tets: np.ndarray, factor: np.ndarray) -> Layer:
@@ -160,23 +156,22 @@ class Carrier:
 
     @cached_property
     def _acting(self) -> list[tuple[int, int, np.ndarray, bool]]:
-        """Interfaces that do not make both sides one, own sides of theirs, the copies of nodes there, whether they have faces on the surface."""
+        """Interfaces that do not make both sides one, both sides of theirs, the copies of nodes there, whether they have faces on the surface."""
         copies, within, found = self.copies, self.probe.within, []
-        scene, own = copies.scene, np.diff(copies.ends) > 0
+        scene = copies.scene
         for i in scene.interfaces:
-            sides = [side for side in (0, 1) if own[i.subdomains[side]]]
-            inside = sides and (not len(within) or np.isin([scene.mesh.volume[scene.subdomains[e].cells[0]] for e in i.subdomains], within).all())
+            inside = (not len(within) or np.isin([scene.mesh.volume[scene.subdomains[e].cells[0]] for e in i.subdomains], within).all())
             if i.law.perfect and i.mortar is None and inside:
                 continue  # both sides are counted
-            found += [(i.index, side, copies.ends[i.subdomains[side]] + i.nodes[side], self._faces[1][2 * i.index + side]) for side in sides]
+            found += [(i.index, side, copies.ends[i.subdomains[side]] + i.nodes[side], self._faces[1][2 * i.index + side]) for side in (0, 1)]
         return found
 
     def _counted(self, around: np.ndarray) -> np.ndarray:
         """(N, 3) 1 where what acts at a copy is the surface's, among the nodes of the tets around (m,) bool."""
         copies = self.copies
-        held_by = np.concatenate([s.held_by for s, own in zip(copies.scene.subdomains, np.diff(copies.ends)) if own])
-        meant = copies.meeting.team.sum([float(faces.any()) for faces in self._faces[0]])[0]
-        others = (held_by >= 0) & ~np.append(meant > 0, False)[held_by]
+        held_by = np.concatenate([s.held_by for s in copies.scene.subdomains])
+        meant = np.array([faces.any() for faces in self._faces[0]], dtype=bool)
+        others = (held_by >= 0) & ~np.append(meant, False)[held_by]
         others |= (held_by < 0) & self._elsewhere()[:, None]
         used = np.zeros(len(held_by), dtype=bool)
         used[copies.cells[around]] = True
@@ -189,10 +184,10 @@ class Carrier:
         return self.copies.one_with(of[False]) & ~self.copies.one_with(of[True])
 
     def _loads(self) -> np.ndarray:
-        """(T, 6) what the surface's own tractions are, less all loads at its nodes; of own subdomains."""
+        """(T, 6) what the surface's own tractions are, less all loads at its nodes."""
         copies, layer = self.copies, self.layers[0]
         scene, used = copies.scene, np.unique(copies.cells[layer.tets])
-        loads = np.concatenate([s.loads for s, own in zip(scene.subdomains, np.diff(copies.ends)) if own], axis=1)[:, used]
+        loads = np.concatenate([s.loads for s in scene.subdomains], axis=1)[:, used]
         motions = motions_about(scene.mesh.nodes[copies.node[used]], self.probe.about, 1.0)
         given = -np.einsum("tni,ni,nik->tk", loads, layer.factor[used], motions)
         for entry, faces in zip(scene.boundary, self._faces[0]):
@@ -214,20 +209,21 @@ class Forces:
     rims: dict[str, list[Rim]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Forces:
-        """Return what is asked of a scene, or of a rank's part of it; all ranks ask together.
-
-        rank_of : as of ``Copies``
-        """
-        forced, count = [p for p in scene.probes if p.quantity in FORCES], len(scene.subdomains)
-        copies = Copies.of(scene, rank_of, team) if forced else None
+    def of(cls, scene: Scene) -> Forces:
+        """Return what is asked of a scene."""
+        forced = [p for p in scene.probes if p.quantity in FORCES]
+        copies = Copies.of(scene) if forced else None
         carriers = {p.name: Carrier(p, copies) for p in forced}
         carried = {name: carrier.measured for name, carrier in carriers.items()}
-        within = {name: np.flatnonzero(team.sum(np.bincount(list(probe.weights), minlength=count))[0])
-                  for name, probe in carried.items()}
+        within = {name: np.array(sorted(probe.weights)) for name, probe in carried.items()}
         rims = {p.name: carriers[p.name].rims() for p in forced if isinstance(p, Surface)}
-        return cls(carried, within,
-                   {name: own for name, own in rims.items() if team.max(float(len(own)))[0]})
+        return cls(carried, within, {name: own for name, own in rims.items() if own})
+
+    def of_rank(self, own: Sequence[int]) -> Forces:
+        """Return the same with weights of some subdomains alone."""
+        return replace(self, carried={
+            name: Measured({e: probe.weights[e] for e in own if e in probe.weights}, probe.given)
+            for name, probe in self.carried.items()})
 
 
 def _heated(copies: Copies, chosen: np.ndarray) -> np.ndarray:

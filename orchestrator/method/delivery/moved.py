@@ -113,26 +113,20 @@ class _Part(NamedTuple):
         return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells, self.outer)
 
 
-def passing(scene: Scene, sides: Sequence[np.ndarray], team: Team = ALONE) -> list[Passed]:
-    """All pairs of a scene, on all ranks, which ask together; of parts of it each volume that is near another is on one rank.
+def passing(scene: Scene, sides: Sequence[np.ndarray]) -> list[Passed]:
+    """Return all pairs of a scene.
 
-    sides : per subdomain (T, n_E, 3) displacement, of volumes that are here
+    sides : per subdomain (T, n_E, 3) displacement
     """
     if not scene.near:
         return []
     parts = {v: _Part.of(scene, sides, v) for v in scene.sagitta}
     bodies = {v: {scene.subdomains[e].body for e in np.unique(scene.cell_subdomain[scene.mesh.volume == v])} for v in parts}
-    home, named = {}, {}
-    for rank, known in enumerate(team.all_gather(bodies)):
-        home, named = home | dict.fromkeys(known, rank), named | known
-    wanted = sorted({(home[two], home[one], two) for one, two in scene.near if home[one] != home[two]})  # from, to, which
-    for some in team.trade([{v: parts[v] for a, b, v in wanted if (a, b) == (team.rank, rank)} for rank in range(team.size)]):
-        parts |= some or {}
     cells = [np.unique(scene.mesh.volume[i.cells], axis=0).tolist() for i in scene.interfaces]
     joined = {tuple(sorted(pair)) for pairs in cells for pair in pairs}
-    own = {pair: DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in scene.near if home[pair[0]] == team.rank}
-    found = {pair: (step, deepest) for told in team.all_gather(_deepest(parts, own, scene.steps)) for pair, step, deepest in told}
-    return [Passed(pair, frozenset(named[pair[0]] | named[pair[1]]), *found[pair]) for pair in scene.near if pair in found]
+    own = {pair: DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in scene.near}
+    return [Passed(pair, frozenset(bodies[pair[0]] | bodies[pair[1]]), step, deepest)
+            for pair, step, deepest in _deepest(parts, own, scene.steps)]
 
 
 def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float], steps: int) -> list[tuple[tuple[int, int], int, Overlap]]:

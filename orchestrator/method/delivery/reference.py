@@ -15,7 +15,6 @@ interfaces meet, do no harm. Nothing of the decomposed method is used but the op
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,7 +25,7 @@ from orchestrator.blackbox.models import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import Parts, of_all, on_mesh, recover
+from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import unit_rows
 from orchestrator.method.iterated import LoadCases
@@ -162,11 +161,10 @@ class DiscretisationEstimate:
 
     scene : the whole one, of four-node or ten-node tets
     cases : how all load steps follow from those that are solved
-    on_ranks : where there are several, (decomposition, displacement per subdomain, which load steps) → relative, of their pieces
     """
 
-    def __init__(self, scene: Scene | None, cases: LoadCases, on_ranks: Callable[[Decomposition, Parts, Sequence[int] | None], float]):
-        self.scene, self.cases, self.on_ranks = scene, cases, on_ranks
+    def __init__(self, scene: Scene | None, cases: LoadCases):
+        self.scene, self.cases = scene, cases
 
     @cached_property
     def estimator(self) -> Estimator:
@@ -177,4 +175,5 @@ class DiscretisationEstimate:
         parts, numbers = recover(d, fields, bound)[0], None if d.all_perfect else d.local.pairs.numbers
         if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
             parts = [u if u is None else self.cases.all_steps(u) for u in parts]
-        return self.estimator(parts, numbers).relative if d.space.team.size == 1 else self.on_ranks(d, parts, numbers)
+        every, team = of_all(d, parts), d.space.team
+        return team.share(None if team.rank else self.estimator(every, numbers).relative)

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
-from orchestrator.parallel.numbering import Meeting
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
 from orchestrator.scene.interface import Interface
@@ -44,9 +43,9 @@ class Estimate:
     """The estimated discretisation error, all load steps together.
 
     relative : max_t η_t / max_t ‖u_t‖, in the energy norm
-    cells : (T, m) share of each cell, among ranks of its own ones; the largest root of a step's sum of squares is ``relative``
+    cells : (T, m) share of each cell; the largest root of a step's sum of squares is ``relative``
     size : what both are relative to, the root of an energy
-    leaps : (T,) share of leaps between bonded sides in the sum of squares, among ranks of its own ones
+    leaps : (T,) share of leaps between bonded sides in the sum of squares
     """
 
     relative: float
@@ -56,10 +55,10 @@ class Estimate:
 
 
 class Estimator:
-    """Estimates on one mesh, or a rank's part of it; a kind for each order of tets, see ``estimator_of``. All ranks make and ask together.
+    """Estimates on one mesh; a kind for each order of tets, see ``estimator_of``.
 
     nodes : (n, 3); cells : (m, 4 or 10) int, on nodes of which bodies have their own
-    meeting : labels of the nodes (n,), equal where perfect interfaces make nodes one, and where others have parts of the mesh
+    label : (n,) int, equal where perfect interfaces make nodes one
     lame : (m, 2), Lamé's λ and μ
     thermal : (T, m, 4) thermal strain at the corners; None where nothing is heated
     body_force : (T, m, 1 or 4, 3) force/volume of each cell, at its corners where it varies; None where there is none
@@ -73,23 +72,22 @@ class Estimator:
     ours: np.ndarray | bool = True
     leaps: Callable[[np.ndarray], list[tuple[np.ndarray, np.ndarray]]] | None = None
 
-    def __init__(self, nodes: np.ndarray, cells: np.ndarray, meeting: Meeting, lame: np.ndarray, thermal: np.ndarray | None = None,
+    def __init__(self, nodes: np.ndarray, cells: np.ndarray, label: np.ndarray, lame: np.ndarray, thermal: np.ndarray | None = None,
                  body_force: np.ndarray | None = None, loads: Sequence[np.ndarray] = ()):
         self.cells, self.lame, self.thermal, self.body_force, self.loads = cells, lame, thermal, body_force, loads
-        self.joined, self.team = np.unique(meeting.label, return_inverse=True)[1].ravel(), meeting.team
+        self.joined = np.unique(label, return_inverse=True)[1].ravel()
         self.gradients, self.volumes = shape_gradients(nodes, cells)
-        self._prepare(nodes, meeting)
+        self._prepare(nodes, label)
 
-    def _prepare(self, nodes: np.ndarray, meeting: Meeting) -> None:
+    def _prepare(self, nodes: np.ndarray, label: np.ndarray) -> None:
         """What a kind of estimate needs of the mesh."""
 
     @classmethod
     def of(cls, scene: Scene) -> Estimator:
         """For a whole scene, every subdomain with its own nodes, one after another; cells as the mesh has them."""
         copies = Copies.of(scene)
-        meeting = Meeting(copies.label, np.zeros(len(copies.node), dtype=bool))
         loads = [s.loads for s in scene.subdomains]
-        made = cls(scene.mesh.nodes[copies.node], copies.cells, meeting, scene.lame, scene.thermal, scene.body_force, loads)
+        made = cls(scene.mesh.nodes[copies.node], copies.cells, copies.label, scene.lame, scene.thermal, scene.body_force, loads)
         made.ours = ~scene.stand_ins[scene.cell_subdomain]
         if found := leaping(scene):
             starts = np.cumsum([0, *(len(s.nodes) for s in scene.subdomains)])
@@ -120,12 +118,12 @@ class Estimator:
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self.energies(u)
         work = self.work(sides, numbers)
-        errors, energy, alone, work = self.team.sum(squares.sum(axis=1), energies.sum(axis=1), alone, work)
+        errors, energy = squares.sum(axis=1), energies.sum(axis=1)
         size = size_of(exact_energy(energy, errors, work), alone)
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size, size, leapt / size**2)
 
     def work(self, sides: Sequence[np.ndarray], numbers: Sequence[int]) -> np.ndarray:
-        """(T,) f·u, of a rank's own loads, parameters as for the estimate."""
+        """(T,) f·u, parameters as for the estimate."""
         return np.array([sum(float((load[number] * side[t]).sum()) for load, side in zip(self.loads, sides))
                          for t, number in enumerate(numbers)])
 

@@ -26,7 +26,6 @@ from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.recovered_stresses import RecoveredStresses
-from orchestrator.parallel.numbering import Meeting
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
 from orchestrator.scene.model import Scene
 
@@ -43,12 +42,12 @@ class ElementProblems(Estimator):
 
     turn : (m, 4) int, corners of every tet in the order of their labels, so that both sides of a face have it in the same order
     slopes : (m, 4, 3) of the linear shape functions, in that order
-    mate : (4 m,) int, of each face of a tet the same face of another one; −1: none here
-    outer : (k,) int, the faces of one tet alone, here; lonely : (m, 4) bool, those of one tet alone on all ranks
+    mate : (4 m,) int, of each face of a tet the same face of another one; −1: none
+    lonely : (m, 4) bool, faces of one tet alone
     """
 
-    def _prepare(self, nodes: np.ndarray, meeting: Meeting) -> None:
-        label = meeting.label[self.cells]
+    def _prepare(self, nodes: np.ndarray, label: np.ndarray) -> None:
+        label = label[self.cells]
         self.turn = np.argsort(label[:, :4], axis=1)
         self.slopes = np.take_along_axis(self.gradients, self.turn[:, :, None], 1)
         # by their middles: all corners of a face may be joined by other interfaces than the one that it is on
@@ -58,12 +57,7 @@ class ElementProblems(Estimator):
         same = (middles[order[1:]] == middles[order[:-1]]).all(axis=1)
         self.mate = np.full(len(middles), -1)
         self.mate[order[:-1][same]], self.mate[order[1:][same]] = order[1:][same], order[:-1][same]
-        self.outer = np.flatnonzero(self.mate < 0)
-        corner = np.take_along_axis(self.cells, self.turn, 1)[:, FACES[:, 0]].ravel()[self.outer]
-        self._borders = meeting.borders(corner, *middles[self.outer].T)
-        self.lonely = np.zeros(len(middles), dtype=bool)
-        self.lonely[self.outer] = self._borders(np.ones(len(self.outer))) < 2
-        self.lonely = self.lonely.reshape(-1, 4)
+        self.lonely = (self.mate < 0).reshape(-1, 4)
 
     def _errors(self, stresses: Sequence[np.ndarray], numbers: Sequence[int | None]) -> np.ndarray:
         loads = np.stack([self._load(sigma, number) for sigma, number in zip(stresses, numbers)], axis=2)
@@ -76,7 +70,6 @@ class ElementProblems(Estimator):
         vectors = -3 * self.volumes[:, None, None] * self.slopes  # of the faces, outward, as long as their areas
         tractions = np.einsum("mfcij,mfj->mfci", tensors[:, FACES], vectors).reshape(-1, 9)
         leap = tractions + tractions[self.mate]
-        leap[self.outer] = self._borders(tractions[self.outer].T.copy()).T
         leap = np.where(self.lonely[:, :, None, None], 0.0, leap.reshape(-1, 4, 3, 3))
         inside = np.einsum("maij,maj->mi", tensors, self.slopes)[:, None]  # (m, 1, 3)
         if self.body_force is not None and number is not None:

@@ -38,7 +38,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.method.stopping.discretisation import Estimator, mean_square
-from orchestrator.parallel.numbering import Meeting
 
 SOFTEST = 4.0  # 2/β², for β² = ½ of compact bodies: the bulk modulus over μ beyond which it is none of the error's business
 SLOPE = 0.01  # τ: a hundredth of what a patch is wide
@@ -51,7 +50,7 @@ class RecoveredStresses(Estimator):
     shares : (4, m) of each cell's stress in what is recovered there; they add up to one
     """
 
-    def _prepare(self, nodes: np.ndarray, meeting: Meeting) -> None:
+    def _prepare(self, nodes: np.ndarray, label: np.ndarray) -> None:
         # what counts is whether the moduli differ, not whether the configuration lists them apart
         matter = np.unique(self.lame[:, 0] + 1j * self.lame[:, 1], return_inverse=True)[1].ravel()
         keys = self.joined[self.cells.T] * (int(matter.max(initial=0)) + 1) + matter
@@ -59,9 +58,6 @@ class RecoveredStresses(Estimator):
         occurs[keys] = True
         self.corner = (np.cumsum(occurs) - 1).astype(np.int32)[keys]
         self.count = int(self.corner.max()) + 1
-        node, behind = np.empty((2, self.count), dtype=int)
-        node[self.corner], behind[self.corner] = self.cells.T, np.arange(len(self.cells))
-        self._borders = meeting.borders(node, self.lame[behind])
         self.shares = self._shares(nodes)
 
     def _errors(self, stresses: Sequence[np.ndarray], numbers: Sequence[int | None]) -> np.ndarray:
@@ -95,4 +91,4 @@ class RecoveredStresses(Estimator):
     def _sum(self, values: np.ndarray) -> np.ndarray:
         """(K,) nodal sums of (4 or 1, m), weighted by volume."""
         shares = np.broadcast_to(self.volumes * values, self.corner.shape)
-        return self._borders(sum(np.bincount(nodes, share, self.count) for nodes, share in zip(self.corner, shares)))
+        return sum(np.bincount(nodes, share, self.count) for nodes, share in zip(self.corner, shares))

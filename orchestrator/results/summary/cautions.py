@@ -24,15 +24,14 @@ AMISS, TURNED = 0.1, 0.01  # shares of gaps' worth of pressure, and of forces th
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
-             detached: Iterable[list[str]] = (), discretisation_error: float | None = None, moved: Moved | None = None,
-             passed: Sequence[Passed] | None = None) -> list[str]:
+             detached: Iterable[list[str]] = (), discretisation_error: float | None = None, moved: Moved | None = None) -> list[str]:
     """Sentences that a reader of the results must know.
 
-    sides : per subdomain (steps, n_E, 3) displacement; not asked for where the scene is known by its outline alone
+    sides : per subdomain (steps, n_E, 3) displacement
     met : the interfaces that are not perfect; None where all are
     detached : names per load step; where such bodies are means nothing, so that they are left out
     discretisation_error : estimated, relative, energy norm; None: not known
-    moved : how subdomains have moved, passed : which parts are inside each other; None: it is found from ``sides``
+    moved : how subdomains have moved; None: it is found from ``sides``
     """
     lost = {name for step in detached for name in step}
     tools = {i.subdomains[1] for i in scene.interfaces if i.tool is not None}  # which may go anywhere
@@ -55,7 +54,7 @@ def cautions(scene: Scene, sides: list[np.ndarray], met: Met | None = None,
     if turned:
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
-    result += passing_through(scene, passing(scene, sides) if passed is None else passed, lost)
+    result += passing_through(scene, passing(scene, sides), lost)
     return result if met is None else [*result, *_of_interfaces(scene, met)]
 
 

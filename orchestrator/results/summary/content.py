@@ -83,7 +83,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.met, contact.get("detached", ()),
-                   estimated and estimated.relative, delivered.moved, delivered.passed) + [*tool_cautions(delivered.tools)],
+                   estimated and estimated.relative, delivered.moved) + [*tool_cautions(delivered.tools)],
         **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary

@@ -6,7 +6,7 @@ its own cells: ``of_part``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -52,12 +52,6 @@ class Surface:
         """(k, 3 or 6) int, nodes of the faces, of a mesh's tets (m, 4 or 10)."""
         return cells[self.cells[:, None], self.corners]
 
-    def of_part(self, kept: np.ndarray, own: np.ndarray) -> Surface:
-        """Those of its faces whose tets are own (m,) bool, of a part that keeps tets (j,) int, ascending."""
-        mine = own[self.cells]
-        return replace(self, cells=np.searchsorted(kept, self.cells[mine]), corners=self.corners[mine], area=self.area[mine])
-
-
 @dataclass(frozen=True)
 class Line:
     """A probe along a line.
@@ -91,11 +85,6 @@ class Section:
     level: float
     about: np.ndarray
     quantity: str = "section"
-
-    def of_part(self, kept: np.ndarray, own: np.ndarray) -> Section:
-        """As of a ``Surface``, but for tets that are kept of neighbours."""
-        return replace(self, **{side: np.flatnonzero(np.isin(kept, getattr(self, side))) for side in ("front", "behind")})
-
 
 @dataclass(frozen=True)
 class Tets:
