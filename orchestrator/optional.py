@@ -19,7 +19,7 @@ WANTED = {
     "numba": ("fast", "it compiles the loops that contact and friction take"),
     "matplotlib": ("figures", "it draws charts"),
     "pyvista": ("figures", "it draws pictures of meshes and fields"),
-    "vtkmodules": ("figures", "it draws, and reads .vtk, .vtu and .pvtu files"),
+    "vtkmodules": ("figures", "it draws, and reads .vtk and .vtu files"),
     "mpi4py": ("cluster", "it lets several processes solve one problem"),
 }
 DRAWING = ("matplotlib", "pyvista", "vtkmodules")

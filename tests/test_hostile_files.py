@@ -55,7 +55,7 @@ FORGED = {
     "plain.geo": SCRIPT, "plain.pos": SCRIPT, "plain.opt": SCRIPT, "none": SCRIPT, "part.msh.gz": SCRIPT,
     "part.unv": SCRIPT, "part.bdf": SCRIPT, "part.nas": SCRIPT, "part.med": SCRIPT, "part.mesh": SCRIPT, "part.inp": SCRIPT,
     "part.step": SCRIPT, "part.stp": SCRIPT, "part.brep": SCRIPT, "part.igs": SCRIPT, "part.stl": SCRIPT,
-    "part.vtk": SCRIPT, "part.vtu": SCRIPT, "part.pvtu": SCRIPT, f"; touch {MARK};.msh": SCRIPT,
+    "part.vtk": SCRIPT, "part.vtu": SCRIPT, f"; touch {MARK};.msh": SCRIPT,
     "entity.xdmf": '<!DOCTYPE Xdmf [<!ENTITY x SYSTEM "file:///etc/passwd">]><Xdmf>&x;</Xdmf>',
     "entity.xml": "<!DOCTYPE dolfin [<!ENTITY x 'y'>]><dolfin/>",
     "entity.vtu": '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + VTU.format("", "", "&x;", ""),
@@ -350,16 +350,6 @@ def test_cards_of_a_deck_name_no_files(tmp_path, card):
     (tmp_path / "rest.inp").write_text("** nothing\n")
     done = call("check", written(tmp_path, ON_A_BOX.format("deck: {calculix: part.inp, joints: J}")))
     assert done.exit_code == 2 and "files of its own" in done.output, done.output
-
-
-def test_pieces_are_beside_their_grid(tmp_path):
-    (tmp_path / "in").mkdir()
-    (tmp_path / "out.vtu").write_text(VTU.format("", "", "", ""))
-    (tmp_path / "in" / "link.vtu").symlink_to(tmp_path / "out.vtu")
-    for source in ("../out.vtu", str(tmp_path / "out.vtu"), "link.vtu", "/etc/passwd"):
-        (tmp_path / "in" / "all.pvtu").write_text(VTU.format("P", "P", f'<Piece Source="{source}"/>', "P"))
-        with pytest.raises(InputError, match="piece 1 is not beside it"):
-            read(tmp_path / "in" / "all.pvtu")
 
 
 @pytest.mark.parametrize("named", ["/dev/zero", "../x.h5:/points", "/etc/passwd"])

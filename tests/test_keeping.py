@@ -233,8 +233,6 @@ FILES = {
                          "sub/bolts.inp"),
     "one included by that": ({"mesh": {"file": "all.inp"}}, {
         "all.inp": "*Include,input = 'sub/bolts.inp'\r\n", "sub/bolts.inp": "*INCLUDE, INPUT=nut.inp", "sub/nut.inp": ""}, "sub/nut.inp"),
-    "a piece": ({"mesh": {"file": "all.pvtu"}}, {"all.pvtu": '<Piece Source="all_0.vtu"/> <Piece Source="all_1.vtu"/>',
-                                                 "all_0.vtu": "", "all_1.vtu": ""}, "all_1.vtu"),
     "a part's mesh": ({"parts": [{"mesh": {"file": "a.msh"}}, {"mesh": {"file": "b.msh"}}]}, {"a.msh": "", "b.msh": ""}, "b.msh"),
     "temperatures": ({"loads": [{"temperature": {"file": "warm.csv"}}]}, {"warm.csv": ""}, "warm.csv"),
     "a matrix": ({"parts": [{"matrix": {"stiffness": "k.mtx", "nodes": "n.csv"}}]}, {"k.mtx": "", "n.csv": ""}, "k.mtx"),

@@ -153,7 +153,7 @@ _QUOTED = r"""[ \t]*["']([^"'\n]+)["']"""
 _SELF = lambda word: [word]  # noqa: E731
 _DATA = [(_pattern(r"([^\s<>\"']+\.h5)(?=:)"), _SELF)]
 _INCLUDES = {
-    ".pvtu": [(_pattern(rf"<Piece[^>]*\bSource[ \t]*={_QUOTED}"), _SELF)], ".xdmf": _DATA, ".xmf": _DATA,
+    ".xdmf": _DATA, ".xmf": _DATA,
     ".py": [(_pattern(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+([^#\n]+)"), _modules)]}
 # Decks and forms, whatever their ending.
 _BY_WORDS = [(_pattern(r"^[ \t]*\*[ \t]*INCLUDE[ \t]*,[ \t]*INPUT[ \t]*=[ \t]*[\"']?([^,\"'\r\n]+)"), _SELF),

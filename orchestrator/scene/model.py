@@ -219,7 +219,7 @@ class Scene:
     @property
     def used(self) -> np.ndarray:
         """(k,) int, ascending, the materials that some cell has."""
-        return np.unique(self.cell_material) if self.overview is None else np.flatnonzero(self.overview.used)
+        return np.unique(self.cell_material)
 
     @property
     def opening(self) -> list[Interface]:
@@ -241,8 +241,6 @@ class Scene:
     @property
     def prints(self) -> np.ndarray:
         """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has the same mesh, cut alike."""
-        if self.overview is not None:
-            return self.overview.prints
         made = [hashlib.sha256(np.ascontiguousarray(self.mesh.nodes[s.nodes]).tobytes()
                                + np.ascontiguousarray(s.connectivity).tobytes()) for s in self.subdomains]
         return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)

@@ -43,17 +43,13 @@ class Overview:
     loose : (subdomains,) bool, bodies that nothing but contact could hold
     difficulty : what is difficult about the interfaces and subdomains
     matched : (interfaces,) bool, as of the ``Scene``
-    used : (materials,) bool, which of them some cell has
     supports : what holds the subdomains as rigid bodies, see ``conditions.supports``
     box : (2, 3) around all nodes of the mesh
-    prints : (subdomains, 32) as of the ``Scene``
     """
 
     sizes: np.ndarray
     loose: np.ndarray
     difficulty: Difficulty
     matched: np.ndarray
-    used: np.ndarray
     supports: object
     box: np.ndarray
-    prints: np.ndarray

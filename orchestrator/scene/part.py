@@ -31,9 +31,8 @@ from orchestrator.scene.soles.overlap import difficulty, first_row
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
     opens = any(not i.law.joins for i in scene.interfaces)
-    used = np.isin(np.arange(len(scene.materials)), scene.cell_material)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
-                    difficulty(scene), scene.matched, used, supports_of(scene), scene.mesh.box, scene.prints)
+                    difficulty(scene), scene.matched, supports_of(scene), scene.mesh.box)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:

@@ -35,7 +35,7 @@ def write_fields(folder: ResultsFolder, fields: Fields, beside: Sequence[OwnFiel
     hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
     with folder.replacing(NAME) as temporary:
         write_npz(temporary, arrays(fields))
-    folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
+    folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
     names = [f"{STEP}_{step + 1:04d}.vtu" for step in range(fields.steps)]
     _write_steps(folder, names, fields, hidden)
     write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])

@@ -31,7 +31,6 @@ _KNOWN = {
     ".bdf": (_CARD, "Nastran's cards, BEGIN BULK or GRID"),
     ".nas": (_CARD, "Nastran's cards, BEGIN BULK or GRID"),
     ".vtu": (_VTK % b"UnstructuredGrid", "<VTKFile type=\"UnstructuredGrid\">"),
-    ".pvtu": (_VTK % b"PUnstructuredGrid", "<VTKFile type=\"PUnstructuredGrid\">"),
     ".vtk": (rb"# vtk DataFile Version", "# vtk DataFile Version"),
     ".xdmf": (_XDMF, "<Xdmf"), ".xmf": (_XDMF, "<Xdmf"), ".xml": (_XML + rb"<dolfin\b", "<dolfin"),
     ".mesh": (_MEDIT, "Medit's MeshVersionFormatted"),

@@ -147,15 +147,15 @@ def by_vtk(source: str, target: str) -> None:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow, vtkVersion
     from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
-    from vtkmodules.vtkIOXML import vtkXMLPUnstructuredGridReader, vtkXMLUnstructuredGridReader
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
     heard = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(heard)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    ending = source.lower().rpartition(".")[2]
-    reader = {"vtk": vtkUnstructuredGridReader, "pvtu": vtkXMLPUnstructuredGridReader}.get(ending, vtkXMLUnstructuredGridReader)()
+    legacy = source.lower().endswith(".vtk")
+    reader = vtkUnstructuredGridReader() if legacy else vtkXMLUnstructuredGridReader()
     reader.SetFileName(source)
-    if ending == "vtk":
+    if legacy:
         reader.ReadAllScalarsOn()
         reader.ReadAllFieldsOn()
     reader.Update()

@@ -26,7 +26,7 @@ from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 
 ROOM = 2.0  # bytes that reading takes per byte of the file, at least
-BY_VTK = {".vtu", ".pvtu", ".vtk"}  # meshio knows no text and no fields of theirs
+BY_VTK = {".vtu", ".vtk"}  # meshio knows no text and no fields of theirs
 BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
 FLAT_CELLS = {"vertex", "line", "line3", "triangle", "quad"}
 
@@ -93,7 +93,7 @@ def _load(path: Path) -> meshio.Mesh:
     if not path.is_file():
         raise bad_file(path, "no such file", "an existing mesh file", "check the path")
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
-    if ending in (".vtm", ".vtmb", ".pvd"):
+    if ending in (".vtm", ".vtmb", ".pvd", ".pvtu"):
         raise bad_file(path, "a collection of grids", "one grid (.vtu)",
                        "put its blocks together (ParaView: Merge Blocks; pyvista: combine(merge_points=True)) with a cell array "
                        "'volume' that tells them apart, or name each one's file under parts:")

@@ -1,4 +1,4 @@
-"""VTK's files, .vtu, .pvtu and .vtk, as ParaView, pyvista, meshio and gmsh write them: cells and the names of their groups.
+"""VTK's files, .vtu and .vtk, as ParaView, pyvista, meshio and gmsh write them: cells and the names of their groups.
 
 A group's name is a text on each cell, or belongs to a number on each cell: by the texts of a field of the file, or by fields
 of two numbers, tag and dimension, that are called as gmsh's physical names are.
@@ -6,8 +6,6 @@ of two numbers, tag and dimension, that are called as gmsh's physical names are.
 
 from __future__ import annotations
 
-import html
-import re
 import tempfile
 from pathlib import Path
 
@@ -16,7 +14,7 @@ import numpy as np
 
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.child import apart
-from orchestrator.scene.mesh.checks import bad_file, check_content, memory_left
+from orchestrator.scene.mesh.checks import bad_file, memory_left
 
 # VTK's numbers of cell types → meshio's words; of those that are missing the number is told
 TYPES = {1: "vertex", 3: "line", 4: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid",
@@ -38,8 +36,6 @@ def read_vtk(path: Path) -> meshio.Mesh:
 
     Raises InputError: VTK complains; nodes that are not there; text on the cells in more arrays than one
     """
-    if path.suffix.lower() == ".pvtu":
-        _check_pieces(path)
     grid, cell, field = _read(path)
     if "types" not in grid:
         raise bad_file(path, "no cells", "a grid with tetrahedra", CURE)
@@ -67,20 +63,6 @@ def read_vtk(path: Path) -> meshio.Mesh:
         for name, at in groups.items():
             found.setdefault(name, [np.empty(0, dtype=np.int64)] * len(kinds))[i] = at
     return meshio.Mesh(points, cells, cell_sets=found, field_data=physical)
-
-
-def _check_pieces(path: Path) -> None:
-    """Raises InputError for a piece of a .pvtu that is not beside it, or below."""
-    names = [html.unescape(name.decode(errors="replace")) for name in re.findall(rb"\bSource\s*=\s*[\"']([^\"']*)", path.read_bytes())]
-    folder = path.resolve().parent
-    for i, name in enumerate(names, 1):
-        piece = path.parent / name
-        if not piece.resolve().is_relative_to(folder) or piece.suffix.lower() != ".vtu":
-            raise bad_file(path, f"piece {i} is not beside it", "pieces (.vtu) in its folder or below",
-                           "put the pieces beside it, and name them so")
-        if not piece.is_file():
-            raise bad_file(path, f"piece {i} is not there", "all pieces that it names", "save it again, with its pieces")
-        check_content(piece, ("mesh", "file"))
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]:
