@@ -59,7 +59,13 @@ class Meshed:
 
     def __call__(self, config: Config, run_programs: bool, problems: Problems) -> Body:
         """The mesh of a configuration, of four- or ten-node tets, and which matter each has; what is wrong goes to ``problems``."""
-        mesh, faces = self.of_corners(config, run_programs)
+        parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
+        if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
+            self.let_go()  # not both at once
+            self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0), self._known) if config.mesh else
+                          self._call(make_parts, config.parts, run_programs, self._sizes, self._known))
+            self._asked = config.mesh, parts
+        mesh, faces = self._made
         element, choice = config.codes[0].element, None
         if element == "auto":
             unknowns = 3 * (len(mesh.nodes) + len(edges_of(mesh.cells, TET_EDGES)[0]))
@@ -74,16 +80,6 @@ class Meshed:
         check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
                      "give fewer load steps, or a coarser mesh")
         return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
-
-    def of_corners(self, config: Config, run_programs: bool = False) -> tuple[Mesh, Faces]:
-        """The mesh of a configuration, of four-node tets, and its faces."""
-        parts = config.parts and [part.model_dump(exclude={"material"}) for part in config.parts]
-        if self._made is None or (config.mesh, parts) != self._asked or self._made[0].foreign:
-            self.let_go()  # not both at once
-            self._made = (self._call(make_mesh, config.mesh, None, self._sizes.get(0), self._known) if config.mesh else
-                          self._call(make_parts, config.parts, run_programs, self._sizes, self._known))
-            self._asked = config.mesh, parts
-        return self._made
 
     def once(self, config: Config, run_programs: bool, problems: Problems) -> Body:
         """As when called, and keeps nothing."""

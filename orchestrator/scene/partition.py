@@ -43,7 +43,7 @@ class Partition:
 def slices(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     """Slices of equal thickness along ``entry.axis``, by the tets' centroids."""
     count, axis = _counted(int(entry.count), len(mesh.cells)), AXES.index(entry.axis)
-    return Partition(layers(mesh, axis, count), [slice_name(i) for i in range(count)])
+    return Partition(layers(mesh, axis, count), [f"slice {i}" for i in range(count)])
 
 
 def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
@@ -51,17 +51,7 @@ def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     counts = [int(c) for c in entry]
     _counted(min(counts) if min(counts) < 1 else int(np.prod(counts)), len(mesh.cells))
     index = np.ravel_multi_index([layers(mesh, axis, c) for axis, c in enumerate(counts)], counts)
-    return Partition(index, [block_name(*i) for i in np.ndindex(*counts)])
-
-
-def slice_name(index: int) -> str:
-    """Name of one of the slices."""
-    return f"slice {index}"
-
-
-def block_name(*index: int) -> str:
-    """Name of a block of the grid, by its place along x, y, z."""
-    return "block {}-{}-{}".format(*index)
+    return Partition(index, ["block {}-{}-{}".format(*i) for i in np.ndindex(*counts)])
 
 
 def metis(mesh: Mesh, faces: Faces, entry: Any) -> Partition:

@@ -13,7 +13,7 @@ from orchestrator.config.base import Rotate, unit
 from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible, wrong
 from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.size_map import bisected, Sizes, WHOLE
-from orchestrator.scene.mesh.bricks import Bricks
+from orchestrator.scene.mesh.bricks import bricks
 from orchestrator.scene.mesh.faces import Faces, MAX_NODES, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh, checked
@@ -47,19 +47,11 @@ def make_mesh(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes 
         known, name = {} if known is None else known, str(mesh)
         made = known[name] = known.get(name) or make(mesh)
         made = bisected(made, sizes[WHOLE]) if sizes else made
-    return checked(finished(made, mesh, key))
-
-
-def finished(made: Mesh, mesh: Any, key: str) -> Mesh:
-    """What a source has made, its names such as can be shown, renamed and scaled as the configuration's ``mesh`` says.
-
-    key : which of the ``SOURCES``
-    """
     made = _named(made)
     if key == "file" and getattr(mesh, "rename", None):
         made = replace(made, volumes=renamed(made.volumes, mesh.rename, ("mesh", "rename")))
     factor = float(getattr(mesh, "scale", None) or 1.0)
-    return made if factor == 1.0 else _placed(made, lambda points: factor * points)
+    return checked(made if factor == 1.0 else _placed(made, lambda points: factor * points))
 
 
 def _placed(mesh: Mesh, place: Callable[[np.ndarray], np.ndarray]) -> Mesh:
@@ -178,28 +170,16 @@ def joined(meshes: list[Mesh]) -> Mesh:
 
 def beam(mesh: Any) -> Mesh:
     """A box of bricks about h wide, from ``mesh.beam`` with ``size`` (3 lengths) and ``h`` (a length)."""
-    grid = grid_of(mesh)
-    check_size(np.prod(grid.counts + 1.0), ("mesh", "beam", "h"), f"h = {mesh.beam.h:g}", coarser(mesh.beam.h))
-    return grid.mesh()
+    size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
+    # Python's rounding would send 2.5 cells to 2; more than memory holds are counted all the same
+    counts = np.maximum(np.floor(size / h + 0.5), 1).clip(max=1e15).astype(int)
+    check_size(np.prod(counts + 1.0), ("mesh", "beam", "h"), f"h = {h:g}", coarser(h))
+    return bricks(size, counts, "beam")
 
 
 def box(mesh: Any) -> Mesh:
     """A box of given bricks, from ``mesh.box`` with ``size`` (3 lengths) and ``cells`` (3 counts)."""
-    grid = grid_of(mesh)
-    check_size(np.prod(grid.counts + 1.0), ("mesh", "box", "cells"), f"cells: {list(map(int, mesh.box.cells))}",
+    counts = np.asarray(mesh.box.cells)
+    check_size(np.prod(counts + 1.0), ("mesh", "box", "cells"), f"cells: {counts.tolist()}",
                lambda factor: f"take fewer cells, each {factor:.2g} times as large")
-    return grid.mesh()
-
-
-def grid_of(mesh: Any) -> Bricks:
-    """The bricks of ``mesh.box`` or ``mesh.beam``."""
-    if getattr(mesh, "box", None) is not None:
-        return Bricks(np.asarray(mesh.box.size, dtype=float), np.asarray(mesh.box.cells), "box")
-    size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
-    # Python's rounding would send 2.5 cells to 2; more than memory holds are counted all the same
-    return Bricks(size, np.maximum(np.floor(size / h + 0.5), 1).clip(max=1e15).astype(int), "beam")
-
-
-def bricks(size: np.ndarray, counts: np.ndarray, name: str) -> Mesh:
-    """The mesh of a box, see ``Bricks``."""
-    return Bricks(np.asarray(size, dtype=float), np.asarray(counts), name).mesh()
+    return bricks(mesh.box.size, counts, "box")
