@@ -93,7 +93,8 @@ def test_a_killed_run_goes_on(place, tmp_path, whole):
     assert not any(path.name.startswith(Path(GOOD).name) for path in tmp_path.rglob("*"))
 
 
-@pytest.mark.parametrize("fault", quick(["its process is killed", "the model is spoilt"], "the model is spoilt"))
+@pytest.mark.parametrize("fault", ["its process is killed", "the model is spoilt"])
+@pytest.mark.long
 def test_a_mesh_that_cannot_be_made_leaves_the_last_result(fault, tmp_path):
     """With what the fault was; once it is mended the same command goes on."""
     path = tmp_path / "bar.brep"

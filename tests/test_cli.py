@@ -28,6 +28,7 @@ def room(monkeypatch):
     return stand_in
 
 
+@pytest.mark.long
 def test_bad_configuration_from_the_shell():
     done = subprocess.run([sys.executable, "-m", "orchestrator", "check", BEAM, "--set", "materials.0.poisson=0.5",
                            "--set", "method.relaxtion=1"], capture_output=True, text=True, cwd=ROOT)

@@ -75,6 +75,7 @@ def halved(monkeypatch):
     monkeypatch.setattr(increments._Run, "_smaller", smaller)
 
 
+@pytest.mark.long
 def test_a_run_that_is_stopped_within_a_load_step_goes_on_there(halved, tmp_path):
     made, scene = pressed(PRESSED, SHEARED)
     whole = solve(made, scene)

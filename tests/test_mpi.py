@@ -94,7 +94,7 @@ def subdomains(case: str) -> int:
     return cut["metis"] if "metis" in cut else len(made["parts"]) if "parts" in made else np.prod(cut["grid"]) if "grid" in cut else 4
 
 
-FEW = ["grounds", "pushed off", PAIRED]  # beside what ``tests/public/test_same`` solves
+FEW = ["leaps between parts", "pushed off", PAIRED]  # beside what ``tests/public/test_same`` solves
 
 
 @pytest.mark.parametrize("ranks, few", [(2, True), late(2, False), late(3, False), late(4, False)])
@@ -133,7 +133,8 @@ def test_ranks_find_what_one_process_finds(ranks, few, tmp_path):
         assert np.abs(twice.displacement - expected["displacement"]).max() <= 1e-9 * np.abs(expected["displacement"]).max()
 
 
-@pytest.mark.parametrize("face, code", [("xmax", 0), late("wall", 2)])
+@pytest.mark.parametrize("face, code", [("xmax", 0), ("wall", 2)])
+@pytest.mark.long
 def test_one_of_several_ranks_checks(face, code, tmp_path):
     """What all would say, once; what is wrong, too."""
     settings = tmp_path / "endless.yaml"

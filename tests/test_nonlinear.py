@@ -164,6 +164,7 @@ PLASTIC = "*MATERIAL,NAME=STEEL\n*ELASTIC\n200e3,.3\n*PLASTIC\n200.,0.\n2200.,1.
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
+@pytest.mark.long
 def test_a_deck_that_flows_in_frictional_contact(tmp_path):
     """Pressed and dragged aside, back: statuses and forces are those of the same elements and matter in Python."""
     write_deck(tmp_path, "C3D4", (2, 1, 1), matter=PLASTIC)

@@ -17,7 +17,7 @@ import pytest
 from in_process import FREEFEM
 from method_case import CLAMP, CUBES, METIS, close, config, method, solved
 from pictures import pixels, share, shows_matter
-from processes import begin, gone, nothing_left, working_below
+from processes import begin, nothing_left, working_below
 from typer.testing import CliRunner
 from quick import quick
 
@@ -196,16 +196,6 @@ def test_freefem_is_killed(tmp_path, temporary):
     summary = json.loads((out / "summary.json").read_text())
     assert summary["stop_reason"].startswith("failed") and not summary["converged"]
     assert nothing_left(temporary)
-
-
-def test_the_program_is_killed(tmp_path, temporary):
-    """SIGKILL: FreeFEM ends with its orchestrator; the next run sweeps the folder."""
-    process = under_way(temporary, path := written(tmp_path, **BENT, **ENDLESS), tmp_path / "out")
-    process.kill()
-    process.communicate()
-    assert gone(working_below(temporary))
-    code, *_ = called(temporary, "run", path, "--output", tmp_path / "next", *SHORTEN, "--set", "method.max_iterations=2")
-    assert code == 1 and nothing_left(temporary)
 
 
 def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):

@@ -40,8 +40,9 @@ def test_verdicts_keep_their_exit_code(bar):
     assert shell('check "$1" 2>/dev/full', bar.parent / "none.yaml").returncode == 2
 
 
-@pytest.mark.parametrize("environment", [late({"PYTHONIOENCODING": "ascii"}),
+@pytest.mark.parametrize("environment", [{"PYTHONIOENCODING": "ascii"},
                                          {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}], ids=["io", "locale"])
+@pytest.mark.long
 def test_alphabets_that_lack_signs(bar, environment):
     """They are written by their numbers."""
     done = shell('check "$1"', bar, **environment)

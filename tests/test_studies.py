@@ -57,6 +57,7 @@ def test_unknown_name():
     assert done.exit_code == 2 and "study 'fig6'" in done.stderr
 
 
+@pytest.mark.long
 def test_matrix_of_two_cases(tmp_path, capsys, saved_figures):
     study = Study("tiny", "a tiny matrix", tmp_path)
     first = study.solve(Case(with_method(tiny(), defaults()), {"case": "defaults"}))
