@@ -6,10 +6,12 @@ from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
+import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from contact_case import contact
+from in_process import IN_PROCESS
 from method_case import box_of, config, prepared
 from quick import late, quick
 from rounded_traces import traces_of
@@ -25,6 +27,9 @@ from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.mesh.geometry import unit
+from orchestrator.scene.mesh.sources import bricks
 from benchmarks.problems.hard_scenes import slices
 from orchestrator.timing import Stopwatch
 
@@ -207,3 +212,39 @@ def test_a_dof_that_is_off_in_contact(pressed):
         wrong[1][-1, free[len(free) // 2], 0] += share * np.abs(parts[1]).max()
         found = " ".join(failed_guards(d, outcome, wrong, interfaces, lengths))
         assert f"most in {d.own[1].name}" in found
+
+
+def revolved(path, inner, outer, seed):
+    """Write a ring of 12 and some bricks around, unevenly, between two profiles r(z); its mesh."""
+    mesh, random = bricks(np.ones(3), np.array([1, 11 + seed, 3]), "ring"), np.random.default_rng(seed)
+    even = np.linspace(0, 1, 12 + seed)
+    turns = even + np.r_[0, random.uniform(-0.3, 0.3, 10 + seed), 0] / (11 + seed)
+    share, z = mesh.nodes[:, 0], 3 * mesh.nodes[:, 2]
+    angle = 2 * np.pi * np.interp(mesh.nodes[:, 1], even, turns)
+    r = inner(z) * (1 - share) + outer(z) * share
+    points = np.c_[r * np.cos(angle), r * np.sin(angle), z]
+    _, first, place = np.unique(points.round(9), axis=0, return_index=True, return_inverse=True)
+    meshio.write(path, meshio.Mesh(points[first], [("tetra", place.reshape(-1)[mesh.cells])]))
+    return {"file": str(path)}
+
+
+@pytest.mark.parametrize("profile", [lambda z: 2 + 0.25 * z, lambda z: 3 - np.sqrt(1 - (z / 2 - 0.75) ** 2)],
+                         ids=["cone", "torus"])
+def test_normals_that_lean_are_found_out(profile, tmp_path, monkeypatch):
+    """Fits without friction that would carry a torque."""
+    def leaning(self, *given, upright=Surfaces.upright):
+        normals, around = upright(self, *given), np.cross([0, 0, 1], self.points[0])
+        return unit(normals + 0.02 * unit(around))
+
+    monkeypatch.setattr(Surfaces, "upright", leaning)
+    rings = {"shaft": revolved(tmp_path / "shaft.msh", lambda z: 1 + 0 * z, profile, 1),
+             "hub": revolved(tmp_path / "hub.msh", profile, lambda z: 4 + 0 * z, 4)}
+    held = {"box": [[-1.1, -1.1, -0.1], [1.1, 1.1, 3.1]]}
+    solution = solve(config_from({
+        "name": "fit", "parts": [{"name": name, "mesh": mesh} for name, mesh in rings.items()],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"between": ["hub", "shaft"], "law": "contact", "friction": 0, "gap": -0.002}],
+        "boundary": [{"on": held, "part": "shaft", "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 3}, "part": "hub", "displacement": [0, 0, 0]}],
+        "method": {"tolerance": {"error": 1e-4}}, "blackbox": IN_PROCESS}))
+    assert solution.stop_reason.startswith("check: ")

@@ -51,8 +51,8 @@ class Interface(FacePatch):
     law : the interface law, with its parameters
     normals : (n, 3) unit normals from E1 to E2, where more than the patch's facets shape them: it is a piece of a
         larger one between bodies that are cut further, or their surface is known
-    given : (k, 3, 3) what the CAD model says of them at the corners of the triangles where nodes of two bodies are paired, nan where it
-        says nothing
+    given : (k, 3 or 6, 3) those of the surfaces at the triangles' nodes, where a CAD model knows some
+        of them and nodes of two bodies are paired, nan where they are not known
     called : names by which an entry of ``interfaces`` may call either side
     entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     mortar : points and transfer operators between sides that do not match; None where nodes are paired

@@ -1,8 +1,11 @@
 """Checks of what is delivered, that know nothing of how it was found: forces of interfaces, and true surfaces, alone.
 
-A rigid motion m(x) = v + ω × x moves a plane, a cylinder or a sphere in itself. Where both sides of an interface are moved so by one
-motion, pressures do no work in it, wherever they act, and friction resists it by at most Σ μ p A |m|. So what the interface hands over,
-force F and moment M about the same point, obeys
+A rigid motion m(x) = v + ω × x with n·m = 0 all over a surface moves it in itself: planes, cylinders,
+spheres, cones, tori, and what is made of them about one axis. These motions are the null space of
+Σ (n, x × n)(n, x × n)ᵀ (Gelfand & Guibas, Symposium on Geometry Processing, 2004). Where both sides
+of an interface are moved so by one motion, pressures do no work in it, wherever they act, and
+friction resists it by at most Σ μ p A |m|. So what the interface hands over, force F and moment M
+about the same point, obeys
 
     |F·v + M·ω| ≤ Σ μ p A |m|
 
@@ -27,15 +30,14 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.interface import Interface
+from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.model import PlacedBolt, Scene
-from orchestrator.scene.shapes import Shape, shape_of
-from orchestrator.linalg import svd
 
-# Motions whose directions differ by less than this go on one surface as on the other: files have that many digits.
+# Of pressures, what a motion that is known with the digits of files may make of them.
 ALIKE = 1e-4
-# How far nodes may be off a round surface, of what chords are.
-ON = 1e-2
+# The mean of n·m over the nodes, below which a motion moves a surface in itself.
+STILL = 0.1 * ALIKE
 # Forces that rounding leaves, relative to the largest of all load steps.
 ROUNDING = 1e-12
 # Facets whose normals have a smaller cosine with an axis look more away from it than along it.
@@ -46,39 +48,14 @@ AROUND = np.sqrt(0.5)
 class HandedOver:
     """What one interface hands over in the motion of its surfaces that its force and moment are along, T load steps.
 
-    name : of the interface; kind : of its surface
+    name : of the interface
     power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of pressures; size : (T,) Σ p A |m|, |m| ≤ 1
     """
 
     name: str
-    kind: str
     power: np.ndarray
     capacity: np.ndarray
     size: np.ndarray
-
-
-def motions_of(shape: Shape, about: np.ndarray, size: float) -> np.ndarray:
-    """Return (k, 6) orthonormal motions that move a surface in itself: v and ω · ``size`` about a point (3,)."""
-    if shape.kind == "curved" or shape.through is None:
-        return np.zeros((0, 6))
-    centre, turns = (shape.through - about) / size, np.eye(3)
-    if shape.kind != "sphere":
-        turns = shape.direction[None] / np.linalg.norm(shape.direction)
-    if shape.kind == "plane":  # about any axis along the normal: the one through the point will do
-        across = svd(turns)[2][1:]
-        return np.vstack([np.hstack([across, np.zeros((2, 3))]), np.hstack([np.zeros((1, 3)), turns])])
-    rows = np.hstack([-np.cross(turns, centre), turns])  # ω × (x − c)
-    if shape.kind == "cylinder":
-        rows = np.vstack([rows, np.hstack([turns, np.zeros((1, 3))])])
-    return np.linalg.qr(rows.T)[0].T
-
-
-def common(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Return (k, 6) orthonormal motions that both of (a, 6) and (b, 6) have."""
-    if not (len(one) and len(two)):
-        return np.zeros((0, 6))
-    turned, cosine, _ = svd(one @ two.T)
-    return (turned.T @ one)[: len(cosine)][cosine > 1 - ALIKE**2]
 
 
 def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None, resultants: Resultants,
@@ -117,27 +94,26 @@ def _around(scene: Scene, team: Team) -> set[int]:
     return found
 
 
-def surface(scene: Scene, i: Interface, side: int) -> Shape:
-    """Return the shape of one side of an interface, a rigid tool's as it is made."""
-    points = scene.side_points(i, side)
-    if not side or i.tool is None:
-        triangles = i.triangles_on(side)[:, :3]
-        shape = shape_of(points, triangles)
-        return shape if shape.radius is None or _lies_on(shape, points, triangles) else Shape("curved")
-    normal = i.tool.at(np.zeros(6), points)[1]
-    flat = (np.abs(normal - normal[0]) < ALIKE).all()
-    return Shape("plane", normal[0], None, points[0]) if flat else Shape("curved")
-
-
-def _lies_on(shape: Shape, points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether nodes are much nearer to a round surface than its chords are: else it may be any other."""
-    corners = points[triangles]
-    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
-    arm = points[np.unique(triangles)] - shape.through
-    if shape.kind == "cylinder":
-        arm = arm - np.outer(arm @ shape.direction, shape.direction)
-    off = np.abs(np.linalg.norm(arm, axis=1) - shape.radius).max()
-    return bool(off <= ON * edge**2 / (8 * shape.radius))
+def motions_of(scene: Scene, i: Interface, about: np.ndarray, size: float) -> np.ndarray:
+    """Return (k, 6) orthonormal motions that move both sides of an interface in themselves: v, and
+    ω · ``size`` about a point (3,); none where a side is no surface that is known."""
+    rows = []
+    for side in (0, 1):
+        points = scene.side_points(i, side)
+        if side and i.tool is not None:
+            normals = i.tool.at(np.zeros(6), points)[1]
+        else:
+            triangles = i.triangles_on(side)[:, :3]
+            found = surface_of(points, triangles, np.full(len(triangles), -1))
+            flat = (found.bulge == 0).all(axis=1)[:, None, None]
+            points = points[triangles].reshape(-1, 3)
+            normals = np.where(flat, found.means, found.normals).reshape(-1, 3)
+        rows.append(np.hstack([normals, np.cross((points - about) / size, normals)]))
+    normals = np.concatenate(rows)
+    if np.isnan(normals).any():
+        return np.zeros((0, 6))
+    squares, ways = np.linalg.eigh(normals.T @ normals / len(normals))
+    return ways[:, squares <= STILL**2].T
 
 
 def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
@@ -148,8 +124,7 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
     """
     about, points = resultants.centre[i.index], scene.side_points(i, 0)
     size = size_of(points)
-    shapes = [surface(scene, i, side) for side in (0, 1)]
-    motions = common(*(motions_of(shape, about, size) for shape in shapes))
+    motions = motions_of(scene, i, about, size)
     if not len(motions):
         return None
     wrench = np.hstack([resultants.force[:, i.index], resultants.moment[:, i.index] / size])
@@ -167,7 +142,7 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
     # of a pressure, components that supports hold on both sides pass through these, not from side to side
     beside = np.abs(np.einsum("tnc,nc->tn", moved, np.where(_held(i), fields.normal[own], 0.0)))
     allowed = float(i.law.friction) * worth + (push * beside).sum(axis=1) / most
-    return HandedOver(i.name, shapes[0].kind, (wrench * along).sum(axis=1) / most, allowed, worth)
+    return HandedOver(i.name, (wrench * along).sum(axis=1) / most, allowed, worth)
 
 
 def _held(i: Interface) -> np.ndarray:
@@ -184,14 +159,15 @@ def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray)
 
     off : relative error of forces; pushes : (T,) the largest Σ p A of an interface
     """
-    nothing = ROUNDING * pushes.max(initial=0.0)
+    nothing, off = ROUNDING * pushes.max(initial=0.0), max(off, ALIKE)
     for one in found:
         left = one.power - one.capacity - off * (one.size + pushes) - nothing
         step = int(np.argmax(left))
         if left[step] > 0:
             what = "friction can hold there" if one.capacity[step] > 0 else "a surface without friction can"
-            yield left[step], (f"{one.name} hands over {one.power[step]:.4g} along its {one.kind} (of a moment: over its arm) at "
-                               f"load step {step + 1}, where {one.capacity[step]:.4g} is all that {what}")
+            yield left[step], (
+                f"{one.name} hands over {one.power[step]:.4g} along its surfaces (of a moment: over "
+                f"its arm) at load step {step + 1}, where {one.capacity[step]:.4g} is all that {what}")
 
 
 def back_into_thread(scene: Scene, bolt: PlacedBolt, around: set[int], resultants: Resultants,

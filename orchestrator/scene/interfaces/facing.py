@@ -201,8 +201,7 @@ def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: lis
     under = [skin.under(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles)]
     # of a face that is part of more, the part alone may be on a surface that is known
     triangles = surfaces.triangles[0]
-    face, given = np.full(len(triangles), -1), under[0].normals[:, :3]
-    alone = surface_of(surfaces.points[0], triangles, face, given)
+    alone = surface_of(surfaces.points[0], triangles, np.full(len(triangles), -1), under[0].normals)
     surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]),
                        amid=triangles.shape[1] == 6 and not LAWS[search.laws[index].law].as_one)
     interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],

@@ -137,8 +137,9 @@ def _opposite(search: Search) -> Iterator[Interface]:
             others = patch.opposite.ravel()[at]
             interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape),
                                          patch.cells, called=known)
-            given = search.skins.given(pair[0])
-            interface.given = None if given is None else given[patch.facets[:, 0]]
+            if search.skins.given(pair[0]) is not None:
+                known = search.skins(pair[0]).surface.normals
+                interface.given = known[patch.facets[:, 0]]
             gap = paired_gap(search, interface, (index, apart), _filled(search, pair, patch)) if apart else None
             laws.apply(index, interface, gap)
             yield interface

@@ -165,7 +165,7 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
 
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
     face : (k,) int, the CAD face that each is on, −1 where that is not known
-    given : (k, 3, 3) normals that are known, nan where they are not
+    given : (k, 3 or 6, 3) normals that are known, nan where they are not
     held : (n, 3) bool, components of nodes that are prescribed; default: none
     """
     corners = triangles[:, :3]
@@ -176,23 +176,27 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
                              None if held is None else held[corners])
     known = np.full((len(triangles), triangles.shape[1], 3), np.nan)
     if given is not None:
-        known[:, :3] = given
-        known[:, 3:] = _amid(given)[:, : known.shape[1] - 3]
-        means = np.where(np.isnan(given), means, given)
+        told = given[:, :3]
+        known[:, :3], known[:, 3:] = told, _amid(told)[:, : known.shape[1] - 3]
+        known[:, 3 : given.shape[1]] = given[:, 3:]
+        means = np.where(np.isnan(told), means, told)
     at_nodes = np.concatenate([means, _amid(means)], axis=1)[:, : known.shape[1]]
     left = np.flatnonzero(np.isnan(known).any(axis=(1, 2)) | (known.shape[1] == 6))
-    off = np.abs(_over_edges(points[left], means[left])).max(axis=1)
+    off = np.abs(_over_edges(points, means)).max(axis=1)
     patch = smooth_patches(corners[left], normal[left], face[left])
-    for label in np.unique(patch[off > 0]):
-        own = left[patch == label]
+    waiting = [left[patch == label] for label in np.unique(patch[off[left] > 0])]
+    while waiting:
+        own = waiting.pop()
         at, first = np.unique(corners[own], return_index=True)
-        found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[patch == label].mean())
+        found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[own].mean())
         if found is not None:
             there = found(nodes[triangles[own]].reshape(-1, 3)).reshape(known[own].shape)
             there = there * np.sign(np.einsum("kvi,kvi->kv", there, at_nodes[own]))[:, :, None]
             told = ~np.isnan(known[own])
             told[:, 3:] = False
             known[own] = np.where(told, known[own], there)
+        elif len(faces := np.unique(face[own])) > 1:  # coarse facets hide edges between faces
+            waiting += [own[face[own] == number] for number in faces]
     means = np.where(np.isnan(known[:, :3]), means, known[:, :3])
     return Surface(known, means, _over_edges(points, means))
 
