@@ -177,10 +177,11 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
     known = np.full((len(triangles), triangles.shape[1], 3), np.nan)
     if given is not None:
         told = given[:, :3]
-        known[:, :3], known[:, 3:] = told, _amid(told)[:, : known.shape[1] - 3]
+        both = told + np.roll(told, -1, axis=1)
+        both /= np.linalg.norm(both, axis=2, keepdims=True)
+        known = np.concatenate([told, both], axis=1)[:, : triangles.shape[1]]
         known[:, 3 : given.shape[1]] = given[:, 3:]
         means = np.where(np.isnan(told), means, told)
-    at_nodes = np.concatenate([means, _amid(means)], axis=1)[:, : known.shape[1]]
     left = np.flatnonzero(np.isnan(known).any(axis=(1, 2)) | (known.shape[1] == 6))
     off = np.abs(_over_edges(points, means)).max(axis=1)
     patch = smooth_patches(corners[left], normal[left], face[left])
@@ -191,7 +192,7 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
         found = recognised(nodes[at], means[own].reshape(-1, 3)[first], off[own].mean())
         if found is not None:
             there = found(nodes[triangles[own]].reshape(-1, 3)).reshape(known[own].shape)
-            there = there * np.sign(np.einsum("kvi,kvi->kv", there, at_nodes[own]))[:, :, None]
+            there = there * np.sign(np.einsum("kvi,ki->kv", there, normal[own]))[:, :, None]
             told = ~np.isnan(known[own])
             told[:, 3:] = False
             known[own] = np.where(told, known[own], there)
@@ -199,12 +200,6 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
             waiting += [own[face[own] == number] for number in faces]
     means = np.where(np.isnan(known[:, :3]), means, known[:, :3])
     return Surface(known, means, _over_edges(points, means))
-
-
-def _amid(normals: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) unit, of normals (k, 3, 3) at corners the mean of either end of each edge."""
-    both = normals + np.roll(normals, -1, axis=1)
-    return both / np.linalg.norm(both, axis=2, keepdims=True)
 
 
 def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
