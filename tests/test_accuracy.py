@@ -123,7 +123,7 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(fault, tmp_path):
     assert code == 0 and summary["accuracy"]["met"] and len(summary["accuracy"]["meshes"]) > 1
 
 
-@pytest.mark.parametrize("dies", [True, False])
+@pytest.mark.parametrize("dies", quick([True, False], False))
 def test_a_mesh_that_is_not_solved_on_leaves_the_last_result(tmp_path, monkeypatch, dies):
     real, calls = one.solve, []
 

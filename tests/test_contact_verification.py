@@ -75,7 +75,7 @@ def slider(force, friction=0.2, **changes):
                                                      {"on": top, "traction": [force, 0.0, 0.0]}], **changes})
 
 
-@pytest.mark.parametrize("share", quick([0.5, 0.98, 0.999], 0.98, 0.999))
+@pytest.mark.parametrize("share", quick([0.5, 0.98, 0.999], 0.98))
 def test_block_holds_below_the_threshold(share):
     """T < μN: friction balances the pull exactly; well below, some of it sticks."""
     c = contacts(converged(slider(share * 20.0)))

@@ -5,6 +5,7 @@ import pytest
 from boxes import boxed
 from in_process import IN_PROCESS
 from method_case import config, saved
+from quick import late
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -25,9 +26,9 @@ def boxes(z: float, down: float, *, low=(3, 3, 2), up=(4, 4, 2), entry=AUTO, siz
 
 
 @pytest.mark.parametrize("z, down, changes, force", [
-    (1.03, 0.05, {}, 10.0), (1.03, 0.05, {"low": (4, 4, 2), "up": (3, 3, 2)}, 10.0),
-    (1.03, 0.05, {"low": (2, 2, 2), "up": (8, 8, 2)}, 10.0),
-    (0.9997, 0.0, {}, 0.15), (0.9997, 0.0, {"up": (3, 3, 2)}, 0.15), (0.9997, 0.0, {"size": 1e-3}, 0.15), (0.99999, 0.0, {}, 0.005),
+    late(1.03, 0.05, {}, 10.0), (1.03, 0.05, {"low": (4, 4, 2), "up": (3, 3, 2)}, 10.0),
+    late(1.03, 0.05, {"low": (2, 2, 2), "up": (8, 8, 2)}, 10.0),
+    late(0.9997, 0.0, {}, 0.15), late(0.9997, 0.0, {"up": (3, 3, 2)}, 0.15), (0.9997, 0.0, {"size": 1e-3}, 0.15), late(0.99999, 0.0, {}, 0.005),
     (0.9997, 0.0, {"entry": {"between": ["low", "up"], "law": "contact", "gap": "geometry"}}, 0.15),
     (1.0003, 0.05, {"up": (3, 3, 2)}, 24.85),
 ])

@@ -159,19 +159,24 @@ def test_messages_told_are_those_there_are(page):
             assert quoted in said, quoted
 
 
+@cache
+def help_of(command: str) -> str:
+    """What a command that there is says of itself."""
+    shown = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200", "TERM": "dumb"})
+    assert shown.exit_code == 0, f"no command orchestrator {command}"
+    return shown.stdout
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)
 def test_commands_and_files_exist(path):
     """Subcommands, their options, studies, configurations and tests that a document names."""
-    text, helps = path.read_text(encoding="utf-8"), {}
+    text = path.read_text(encoding="utf-8")
     for command in COMMAND.findall(text):
         name, *arguments = shlex.split(command.rstrip(" ,.;:)"))
-        if name not in helps:
-            shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200", "TERM": "dumb"})
-            assert shown.exit_code == 0, f"no command orchestrator {name}"
-            helps[name] = shown.stdout
+        told = help_of(name)
         for argument in arguments:
             if argument.startswith("--"):
-                assert argument.partition("=")[0] in helps[name], f"orchestrator {name} has no {argument}"
+                assert argument.partition("=")[0] in told, f"orchestrator {name} has no {argument}"
         if name == "study" and arguments and arguments[0] != "NAME":
             assert arguments[0] in STUDIES, command
     for file in re.findall(r"(?:configs|tests|meshes|freefem_scripts|orchestrator)/[\w/]+\.\w+", text):

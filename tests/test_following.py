@@ -101,7 +101,7 @@ def test_slip_beyond_an_element_is_told_where_pairs_do_not_follow():
 ON, OVER, ASIDE, ABOVE = [0, 0, -0.002], [-3, 0, -0.002], [0, 1.5, -0.002], [0, 0, 2.0]
 
 
-@pytest.mark.parametrize("away, law", [late(OVER, {}), late(ASIDE, {}), late(ABOVE, {}), (OVER, {"slave": "slab"}), (OVER, {"friction": 0.3})],
+@pytest.mark.parametrize("away, law", [late(OVER, {}), late(ASIDE, {}), late(ABOVE, {}), late(OVER, {"slave": "slab"}), (OVER, {"friction": 0.3})],
                          ids=["over the end", "aside", "above", "slab as slave", "friction"])
 def test_a_block_that_leaves_the_slab_altogether_comes_back(away, law):
     """Nothing meets any more: no force; back where it was without friction, it is pressed as before."""
@@ -184,7 +184,7 @@ def test_sides_that_have_slid_are_paired_anew():
     ({"parts": None, "mesh": {"box": {"size": [2, 1, 2], "cells": [2, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]}, "interfaces": [
         {"law": "contact"}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [
             [0.5, 0, -0.002]]}]}, "they share faces of one mesh"),
-    ({"subdomains": {"groups": True, "split_above": 60}}, "bodies are cut further"),
+    late({"subdomains": {"groups": True, "split_above": 60}}, "bodies are cut further"),
     ({"method": {"tolerance": {"law": 1e-7}, "macro": {"on": "all"}}}, "the macro problem is on all interfaces"),
 ], ids=["shared", "cut", "macro"])
 def test_sides_that_cannot_follow_stay_and_it_is_said_why(more, why):

@@ -293,6 +293,7 @@ def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
 
 
 @CALCULIX
+@pytest.mark.long
 def test_two_decks_and_nothing_else(tmp_path):
     """Bonded across faces that do not match; the floating one hangs on the other. Of our own there is nothing to draw."""
     for name, kind, cells, at in (("hull", "C3D20R", (1, 1, 1), (0, 0, 0)), ("tail", "C3D10", (2, 2, 1), (2, 0, 0))):
@@ -329,7 +330,7 @@ def test_nodes_that_coincide_are_paired(tmp_path, kinds):
         assert [i.matching for i in scene.interfaces] == [True] and not scene.warnings
 
 
-@pytest.mark.parametrize("length, cells", [(6, (6, 1, 1)), (20, (20, 2, 2)), (200, (100, 1, 1))])
+@pytest.mark.parametrize("length, cells", [late(6, (6, 1, 1)), late(20, (20, 2, 2)), (200, (100, 1, 1))])
 def test_slender_parts_are_held_or_not(tmp_path, length, cells):
     """What is said to be held is believed where rigid motions cost anything, and where they cost nothing it is not."""
     for clamp in (True, False):
@@ -348,7 +349,7 @@ def test_slender_parts_are_held_or_not(tmp_path, length, cells):
 
 
 @CALCULIX
-@pytest.mark.parametrize("kind, length", [("C3D20R", 2), ("C3D8", 12)])
+@pytest.mark.parametrize("kind, length", [("C3D20R", 2), late("C3D8", 12)])
 def test_two_decks_are_one(tmp_path, kind, length):
     """Their faces cut along different diagonals, one of them slender, against the deck of both with its nodes shared."""
     solution = solve(config_from(two_decks(tmp_path, (kind, kind), True, length)))

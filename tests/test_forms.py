@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from quick import late
+from quick import late, quick
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from method_case import CLAMP, PULL
@@ -158,7 +158,7 @@ def test_a_modulus_below_zero_that_harms_nothing_is_left_alone(tmp_path):
     assert found.converged and found.summary["true_error"] <= found.error_bound
 
 
-@pytest.mark.parametrize("what", WRONG)
+@pytest.mark.parametrize("what", quick(WRONG, "not symmetric", "an indefinite law", "a slip of the pen"))
 def test_forms_that_would_spoil_the_result_end_the_run(tmp_path, what):
     content, words = WRONG[what]
     with pytest.raises(BlackBoxError, match=words):

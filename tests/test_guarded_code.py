@@ -201,6 +201,7 @@ def test_a_run_ends_at_a_wrong_dof_of_a_field(broken, dof):
         solve(config_from(broken(solve=solve_wrong)))
 
 
+@pytest.mark.long
 def test_a_code_that_notices_the_place_shares_no_models(tmp_path):
     """Young's modulus falls along x: slices that look alike are not. Without the word of its class nothing is shared."""
     (tmp_path / "graded.py").write_text("""

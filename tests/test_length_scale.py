@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from quick import quick
+from quick import late, quick
 
 from orchestrator.config.load import config_from
 from orchestrator.method.checkpoint import Start
@@ -63,7 +63,7 @@ def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
         assert factor > 1e3 or resumed.converged
 
 
-@pytest.mark.parametrize("far, converges", [(1e3, True), (1e6, False)])
+@pytest.mark.parametrize("far, converges", [late(1e3, True), (1e6, False)])
 def test_energy_and_bound_of_what_is_moved_far(far, converges):
     """Rigid motions have no energy: what they leave of rounding is told by the bound."""
     def bar(at):

@@ -63,7 +63,7 @@ def estimated(case, n, poisson, element="P1"):
     return estimator_of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
 
 
-@pytest.mark.parametrize("case, poisson", quick_sets(LIMITS, *((case, nu) for case, nu in LIMITS if nu in (0.3, 0.4999999))))
+@pytest.mark.parametrize("case, poisson", quick_sets(LIMITS, *((case, nu) for case, nu in LIMITS if nu == 0.4999999)))
 def test_against_a_much_better_solution(case, poisson):
     estimate, energy = estimated(case, 4 if "cantilever" not in case else 2, poisson)
     _, _, exact = exactly_solved(case, 4 if case == "loaded corner" else 3, poisson, "P2")

@@ -98,8 +98,8 @@ def check(mesh):
 
 
 @pytest.mark.parametrize("file", [
-    "hex.msh", "hex.unv", "hex.inp", "hex.med", "hex.vtk", "hex.bdf", "hex20.msh", "hex20.inp", late("hex20.unv"), late("hex20.med"),
-    "wedge.msh", late("wedge.med"), "wedge.inp"])
+    "hex.msh", late("hex.unv"), "hex.inp", "hex.med", "hex.vtk", "hex.bdf", "hex20.msh", late("hex20.inp"), late("hex20.unv"), late("hex20.med"),
+    "wedge.msh", late("wedge.med"), late("wedge.inp")])
 def test_hexahedra_and_prisms_are_split_conformingly(saved, file):
     mesh = check(read(saved / file))
     named = not file.endswith(("vtk", "bdf"))
@@ -122,6 +122,7 @@ def grid():
     return np.vstack([x, peaks]), hexes, np.column_stack([tops, len(x) + np.arange(4)])
 
 
+@pytest.mark.long
 def test_the_split_does_not_depend_on_numbers_or_on_where_a_cell_begins(tmp_path):
     points, hexes, pyramids = grid()
     random = np.random.default_rng(3)

@@ -41,6 +41,7 @@ def off_lame(made) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("element, sizes, mean, most", [
     ("P1", (0.12, 0.16), 0.02, 0.04), late("P1", (0.16, 0.12), 0.02, 0.04),
     late("P2", (0.2, 0.15), 0.01, 0.01)])
+@pytest.mark.long
 def test_a_ring_shrunk_on_a_shaft(element, sizes, mean, most, tmp_path):
     """The pressure is Lamé's, all round; so is where the ring goes.
 

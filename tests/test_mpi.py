@@ -223,6 +223,7 @@ def endless(ranks: int, folder: Path, temporary: Path) -> tuple[subprocess.Popen
 
 
 @pytest.mark.parametrize("fault", quick(FAULTS, "the rank"))
+@pytest.mark.long
 def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     victim, kind, message, code = FAULTS[fault]
     run, settings, results = endless(3, tmp_path, temporary)

@@ -66,7 +66,7 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
 
 @pytest.mark.parametrize("bodies, cells, law, element", [
     late(TWO, (2, 6), {**SLIDES, "friction": 0.1}, "P1"), late(TWO, (6, 2), {**SLIDES, "friction": 0.0}, "P1"),
-    (TWO, (4, 5), {**SLIDES, "friction": 0.4}, "P1"), late(TWO, (4, 5), {**SLIDES, "gap": 0.002}, "P1"),
+    late(TWO, (4, 5), {**SLIDES, "friction": 0.4}, "P1"), late(TWO, (4, 5), {**SLIDES, "gap": 0.002}, "P1"),
     late(TWO, (5, 4), {**SLIDES, "gap": -0.002}, "P1"), late(TWO, (2, 3), SLIDES, "P2"),
     (FOUR, (4, 3, 5, 4), {**SLIDES, "friction": 0.1}, "P1"),
 ], ids=["fine on coarse", "without friction", "much friction", "gap", "press fit", "ten nodes", "four round an edge"])

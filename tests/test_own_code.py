@@ -41,6 +41,7 @@ def problem(blackbox) -> dict:
             "boundary": [CLAMP, PULL], "blackbox": blackbox, "method": {"tolerance": {"error": 1e-9}}}
 
 
+@pytest.mark.long
 def test_a_code_with_an_option_of_its_own(softened):
     """Half the stiffness, twice the displacement; the option is in the summary's configuration, which reads back."""
     stiff, soft = (config_from(problem({"code": code, **more, "workers": 1}))

@@ -29,7 +29,7 @@ STEEL = [{"young": 200e3, "poisson": 0.3}]
 # --- the black box ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("transport", ["pipe", "file"])
+@pytest.mark.parametrize("transport", quick(["pipe", "file"], "pipe"))
 def test_freefem_answers_in_our_numbering(transport):
     """Stiffness, traces and fields of randomly numbered models, one of them with a padded mesh."""
     models = [box((3, 2, 2), "a"), box((2, 2, 3), "b", seed=1), chain(64)]

@@ -14,7 +14,7 @@ def told(solution) -> bool:
 
 
 @pytest.mark.parametrize("radius, force, few, element", [
-    (2.0, 1.0, True, "P1"), late(2.0, 1.0, True, "P2"), (40.0, 9.0, False, "P1"), late(40.0, 9.0, False, "P2")])
+    (2.0, 1.0, True, "P1"), late(2.0, 1.0, True, "P2"), late(40.0, 9.0, False, "P1"), late(40.0, 9.0, False, "P2")])
 def test_a_ball_on_a_coarse_block(radius, force, few, element):
     """Of radius 2 it meets a place of a twentieth of the block's width, a fifth of a face; of 40 one as wide as two faces and a half."""
     ball = {"sphere": {"centre": [0.5, 0.5, 0.5 + radius], "radius": radius}}

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from in_process import IN_PROCESS
 from pictures import bars, is_drawn, missing_curves, missing_points, saved_figures  # noqa: F401
+from quick import late
 from yaml_case import call
 
 from benchmarks.kit.apart import apart
@@ -130,8 +131,8 @@ def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     assert (tmp_path / "faults.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("kind, number, ends", [("stiffness", 0, "refused"), ("fields", 1, "refused"), ("traces", 3, None),
-                                                ("load", 0, "converged")])
+@pytest.mark.parametrize("kind, number, ends", [late("stiffness", 0, "refused"), ("fields", 1, "refused"), ("traces", 3, None),
+                                                late("load", 0, "converged")])
 def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, number, ends):
     """A real process between the pipes: what a thousandth in one reply leads to, beside a sound solution."""
     small = {**falsified.PROBLEMS["bonded"], "mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [4, 1, 1]}}}

@@ -177,6 +177,7 @@ def test_a_box_on_an_incline(share, carried):
         assert found.summary["limit_load"][0]["motions"][0]["body"] == "crate"
 
 
+@pytest.mark.long
 def test_hertz(tmp_path):
     """A cylinder on a block: half-width to half an element, largest pressure as well as that."""
     summary = run(CONFIGS / "hertz.yaml", tmp_path / "out")

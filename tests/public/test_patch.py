@@ -93,7 +93,8 @@ def test_supports_on_contact_faces_leave_constant_pressure_as_it_is(code, held):
         assert np.abs(moved[0, :, 2] - exact).max() < 1e-8 * strain
 
 
-@pytest.mark.parametrize("lower", [(3, 3, 1), (4, 3, 1)], ids=["coarse", "in between"])
+@pytest.mark.parametrize("lower", [pytest.param((3, 3, 1), marks=pytest.mark.long), (4, 3, 1)],
+                         ids=["coarse", "in between"])
 def test_a_body_of_ten_node_tets_stands_on_its_edge(lower):
     """What presses .06 from the edge of a face is carried, although meshes are apart."""
     bodies = [box("base", [1.2, 1.0, 0.3], lower), box("cap", [1.2, 1.0, 0.3], (5, 5, 1), [0, 0, 0.3])]

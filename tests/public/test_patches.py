@@ -38,8 +38,7 @@ FREE, ROUGH = ({"law": "contact", "friction": friction} for friction in (0.0, 0.
 LAWS = {"perfect": PERFECT, "frictionless": FREE, "friction": ROUGH}
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("element, law", [*(("P1", law) for law in LAWS), ("P2", "perfect")])
 def test_faces_that_match(law, element, tmp_path):
     code = {"element": element, "workers": 1}
     found = solved(stacked(LAWS[law], upper=(2, 2, 2), blackbox=code))
@@ -56,8 +55,8 @@ def test_faces_meshed_apart(law, element, tmp_path):
     assert_uniform(found, tmp_path)
 
 
-@pytest.mark.parametrize("cut", [{"grid": [2, 2, 2]}, {"metis": 5}], ids=["grid", "metis"])
-@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("element, cut", [("P1", {"grid": [2, 2, 2]}), ("P2", {"metis": 5})],
+                         ids=["grid", "metis"])
 def test_cross_points(cut, element, tmp_path):
     """Subdomains that meet along edges and at corners."""
     found = solved({"name": "cube", "mesh": {"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}},

@@ -128,8 +128,7 @@ def plain(tmp_path_factory):
     return solved(pressed(written(tmp_path_factory.mktemp("boxes") / "boxes.msh", **bodies())))
 
 
-@pytest.mark.parametrize("unit, force", [(1e-3, 1.0), (1.0, 1e-3), (25.4, 4.45)],
-                         ids=["m", "kN", "other"])
+@pytest.mark.parametrize("unit, force", [(1e-3, 1.0), (25.4, 4.45)], ids=["m", "other"])
 def test_other_units(unit, force, plain, tmp_path):
     """Lengths and forces scale, statuses stay."""
     mesh = {**written(tmp_path / "boxes.msh", **bodies()), "scale": unit}
