@@ -26,7 +26,6 @@ from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.contact_loops import forces, OPENS, slopes, SLIPS, STICKS
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
-ROUNDED = 1e-14  # of jumps, below which their difference is none
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
 
@@ -168,7 +167,6 @@ class Contact(Law):
     def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """p g, and what friction at most s = μ p would take of the slip Δ beyond what the force does: s |Δ| − f_t·Δ."""
         push, slip, shear = -points.along(force), points.across(jump - previous), points.across(force)
-        slip = np.where(norm(slip) > ROUNDED * (norm(jump) + norm(previous)), slip, 0.0)
         opened = points["gap"] + points.along(jump)
         opened = np.where(opened > TOUCHES * (np.abs(points["gap"]) + np.abs(push) / points.stiff_n), opened, 0.0)
         far, size = norm(slip), norm(shear)

@@ -25,13 +25,14 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.laws.points import Answer
+from orchestrator.laws.points import Answer, norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.stopping.continuity import Constraint, Continuity
 from orchestrator.method.stopping.held_jumps import Charges, Held
 
 RIGID = 1 - 1e-9  # a from which a direction is held
 FELT = 1e-9  # a from which it counts
+ROUNDED = 1e-14  # of displacements, what rounding leaves of jumps; they cost the root of that
 EXACT = 1e-12  # of the jumps, what is broken by rounding alone
 PASSES = 20  # in which what v breaks is held, and what is dear gives way
 GAINS = 0.9  # of what v costs, that a pass has to come below where another is to follow
@@ -100,7 +101,9 @@ class AdmissibleDisplacement:
         """
         pairs, team, mean = self.beside, self.space.team, self.continuity.means(u[None])
         force, jump = answer.force, self._jumps(mean, known)
-        scale, = team.max(max(np.abs(x).max(initial=0.0) for x in (jump, self.pairs.compliance(F))))
+        scale, farthest = team.max(max(np.abs(x).max(initial=0.0) for x in (jump, self.pairs.compliance(F))),
+                                   np.abs(u).max(initial=0.0))
+        rounded = ROUNDED * max(scale, farthest) * norm(force)  # v is known to that
         there = np.where(self.prices, force + pairs.points.stiffness(jump), F)
         told = pairs.force(there, before, number, derivative=True)
         lawful, change = pairs.compliance(there - told.force), np.where(self.prices, told.force - force, 0.0)
@@ -109,7 +112,7 @@ class AdmissibleDisplacement:
         broken = partial(self._broken, force, before=before, number=number)
 
         def charge(jump: np.ndarray) -> np.ndarray:
-            return self.pairs.duality_gap(force, jump, before, number)
+            return np.maximum(self.pairs.duality_gap(force, jump, before, number) - rounded, 0.0)
 
         laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal, scale, EXACT * scale,
                        FREE * self.linked.matrix.diagonal().max(initial=0.0))
