@@ -45,10 +45,18 @@ def domed(nodes):
     return np.c_[x, y, z + 0.2 * (x**2 + y**2) * (0.6 - z) / 0.6]
 
 
+def raised(nodes):
+    """Bend the upper face of a block up in its middle."""
+    x, y, z = (nodes - [0, 0, 0.5]).T
+    return np.c_[x, y, z - 0.1 * (x**2 + y**2) * (0.5 + z) / 0.5]
+
+
 def dome(tmp_path, counts, code, friction, whole):
-    """Return a dome pressed on a block; a quarter, with planes of symmetry, or the whole."""
-    lower = bricks([1, 1, 0.5], [counts[0]] * 2 + [1], lambda x: x - [0, 0, 0.5])
-    upper = bricks([0.8, 0.8, 0.6], [counts[1]] * 2 + [1], domed)
+    """Return a dome pressed on a block, or, of ten-node tets, a block on a dome; a quarter, with
+    planes of symmetry, or the whole."""
+    shapes = (raised, np.asarray) if code is P2 else (lambda x: x - [0, 0, 0.5], domed)
+    lower = bricks([1, 1, 0.5], [counts[0]] * 2 + [1], shapes[0])
+    upper = bricks([0.8, 0.8, 0.6], [counts[1]] * 2 + [1], shapes[1])
     lower, upper = map(all_quarters, (lower, upper)) if whole else (lower, upper)
     contact = {"between": ["dome", "block"], "law": "contact", "friction": friction,
                "gap": "geometry", "within": 0.3}

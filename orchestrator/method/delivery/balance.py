@@ -36,6 +36,7 @@ from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
 from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Scene
 
 # Normal forces whose sum is this small beside what the interface that carries most does have no centre: iterations leave as much.
@@ -202,15 +203,13 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
         forces = forces + interfaces.friction_traction * interfaces.area[:, None]
         for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
             if i.moving is None:
-                x1, x2 = nodes[interfaces.nodes[own]], nodes[interfaces.others[own]]
-                if i.mortar is not None:  # a point's force is spread over nodes around; a rigid link carries it to a side that is apart
-                    at = np.searchsorted(i.shown, i.mortar.points)
-                    x1[at] = i.mortar.places(i.mortar.first, scene.side_points(i, 0))
-                    x2 = x1.copy()
-                    if i.paired:
-                        x2[at] = i.mortar.places(i.mortar.second, scene.side_points(i, 1))
-                for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
-                    add(e, x, sign * forces[:, own])
+                places, here = (interfaces.nodes[own], interfaces.others[own]), forces[:, own]
+                places, pair = [nodes[side] for side in places], (here, -here)
+                if i.mortar is not None:
+                    places = [scene.side_points(i, side) for side in (0, 1)]
+                    pair = at_nodes(i.mortar, here[:, np.searchsorted(i.shown, i.mortar.points)])
+                for e, x, acting in zip(i.subdomains, places, pair):
+                    add(e, x, acting)
     for i in scene.interfaces:  # bonded nodes that are a little apart hand on a couple
         if i.law.perfect and i.paired and i.subdomains[0] in d.space.subdomains:
             arm = (scene.side_points(i, 0) - scene.side_points(i, 1)) / extent
@@ -228,7 +227,15 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     return Balance(names, np.where(np.isnan(left), 0.0, left), size)
 
 
-def _slid_on(d: Decomposition, iterated: Iterated) -> Iterator[tuple[slice, Interface, tuple[np.ndarray, np.ndarray]]]:
+def at_nodes(mortar: Mortar, q: np.ndarray) -> list[np.ndarray]:
+    """Return (T, n, 3) at the nodes of either side what forces (T, p, 3) of points on the first do."""
+    rows = q.reshape(len(q), -1)
+    return [(operator.T @ (sign * rows).T).T.reshape(len(q), -1, 3)
+            for operator, sign in ((mortar.first, 1), (mortar.second, -1))]
+
+
+def _slid_on(d: Decomposition,
+             iterated: Iterated) -> Iterator[tuple[slice, Interface, list[np.ndarray]]]:
     """Per load step and interface whose sides slide on, what its points do at the nodes of either side, (n, 3) each."""
     mine = {i.index for i in own_interfaces(d)}
     w, f = iterated.fields.extended
@@ -236,5 +243,4 @@ def _slid_on(d: Decomposition, iterated: Iterated) -> Iterator[tuple[slice, Inte
         force = pairs.traces(w[t], f[t]).force[0]
         for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
             if i.moving is not None and i.index in mine:
-                q = force[:, a:b].T.ravel()
-                yield t, i, ((i.mortar.first.T @ q).reshape(-1, 3), -(i.mortar.second.T @ q).reshape(-1, 3))
+                yield t, i, [side[0] for side in at_nodes(i.mortar, force[:, a:b].T[None])]
