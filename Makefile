@@ -14,7 +14,8 @@ setup:  ## FreeFEM, OpenBLAS, X libraries (Debian packages) and a virtual enviro
 setup-tests:
 	@./setup.sh tests
 
-run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
+run:  ## set up what a run needs, solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
+	@./setup.sh run
 	@.venv/bin/orchestrator run $(CONFIG)
 
 test: setup-tests  ## set up CalculiX too, run the tests in three processes

@@ -1,6 +1,7 @@
 #!/bin/bash
 # Sets up what is missing and nothing else: Debian packages, then a virtual environment in .venv.
 #     ./setup.sh          what a run needs
+#     ./setup.sh run      the same, but for what the first run in contact needs, which goes on behind
 #     ./setup.sh tests    and what the tests need besides
 #     ./setup.sh rivals   and the other solvers that `orchestrator study large` compares with
 #     ./setup.sh cluster  another environment, .venv-cluster, of Debian's own Python with its PETSc and MPI, for many ranks
@@ -90,7 +91,7 @@ extras=all
 made=$({ "$python" --version; pwd; cat pyproject.toml constraints.txt; } | sha256sum)
 if [[ $(head -1 $environment/stamp 2>/dev/null) != "$made" ]]; then
     echo "Setting up the virtual environment $environment"
-    "$python" -m venv --clear "${sites[@]}" $environment
+    "$python" -m venv --clear --without-pip "${sites[@]}" $environment
     sed "s/^numpy==.*/$numpy/" constraints.txt > $environment/constraints.txt
     echo "$made" > $environment/stamp.new
 elif ! tail -1 $environment/stamp | grep -qE "^$extras(,|\$)"; then
@@ -98,16 +99,24 @@ elif ! tail -1 $environment/stamp | grep -qE "^$extras(,|\$)"; then
     head -1 $environment/stamp > $environment/stamp.new
 fi
 
-# uv takes a fifth of pip's time, but does not know where pip has been told to look for packages: where it fails pip does it.
+by_pip() {    # of Python's own, which takes seconds to install
+    $environment/bin/python -c 'import pip' 2>/dev/null || $environment/bin/python -m ensurepip >/dev/null
+    $environment/bin/python -m pip install --no-input --disable-pip-version-check "$@"
+}
+
+# uv takes a fifth of pip's time, but does not know where pip has been told to look for packages:
+# where it fails pip does it.
 install() {
     local uv cache=() asked=(--quiet --constraint $environment/constraints.txt "$@")
     if ! uv=$(command -v uv); then
-        $environment/bin/python -m pip install --quiet --no-input --disable-pip-version-check --constraint $environment/constraints.txt uv || true
+        "$python" -m pip --python $environment/bin/python install --no-input \
+            --disable-pip-version-check "${asked[@]:0:3}" uv 2>/dev/null ||
+            by_pip "${asked[@]:0:3}" uv || true
         uv=$environment/bin/uv
         cache=(--cache-dir $environment/uv-cache)    # nobody asked for one
     fi
-    VIRTUAL_ENV=$PWD/$environment "$uv" pip install "${cache[@]}" "${asked[@]}" 2>$environment/uv.log ||
-        $environment/bin/python -m pip install --no-input --disable-pip-version-check "${asked[@]}"
+    VIRTUAL_ENV=$PWD/$environment "$uv" pip install "${cache[@]}" "${asked[@]}" pip \
+        2>$environment/uv.log || by_pip "${asked[@]}"
     rm -rf $environment/uv-cache >/dev/null 2>&1 &    # seconds, of thousands of files that nobody waits for
 }
 
@@ -120,16 +129,28 @@ fi
 
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
 $environment/bin/python -m compileall -q orchestrator || true
-# Loops of contact are compiled, so that nobody's first run takes longer than the next; and Python keeps the bytecode of what a run and its figures import.
+# Loops of contact are compiled, so that nobody's first run takes longer than the next; and Python
+# keeps the bytecode of what a run and its figures import. A run without contact need not wait.
 # Tests call what they test, and keep it as well.
+make_ready() {
+    unset PYTHONDONTWRITEBYTECODE
+    $environment/bin/python -c \
+        'import orchestrator.run, orchestrator.results.figures.figures as f; f.warm_up()' \
+        >/dev/null 2>&1 &
+    nice $environment/bin/orchestrator doctor >$environment/doctor.log || cat $environment/doctor.log
+    wait $! || true    # where nothing can be drawn, runs say so
+    touch $environment/compiled
+}
+
 if [[ ${1:-} != tests && -w $environment ]]; then
     mapfile -t loops < <(grep -rl --include='*.py' '^@compiled' orchestrator)
     if [[ ! -e $environment/compiled || -n $(find "${loops[@]}" -newer $environment/compiled) ]]; then
-        echo "Compiling loops of contact"
-        unset PYTHONDONTWRITEBYTECODE
-        $environment/bin/python -c 'import orchestrator.run, orchestrator.results.figures.figures as f; f.warm_up()' >/dev/null 2>&1 &
-        $environment/bin/orchestrator doctor >$environment/doctor.log || cat $environment/doctor.log
-        wait $! || true    # where nothing can be drawn, runs say so
-        touch $environment/compiled
+        if [[ ${1:-} == run ]]; then
+            echo "Compiling loops of contact, in the background"
+            make_ready </dev/null >/dev/null 2>&1 &
+        else
+            echo "Compiling loops of contact"
+            make_ready
+        fi
     fi
 fi
