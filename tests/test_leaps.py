@@ -7,7 +7,7 @@ from in_process import IN_PROCESS
 
 from benchmarks.kit.apart import apart
 from orchestrator.config.load import config_from
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.method.stopping.discretisation import leaping, leaps
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import solve

@@ -13,7 +13,7 @@ from yaml_case import call
 
 from orchestrator.blackbox.models import whole_model
 from orchestrator.config.load import config_from
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -12,7 +12,7 @@ from test_discretisation import LENGTH, WEIGHT, YOUNG, hanging, solved
 from orchestrator.accuracy.measured import energies, explained, told
 from orchestrator.accuracy.passes import Passes
 from orchestrator.config.load import config_from
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.run import solve
 from orchestrator.scene.body import Meshed
 from orchestrator.scene.build import build_scene

@@ -28,7 +28,7 @@ from orchestrator import Solution, config_from, solve
 from orchestrator.accuracy.loop import run as refined
 from orchestrator.accuracy.measured import Energies, energies
 from orchestrator.config.load import Loaded
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.run import Means
 
 NEAR = 30  # cells with the nearest centres, one of which holds a point

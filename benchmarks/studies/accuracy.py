@@ -38,7 +38,7 @@ from orchestrator import Solution, config_from
 from orchestrator.accuracy.loop import run as refined
 from orchestrator.accuracy.measured import Energies, energies
 from orchestrator.config.load import Loaded
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.run import Means
 
 LEAST = 1 / 3  # of what is asked: a smaller true error is more than was asked for

@@ -21,7 +21,7 @@ from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
 from benchmarks.studies.accuracy import graded, problem
 from orchestrator import Solution
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 
 FINER = np.geomspace(1, 1e4, 400)  # tets over those of the first mesh
 

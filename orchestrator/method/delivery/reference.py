@@ -32,7 +32,7 @@ from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.method.stopping.element_problems import estimator_of
+from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 

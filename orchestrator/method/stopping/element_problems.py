@@ -25,9 +25,7 @@ import numpy as np
 from scipy.special import roots_jacobi
 
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.method.stopping.recovered_stresses import RecoveredStresses
 from orchestrator.scene.mesh.quadratic import DEGREE_4, TET_EDGES
-from orchestrator.scene.model import Scene
 
 
 FACES = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])  # corners of the face opposite to each
@@ -125,17 +123,3 @@ _PRODUCTS = np.einsum("p,pqa,prb->abqr", _WEIGHTS, *2 * [_functions(_POINTS)[1]]
 _FACE = np.stack([np.einsum("p,pq,pc->qc", DEGREE_4[0], _functions(np.insert(DEGREE_4[1], f, 0.0, axis=1))[0], DEGREE_4[1])
                   for f in range(4)])  # (4, 10, 3) means over a face, of functions times its linear ones
 _ON_FACE = np.hstack([(TET_EDGES[None] != np.arange(4)[:, None, None]).all(axis=2), np.eye(4, dtype=bool)]).astype(float)
-
-
-def kind_of(nodes: int) -> type[Estimator]:
-    """The estimate for tets of so many nodes: of ten by a problem in each, of four by recovered stresses."""
-    if nodes != 10:
-        return RecoveredStresses
-    from orchestrator.method.stopping.element_problems import ElementProblems  # these alone need SciPy's special functions
-
-    return ElementProblems
-
-
-def estimator_of(scene: Scene) -> Estimator:
-    """That of a whole scene."""
-    return kind_of(scene.mesh.cells.shape[1]).of(scene)

@@ -38,6 +38,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.method.stopping.discretisation import Estimator, mean_square
+from orchestrator.scene.model import Scene
 
 SOFTEST = 4.0  # 2/β², for β² = ½ of compact bodies: the bulk modulus over μ beyond which it is none of the error's business
 SLOPE = 0.01  # τ: a hundredth of what a patch is wide
@@ -92,3 +93,13 @@ class RecoveredStresses(Estimator):
         """(K,) nodal sums of (4 or 1, m), weighted by volume."""
         shares = np.broadcast_to(self.volumes * values, self.corner.shape)
         return sum(np.bincount(nodes, share, self.count) for nodes, share in zip(self.corner, shares))
+
+
+def estimator_of(scene: Scene) -> Estimator:
+    """Return the estimate of a scene: of ten-node tets by a problem in each, of others as above."""
+    if scene.mesh.cells.shape[1] != 10:
+        return RecoveredStresses.of(scene)
+    # this alone needs SciPy's special functions
+    from orchestrator.method.stopping.element_problems import ElementProblems
+
+    return ElementProblems.of(scene)

@@ -64,6 +64,7 @@ def _plugin(folder: str) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
+@cache
 def _openblas() -> Path | None:
     found = [folder for name in _BLAS_FOLDERS for folder in sorted(Path("/usr/lib").glob(f"*/{name}"))]
     return next((folder for folder in found if (folder / "libblas.so.3").exists()), None)
