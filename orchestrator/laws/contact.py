@@ -185,9 +185,10 @@ class Contact(Law):
         for t, (force, jump, answered, status) in enumerate(zip(at.force, at.jump, at.answered, at.status)):
             traction, slip = force / points.area, points.across(answered - (at.answered[t - 1] if t else at.before))
             pressed, shear = points.along(traction), points.across(traction)
-            size = norm(shear)
+            size, inside = norm(shear), -(gap + points.along(jump))
+            inside = np.where(inside > TOUCHES * np.abs(gap), inside, 0.0)
             rubbed = np.where((status == SLIPS) & (friction > 0), size * norm(slip) - dot(shear, slip), 0.0)
-            largest.append([np.max(x, initial=0.0) for x in (np.abs(pressed), -(gap + points.along(jump)), pressed,
+            largest.append([np.max(x, initial=0.0) for x in (np.abs(pressed), inside, pressed,
                                                              size - friction * np.maximum(-pressed, 0.0), rubbed)])
         pressure, *measures = np.max(np.reshape(largest, (-1, 5)), axis=0)[:, None]
         return pressure, dict(zip(("penetration", "tension", "cone", "slip_direction"), measures))
