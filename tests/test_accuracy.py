@@ -82,7 +82,8 @@ def beside_seconds(code, summary):
     return code, meshes, summary["peak_stress"], summary["converged"]
 
 
-@pytest.mark.parametrize("place", quick(PLACES))
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.long
 def test_a_killed_run_goes_on(place, tmp_path, whole):
     assert begin(sys.executable, str(HERE / "accuracy_case.py"), place, str(tmp_path)).wait() == -signal.SIGKILL
     if place == "in the mesher":

@@ -35,6 +35,7 @@ def test_too_few_iterations():
     assert "--resume" in advice[0] and any("element: P2" in text for text in advice) and len(advice) == 2, advice
 
 
+@pytest.mark.long
 def test_a_tolerance_below_rounding():
     """The one that is named is met."""
     _, advice = stopped(bonded(tolerance={"error": 1.0000001e-11}), "stagnated at rounding")

@@ -256,7 +256,8 @@ def program(transport="pipe", once=False):
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-@pytest.mark.parametrize("blow", quick([signal.SIGTERM, signal.SIGINT]))
+@pytest.mark.parametrize("blow", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.long
 def test_the_program_is_interrupted(blow, transport, temporary):
     child, pids = program(transport)
     time.sleep(0.1)

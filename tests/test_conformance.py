@@ -104,7 +104,8 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", quick(WRONG))
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.long
 def test_wrong_adapters_are_caught(name, tmp_path):
     solve, stiffness, words = WRONG[name]
     path = tmp_path / "wrong.py"
@@ -114,8 +115,9 @@ def test_wrong_adapters_are_caught(name, tmp_path):
 
 
 @pytest.mark.parametrize("changed, words", [
-    late("k = -k", "against them"), late("k = k + 1e-3 * k.max() * sp.eye_array(k.shape[0])", "rigid motions of the body"), late("pass", "")],
+    ("k = -k", "against them"), ("k = k + 1e-3 * k.max() * sp.eye_array(k.shape[0])", "rigid motions of the body"), ("pass", "")],
     ids=["negated", "held", "sound"])
+@pytest.mark.long
 def test_matter_of_ones_own_is_asked_for(tmp_path, changed, words):
     """Of models without a place in a mesh all is soles, which are plain."""
     path = tmp_path / "own.py"

@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from contact_case import contact
 from in_process import IN_PROCESS
 from method_case import box_of, config, prepared
-from quick import late, quick
 from rounded_traces import traces_of
 
 from orchestrator.config.load import config_from
@@ -69,7 +68,8 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", quick(FAULTS, "the sign"))
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.long
 def test_corrupted_answers(tmp_path, monkeypatch, fault):
     change, message = FAULTS[fault]
     path = tmp_path / "corrupting"
@@ -136,7 +136,8 @@ def test_balance_of_every_body(pressed, share, found):
     assert ((apart > 1e-7).any(axis=1) == found).all()
 
 
-@pytest.mark.parametrize("digits, trusted", [late(6, False), late(17, True)])
+@pytest.mark.parametrize("digits, trusted", [(6, False), (17, True)])
+@pytest.mark.long
 def test_answers_of_few_digits(digits, trusted):
     """Six digits cannot carry an error of 1e-6; the run says so instead of claiming it."""
     made = config(subdomains={"slices": {"axis": "x", "count": 2}},

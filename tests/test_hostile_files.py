@@ -370,7 +370,8 @@ def test_sizes_that_files_declare_are_not_taken_where_there_is_no_room(tmp_path,
         read(tmp_path / name)
 
 
-@pytest.mark.parametrize("mode, coded", [late("Appended", False), late("Appended", True), late("Binary", True)])
+@pytest.mark.parametrize("mode, coded", [("Appended", False), ("Appended", True), ("Binary", True)])
+@pytest.mark.long
 def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mode, coded):
     """Blocks of compressed arrays: VTK ends the process that reads. Lengths of others it does not ask."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
-from quick import quick
 from test_keeping import stopped_and_resumed
 
 from orchestrator.config.load import config_from
@@ -31,7 +30,8 @@ def solved(**method):
     return solve(config, build_scene(config))
 
 
-@pytest.mark.parametrize("size", quick([1, 3]))
+@pytest.mark.parametrize("size", [1, 3])
+@pytest.mark.long
 def test_batches_of_load_steps_continue_the_history(size):
     """Reactions and statuses agree with all steps solved together; friction makes them depend on the path."""
     together, batches = solved(), solved(increment=size)

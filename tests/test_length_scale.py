@@ -51,6 +51,7 @@ def test_a_body_sent_far_away_leaves_the_others_as_exact(exact, far):
     assert solution.summary["energy"][0] == pytest.approx(exact.summary["energy"][0], rel=1e-5)
 
 
+@pytest.mark.long
 def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
     """What is left of an absurd state is the place of the loose block, as far away as the state says."""
     kept = LastState()

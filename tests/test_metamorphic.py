@@ -5,7 +5,7 @@ from pathlib import Path
 
 import in_process  # noqa: F401 - the code that the scenes are solved by
 import pytest
-from quick import late, quick
+from quick import quick
 
 pytest.importorskip("hypothesis")
 from benchmarks.metamorphic import judge as judges  # noqa: E402
@@ -40,8 +40,9 @@ MORE = [name for name in RELATIONS if name not in [*DOORS, *FEW, "mirrored"]]
 
 
 @pytest.mark.parametrize("scene, relations, silent", [
-    late(TWO, FEW, set()), late(TWO, MORE, {"cut otherwise", "solved roughly", "superposed", "after rest"}), late(BONDED, FEW + MORE, set())],
+    (TWO, FEW, set()), (TWO, MORE, {"cut otherwise", "solved roughly", "superposed", "after rest"}), (BONDED, FEW + MORE, set())],
     ids=["contact", "contact, more", "bonded"])
+@pytest.mark.long
 def test_relations_hold(scene, relations, silent):
     """Blocks pressed and sheared: all relations but those of other doors have something to say of them, and hold; with friction nothing is
     guaranteed of what is solved roughly."""
@@ -81,6 +82,7 @@ def test_kept_scenes_say_what_they_broke():
         assert read(path).relation in {*RELATIONS, "itself", "in one piece"}, path
 
 
+@pytest.mark.long
 def test_wrong_answers_are_seen(monkeypatch):
     """A gap forgotten in other units, half the load, a displacement off by a thousandth: none passes for the same answer."""
     def forgetful(data, rng):

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from processes import begin, gone
 from ranks_case import CASES, PAIRED, found, refined
-from quick import late, quick
 
 from orchestrator import folders
 from orchestrator.config.load import load_config
@@ -97,7 +96,8 @@ def subdomains(case: str) -> int:
 FEW = ["leaps between parts", "pushed off", PAIRED]  # beside what ``tests/public/test_same`` solves
 
 
-@pytest.mark.parametrize("ranks, few", [(2, True), late(2, False), late(3, False), late(4, False)])
+@pytest.mark.parametrize("ranks, few", [(2, True), (2, False), (3, False), (4, False)])
+@pytest.mark.long
 def test_ranks_find_what_one_process_finds(ranks, few, tmp_path):
     several = [case for case in CASES if subdomains(case) >= 4]  # one for each rank
     three, four = several[1::4], several[::2]
@@ -222,7 +222,7 @@ def endless(ranks: int, folder: Path, temporary: Path) -> tuple[subprocess.Popen
     return run, settings, results
 
 
-@pytest.mark.parametrize("fault", quick(FAULTS, "the rank"))
+@pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.long
 def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     victim, kind, message, code = FAULTS[fault]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from quick import late, quick
+from quick import late
 from contact_case import PATH
 from in_process import IN_PROCESS
 from benchmarks.monolithic import Monolithic
@@ -43,7 +43,8 @@ def energy_norm(whole, u):
     return float(np.sqrt(flat @ (whole.K @ flat)))
 
 
-@pytest.mark.parametrize("cells", quick([(2, 6), (6, 2), (5, 6)], (5, 6)))
+@pytest.mark.parametrize("cells", [(2, 6), (6, 2), (5, 6)])
+@pytest.mark.long
 def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     """What is delivered has no jump; its distance from the solution of the same operators is bounded, closely."""
     scene = build_scene(bonded(cells))
@@ -93,7 +94,8 @@ def as_in_one_piece(made, scene):
     return solved
 
 
-@pytest.mark.parametrize("friction", [late(0.0), late(0.4)])
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.long
 def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
     """Facets that are chords of other polygons about the same circle; turned and pulled there and back."""
     made = config_from({**assemblies.bolt_in_bore(tmp_path, (0.6, 0.8), friction), "blackbox": IN_PROCESS,

@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 import pytest
 from method_case import CLAMP, PULL
-from quick import late
 
 from orchestrator.blackbox.codes.python_code import PythonCode
 from orchestrator.config.load import config_from
@@ -76,8 +75,9 @@ def test_its_entries_are_validated_like_all_others(name, softened):
 
 
 @pytest.mark.parametrize("text, transport, words", [
-    late("class Mine:\n    pass", "pipe", "lonely.py has no class Solver, but Mine"), late("x = 3", "file", "lonely.py has no class Solver"),
-    late("class Solver:\n    def solve(self): ...", "pipe", "class Solver of lonely.py has no method stiffness, prepare")])
+    ("class Mine:\n    pass", "pipe", "lonely.py has no class Solver, but Mine"), ("x = 3", "file", "lonely.py has no class Solver"),
+    ("class Solver:\n    def solve(self): ...", "pipe", "class Solver of lonely.py has no method stiffness, prepare")])
+@pytest.mark.long
 def test_a_file_without_a_solver(tmp_path, transport, text, words):
     (tmp_path / "lonely.py").write_text(text)
     with pytest.raises(InputError) as caught:

@@ -185,6 +185,7 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     assert nothing_left(temporary)
 
 
+@pytest.mark.long
 def test_freefem_is_killed(tmp_path, temporary):
     """Exit code 3, a message that names the signal and the log, history and checkpoint on disk, nothing left."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS, blackbox={"workers": 2})

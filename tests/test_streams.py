@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from test_bad_input import GOOD
-from quick import late, quick
+from quick import quick
 
 PATIENCE = 120  # seconds
 
@@ -26,8 +26,9 @@ def shell(line, *arguments, **environment):
                           timeout=PATIENCE, env={**os.environ, **environment})
 
 
-@pytest.mark.parametrize("redirection, told", [late(">&-", ""), late(">&- 2>&- <&-", ""), late("2>/dev/full >/dev/full", ""),
-                                               (">/dev/full", "No space left on device"), late("2>&1 | true", None)])
+@pytest.mark.parametrize("redirection, told", [(">&-", ""), (">&- 2>&- <&-", ""), ("2>/dev/full >/dev/full", ""),
+                                               (">/dev/full", "No space left on device"), ("2>&1 | true", None)])
+@pytest.mark.long
 def test_a_run_needs_nobody_who_listens(bar, redirection, told):
     """Its results are whole, its exit code is its own; where that can be said, it is said that words were lost."""
     done = shell(f'run "$1" --output "$2" {redirection}', bar, bar.parent / "out")

@@ -59,8 +59,7 @@ def begin():
 
 
 @pytest.mark.xdist_group("ranks")
-@pytest.mark.parametrize("law", [pytest.param({}, marks=pytest.mark.long), CONTACT],
-                         ids=["bonded", "contact"])
+@pytest.mark.parametrize("law", [{}, CONTACT], ids=["bonded", "contact"])
 def test_two_ranks_find_what_one_process_finds(law, tmp_path, begin):
     """Sums round otherwise: the same iterations, values to what the tolerance leaves."""
     path = file_of({**BOXES, **law}, tmp_path)
