@@ -12,7 +12,6 @@ import pytest
 from accuracy_case import PLACES, bent
 from in_process import IN_PROCESS
 from processes import begin
-from quick import quick
 
 from orchestrator import run as one
 from orchestrator.accuracy.loop import run
@@ -124,7 +123,8 @@ def test_a_mesh_that_cannot_be_made_leaves_the_last_result(fault, tmp_path):
     assert code == 0 and summary["accuracy"]["met"] and len(summary["accuracy"]["meshes"]) > 1
 
 
-@pytest.mark.parametrize("dies", quick([True, False], False))
+@pytest.mark.parametrize("dies", [True, False])
+@pytest.mark.long
 def test_a_mesh_that_is_not_solved_on_leaves_the_last_result(tmp_path, monkeypatch, dies):
     real, calls = one.solve, []
 

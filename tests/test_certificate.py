@@ -155,7 +155,8 @@ def test_with_friction_the_error_is_estimated(kind, friction):
     assert min(ratios) > 0.7 and np.median(ratios) < 5
 
 
-@pytest.mark.parametrize("friction", [late(0.0), 0.3])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.long
 def test_across_meshes_that_do_not_match(friction):
     held = [{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": PATH[:3]}]
     made = blocks(TWO, {"a": free_mesh(TWO["a"][0], 0.3), "b": free_mesh(TWO["b"][0], 0.22)}, {"law": "contact", "friction": friction},

@@ -38,6 +38,7 @@ def test_numbers_are_freefems(name):
     assert difference(answers[1][2][0], assemble(models[0])) < 1e-12
 
 
+@pytest.mark.long
 def test_a_failure_of_one_code_ends_all(tmp_path):
     """The error names the subdomain; no process of any code goes on."""
     path = tmp_path / "moody.py"

@@ -107,6 +107,7 @@ def _doubled(values):
     return 2 * values
 
 
+@pytest.mark.long
 def test_one_process_compiles_a_loop_at_a_time(tmp_path, monkeypatch):
     """Another one that compiles it too, for other types perhaps, is waited for."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))

@@ -102,6 +102,7 @@ def test_one_factor_serves_several_threads(macro):
 
 
 @needs_cholmod
+@pytest.mark.long
 def test_factors_of_several_threads_do_not_disturb_each_other():
     """The library's linear algebra may have one workspace for all threads."""
     rng = np.random.default_rng(5)

@@ -75,6 +75,7 @@ def test_bonded_scenes(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", quick(CONTACT, "two blocks"))
+@pytest.mark.long
 def test_scenes_with_contact(name):
     """The same statuses, and the same forces as far as the tolerance tells them."""
     make, changes = CONTACT[name]

@@ -18,6 +18,7 @@ def section(**keys):
     return Section.model_validate(keys)
 
 
+@pytest.mark.long
 def test_init_finds_bolts_nuts_threads_and_room(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = call("init", "joint.yaml", *lap_joint(tmp_path, shift=0.1))

@@ -312,6 +312,7 @@ def same_result(folder, undisturbed):
     assert np.array_equal(read_history(folder)["iteration"], iterations)
 
 
+@pytest.mark.long
 def test_a_converged_run_outlives_its_writing(tmp_path, undisturbed):
     """Fields that cannot be written: told, the checkpoint stays, and ``resume`` does nothing but write."""
     out, case = tmp_path / "out", loaded(tmp_path)
@@ -382,7 +383,8 @@ def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, undi
 
 
 @pytest.mark.parametrize("after", [late(False), True], ids=["before", "after"])
-@pytest.mark.parametrize("kind", quick([CheckpointWriter, HistoryWriter], HistoryWriter))
+@pytest.mark.parametrize("kind", [CheckpointWriter, HistoryWriter])
+@pytest.mark.long
 def test_interrupted_while_an_iteration_is_noted(tmp_path, monkeypatch, kind, after):
     """One record has the iteration, the other one perhaps not: resumed, none is missing in the history, none twice."""
     case, out, note = loaded(tmp_path), tmp_path / "out", kind.iteration

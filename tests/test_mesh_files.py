@@ -5,7 +5,6 @@ from pathlib import Path
 import gmsh
 import numpy as np
 import pytest
-from quick import late
 
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.files import read
@@ -76,7 +75,8 @@ def test_partitions_are_volumes(saved, binary):
 
 
 @pytest.mark.parametrize("there, told", [
-    ("bar_[123]", "partition 4 of 4 is in none of the files"), late("*", "files of meshes in different partitions")])
+    ("bar_[123]", "partition 4 of 4 is in none of the files"), ("*", "files of meshes in different partitions")])
+@pytest.mark.long
 def test_files_that_do_not_belong_together(tmp_path, saved, there, told):
     for file in [*Path(__file__).parent.glob("meshes/bar_*.msh"), saved / "cut0.msh"]:
         (tmp_path / file.name).write_bytes(file.read_bytes())

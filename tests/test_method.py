@@ -388,13 +388,12 @@ LOADS = {
     "everything": {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [1e-4, None, None]},
                                 {"on": {"plane": "y", "at": 0.0}, "traction": [1.0, 2.0, 3.0]}], **WEIGHT},
 }
-ALONG = "prescribed along interfaces"  # acts beside edges at which four cubes meet
 PARTS = "prescribed", "prescribed on rollers", "settled support", "pressure", "weight"  # of what others load with
 
 
 @pytest.mark.parametrize("loads, mesh, tolerance", [
     *(pytest.param(loads, METIS, 1e-6, id=f"{loads}-metis", marks=pytest.mark.long if loads in PARTS else []) for loads in LOADS),
-    *(pytest.param(loads, CUBES, 1e-4, id=f"{loads}-cubes", marks=[] if loads == ALONG else pytest.mark.long) for loads in LOADS)])
+    *(pytest.param(loads, CUBES, 1e-4, id=f"{loads}-cubes", marks=pytest.mark.long) for loads in LOADS)])
 def test_loads_and_prescribed_displacements(loads, mesh, tolerance):
     """Against the undecomposed solution, to what is guaranteed; prescribed values are met exactly; the energy ½ u_Dᵀ K u_D is
     that of the delivered field, and reactions balance the loads to rounding, however loose the tolerance."""

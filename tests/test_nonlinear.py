@@ -61,7 +61,7 @@ def test_plasticity_with_reversal_against_one_run():
 
 @pytest.mark.parametrize("change, words", [
     ({"blackbox": {**AS_PROCESS, "nonlinear": False}}, "says that it is nonlinear"),
-    ({"blackbox": {"code": "orchestrator.blackbox.codes.template:Solver", "nonlinear": True, "workers": 1}}, "is linear"),
+    late({"blackbox": {"code": "orchestrator.blackbox.codes.template:Solver", "nonlinear": True, "workers": 1}}, "is linear"),
     ({"blackbox": {**AS_PROCESS, "transport": "file"}}, "write transport: pipe"),
     ({"method": {"tolerance": {"indicator": 1e-5}}}, "indicator with nonlinear matter"),
     ({"method": {"acceleration": "gmres"}}, "whose fixed point is not affine"),

@@ -74,7 +74,7 @@ READ = {"law": "contact", "gap": "geometry"}
 @pytest.mark.parametrize("gap, cells, entry", [
     late(2.0, 2, READ), (2.0, 3, READ), late(2.5, 2, {**READ, "within": 2.5}), late(3.7, 3, {**READ, "within": 3.7}),
     late(1e-3, 2, {"law": "contact"}),
-    late(0.2, 3, {"law": "perfect", "tolerance": 0.3}), (-0.2, 3, {"law": "contact", "gap": -0.2, "tolerance": 0.3})],
+    late(0.2, 3, {"law": "perfect", "tolerance": 0.3}), late(-0.2, 3, {"law": "contact", "gap": -0.2, "tolerance": 0.3})],
     ids=["twice the size", "twice the size, not matching", "a length", "a length, not matching", "nodes that coincide", "a tolerance", "a press fit"])
 def test_faces_at_a_limit_are_paired_however_axes_lie(gap, cells, entry):
     """All of them: a distance that is the limit rounds to either side of it."""

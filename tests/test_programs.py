@@ -40,6 +40,7 @@ def example(name, **program):
     return data
 
 
+@pytest.mark.long
 def test_a_script_in_freefem_with_its_own_mesh_matter_and_loads(tmp_path):
     """Against the same mesh in one of ours: displacements to 1e-9, a bound, and a result that it has written itself."""
     feet = bricks(np.ones(3), np.array([3, 3, 3]), "post").surfaces["zmin"]

@@ -54,6 +54,7 @@ def file(tmp_path, text) -> str:
     return str(tmp_path / "mine.py")
 
 
+@pytest.mark.long
 def test_a_stiffness_alone_is_a_solver_and_takes_options(tmp_path, shipped):
     found = displacement({"code": file(tmp_path, STIFFNESS), "options": {"softening": 4.0, "scale": 2.0}, "workers": 1})
     assert apart(found, 2 * shipped) < 1e-8

@@ -55,6 +55,7 @@ def test_freefem_answers_in_our_numbering(transport):
 
 
 @pytest.mark.parametrize("kind", quick(["layer", "symmetric", "springs", "overlap"], "overlap"))
+@pytest.mark.long
 def test_what_is_factorised_is_the_sum(tmp_path, kind):
     """The extended subdomains' answers satisfy (K_E + Σ NᵀkN) u = f to rounding."""
     made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 7}, **P2, **method({"kind": kind}))

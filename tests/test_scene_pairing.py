@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from contact_case import contact, converged, written
-from quick import late
 
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
@@ -51,8 +50,9 @@ LAWS = {"perfect": {"law": "perfect"}, "friction": {"law": "contact", "friction"
         "press fit": {"law": "contact", "friction": 0.3, "gap": -0.001}, "jump": {"law": "jump", "jump": [0.001, 0, 0.002]}}
 
 
-@pytest.mark.parametrize("name, kind", [late("perfect", "symmetric"), late("friction", "springs"), late("friction", "symmetric"),
-                                        ("press fit", "springs"), late("jump", "springs")])
+@pytest.mark.parametrize("name, kind", [("perfect", "symmetric"), ("friction", "springs"), ("friction", "symmetric"),
+                                        ("press fit", "springs"), ("jump", "springs")])
+@pytest.mark.long
 def test_coincident_nodes_are_as_good_as_shared_ones(name, kind, tmp_path):
     """Whatever the law and the sole: the same displacement of either part, the same forces."""
     sole = {"sole": {"kind": "layer" if kind == "springs" else kind, "contact": kind}}

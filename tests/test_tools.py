@@ -35,6 +35,7 @@ def solved(data: dict):
 
 
 @pytest.mark.parametrize("element, gap, error", quick_sets((("P1", 0.0, 1e-4), ("P1", 0.02, 1e-5), ("P2", 0.0, 1e-5)), ("P1", 0.0, 1e-4)))
+@pytest.mark.long
 def test_a_force_does_what_the_way_does_that_it_makes(element, gap, error):
     """Across a gap, too; the layer that stands for the tool gives way by less than a thousandth. No gap is told to be off."""
     found = solved(block({**BALL, "displacement": [0, 0, -0.01]}, element, error))

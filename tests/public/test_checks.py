@@ -36,6 +36,7 @@ def test_init_writes_a_cut_between_head_and_thread(screwed):
     assert at and 0 < float(at[1]) < 10
 
 
+@pytest.mark.long
 def test_what_a_cut_carries_arrives_under_the_head(screwed, tmp_path):
     text = screwed.read_text()
     auto = screwed.with_name("auto.yaml")

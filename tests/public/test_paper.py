@@ -76,6 +76,7 @@ def test_soles_softer_and_stiffer_with_equilibrium():
     assert middle["true_error"][59] < 1e-3 * min(soft["true_error"][59], stiff["true_error"][59])
 
 
+@pytest.mark.long
 def test_soles_softer_and_stiffer_with_continuity():
     """Figure 11: soft ones balance forces and the jump stagnates, stiff ones leave forces
     behind."""
@@ -86,6 +87,7 @@ def test_soles_softer_and_stiffer_with_continuity():
     assert stays[0] > 0.5 and stays[1] < 0.1, stays
 
 
+@pytest.mark.long
 def test_thinner_soles_are_stiffer_springs():
     """Where soles are soft, a quarter of the thickness takes less than half the iterations."""
     thick, thin = (iterations("true_error", 1e-2, "equilibrium", 8, 0.03, h) for h in (5, 1.25))
