@@ -13,6 +13,8 @@ from benchmarks.metamorphic.answers import Answer
 from benchmarks.metamorphic.compare import LAWFUL, ROUNDING, size_of
 from benchmarks.kit.elasticity import stiffness
 from benchmarks.monolithic import KNOWN, Monolithic
+from orchestrator import Solution
+from orchestrator.method.delivery.interface_fields import geometry_shown
 
 MOST = 4000  # unknowns of a scene that is solved in one piece
 
@@ -25,7 +27,7 @@ def in_one_piece(first: Answer) -> tuple[str, str]:
             or not scene.interfaces:
         return "not sayable", ""
     whole = Monolithic(scene)
-    steps = whole.solve(_started(whole, solution.parts))
+    steps = whole.solve(_started(whole, solution))
     if not all(step.converged for step in steps):
         return "not sayable", f"in one piece stopped at {max(step.residual for step in steps):.1e}"
     apart = np.zeros(scene.steps)
@@ -41,16 +43,31 @@ def in_one_piece(first: Answer) -> tuple[str, str]:
     return "agree" if error <= allowed else "disagree", f"displacements {error:.1e}, allowed {allowed:.1e}"
 
 
-def _started(whole: Monolithic, parts: list[np.ndarray]) -> list[tuple[list[np.ndarray], np.ndarray]]:
-    """Displacements and pair forces to start from at every load step: near an answer that is right there is a solution.
+def _started(whole: Monolithic, solution: Solution) -> list[tuple[list[np.ndarray], np.ndarray]]:
+    """Displacements and pair forces to start from at every load step: those told, of bonds the rest.
 
-    Friction leaves several, and bodies that nothing holds have many places: those found elsewhere prove nothing wrong.
+    Friction leaves several solutions: Newton's method stays at one that balances and obeys the laws.
     """
-    result = []
+    scene, fields, parts = whole.scene, solution.interfaces, solution.parts
+    told = np.zeros((scene.steps, *whole.pairs.normal.shape))
+    known = np.zeros(told.shape[1:], dtype=bool)
+    opening = [(i, at) for i, at in zip(scene.interfaces, whole.pairs.bounds) if not i.law.perfect]
+    if opening:
+        at = geometry_shown(scene, [i for i, _ in opening])
+        forces = (fields.friction_traction * fields.areas[:, :, None]
+                  - (fields.pressure * at.length * fields.areas)[:, :, None] * at.acting)
+        for (i, pairs), (_, own) in zip(opening, fields.each()):
+            points = i.mortar.points if i.mortar is not None else np.arange(pairs.stop - pairs.start)
+            here = np.isin(points, i.shown)
+            rows = pairs.start + np.flatnonzero(here)
+            told[:, rows] = forces[:, own][:, np.searchsorted(i.shown, points[here])]
+            known[pairs] = True
+    bonds, result = sp.diags_array((~known).ravel().astype(float)), []
     scale = np.sqrt(np.maximum(whole.pairs.stiffness, whole.pairs.stiffness.max() * 1e-12)).repeat(3)
-    for t in range(whole.scene.steps):
+    for t, force in enumerate(told):
         u = np.concatenate([p[t].ravel() for p in parts])
-        left = (whole._loads(t) - whole.K @ u)[whole.free]
-        found = sla.lsqr(whole.D.T @ sp.diags_array(scale), left, atol=1e-14, btol=1e-14, iter_lim=4 * len(left))[0] * scale
-        result.append(([p[t] for p in parts], found.reshape(-1, 3)))
+        left = (whole._loads(t) - whole.K @ u)[whole.free] - whole.D.T @ force.ravel()
+        spread = whole.D.T @ bonds @ sp.diags_array(scale)
+        found = sla.lsqr(spread, left, atol=1e-14, btol=1e-14, iter_lim=4 * len(left))[0] * scale
+        result.append(([p[t] for p in parts], force + (bonds @ found).reshape(-1, 3)))
     return result
