@@ -89,15 +89,13 @@ MONITORS = Registry({
     "error_bound": "orchestrator.method.monitors.criteria:ErrorBoundCriterion",
     "law_residual": "orchestrator.method.monitors.criteria:LawCriterion",
     "energy_error": "orchestrator.method.monitors.criteria:EnergyErrorCriterion",
-    "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
+    "mesh_error": "orchestrator.method.monitors.criteria:MeshError",
     "true_error": "orchestrator.method.monitors.criteria:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",
     "limit_load": "orchestrator.method.monitors.limit_load:LimitLoadMonitor",
     "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
-    "self_stress": "orchestrator.method.monitors.lagging:SelfStressMonitor",
-    "lagging": "orchestrator.method.monitors.lagging:LaggingPoints",
 })
 
 # Kinds of entries of boundary and of loads, by their key there.

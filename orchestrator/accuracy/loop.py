@@ -21,7 +21,7 @@ from orchestrator.config.method import Tolerance
 from orchestrator.config.model import Config
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, NOT_CONVERGED, InternalError, OrchestratorError, wrong
 from orchestrator.method.stopping.recovered_stresses import estimator_of
-from orchestrator.method.monitors.mesh_error import LEAST
+from orchestrator.method.monitors.criteria import LEAST
 from orchestrator.parallel.team import Elsewhere
 from orchestrator.results.checkpoint import saved
 from orchestrator.results.figures.artist import CannotDraw, drawn

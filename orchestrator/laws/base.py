@@ -110,6 +110,7 @@ class Law:
     follows : the sides are paired anew as they slide, load step after load step
     statuses : what its pairs can do
     measures : of its residuals
+    pairwise : it answers pair by pair, whatever other pairs of its interface do
     convex : its force is the slope of a convex energy of the jump, load step by load step: the energy error is guaranteed
     prices : it has a ``duality_gap``, and directions in which it gives way are free in what the error is measured with
     slips : what it holds across the normal may slip for a price, as Coulomb's law has it, with a parameter ``friction``
@@ -156,6 +157,7 @@ class Law:
     meaning: ClassVar[str] = ""
     perfect: ClassVar[bool] = False
     as_one: ClassVar[bool] = False
+    pairwise: ClassVar[bool] = True
     axial: ClassVar[bool] = False
     joins: bool = False
     on_ground: ClassVar[bool] = False
@@ -244,6 +246,11 @@ class Law:
         derivative : also return ∂f̂/∂F, wherever it is not zero
         """
         raise NotImplementedError
+
+    @staticmethod
+    def lagged(points: Points, force: np.ndarray) -> Points:
+        """Return points whose law is convex: limits that forces set on each other are those of these (3, P)."""
+        return points
 
     @staticmethod
     def carries(points: Points) -> Carries:

@@ -13,7 +13,7 @@ Friction 0 is a slip without resistance: f̂_t = 0.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ from orchestrator.laws.contact_loops import forces, OPENS, slopes, SLIPS, STICKS
 from orchestrator.laws.points import Answer, BONDED, Carries, Hold, Points, Status, dot, norm
 
 TOUCHES = 1e-13  # of the gap, and of what a force is worth in jumps, below which sides touch
+NONE = np.empty(0)
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
 
 OPEN = Status(OPENS, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
@@ -148,7 +149,8 @@ class Contact(Law):
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The force a contact carries; the tangential part of ``previous`` is where friction sticks."""
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
-        given = (*points.search, points["gap"], points["friction"]), F, previous
+        most = points.own.get("most", NONE)
+        given = (*points.search, points["gap"], points["friction"], most), F, previous
         force, status = np.empty(F.shape), np.empty(len(points), dtype=int)
         in_parts(forces, len(points), *given, force, status, part=WORTH)
         if not derivative:
@@ -157,6 +159,12 @@ class Contact(Law):
         slope = np.empty((3, 3, len(active)))
         in_parts(slopes, len(active), *given, active, slope, part=WORTH)
         return Answer(force, status, active, slope)
+
+    @staticmethod
+    def lagged(points: Points, force: np.ndarray) -> Points:
+        """The points with friction of at most what μ allows under these forces: Tresca's law, which is convex."""
+        push = np.maximum(-points.along(force), 0.0)
+        return replace(points, own=points.own | {"most": points["friction"] * push})
 
     @staticmethod
     def carries(points: Points) -> Carries:

@@ -43,7 +43,7 @@ class Coupling(Law):
     formula = "rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given"
     meaning = "a surface and a point: it moves with it, or in the mean"
     # nodes in the middle of edges follow the point like all others
-    as_one, joins, on_ground, has_history = True, True, True, False
+    as_one, joins, on_ground, has_history, pairwise = True, True, True, False, False
     convex = True
     statuses = (COUPLED, BONDED)
 

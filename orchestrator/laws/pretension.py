@@ -76,6 +76,7 @@ class Pretension(Law):
     formula = "tightened: d = d n, Σ f·n = N;  locked: d = d at the load step before"
     meaning = "a bolt's cut: its force is given, then its length"
     as_one = axial = joins = True
+    pairwise = False
     statuses = (TIGHTENED, LOCKED, BONDED)
     measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N", "bolts whose force is not what is prescribed"),)
 

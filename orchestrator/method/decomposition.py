@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +11,6 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.correction import CoarseCorrection
-from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.interface.pairs import History
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Carried, Loading, RimStiffness
@@ -56,9 +54,6 @@ class Decomposition:
     certificate : the energy error, where some are not and it is asked for
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some, see ``monitors.following``
-    self_stress : at nodes where interfaces that open meet, None where there are none: made once, when it is first asked for by
-        all ranks, as most runs end before
-    at_nodes : it is corrected beside the coarse contact problem
     springs : ε of springs of stabilisation over that at the beginning
     """
 
@@ -72,8 +67,6 @@ class Decomposition:
     certificate: Certificate | None = None
     nonlinear: Nonlinear | None = None
     following: Any = None
-    self_stress: Callable[[], SelfStress | None] | None = None
-    at_nodes: bool = False
     springs: float = 1.0
 
     @property
@@ -114,11 +107,7 @@ class Decomposition:
 
     def corrected(self, fields: Admissible) -> Admissible:
         """Fields of the linear stage with what the coarse contact problem adds to them."""
-        if self.coarse is None:
-            return fields
-        fields = self.coarse(fields)
-        correction = self.self_stress() if self.at_nodes else None
-        return fields if correction is None else correction(fields, self.local)
+        return fields if self.coarse is None else self.coarse(fields)
 
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
         """Energy, continuity and error bound of fields; where laws are not perfect and none is asked for no bound.
@@ -200,8 +189,8 @@ class Decomposition:
         """Take, for all load steps, the pairs that another decomposition has for some; its springs of stabilisation stay its own."""
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
-        local, coarse = copy(self.local), copy(other.coarse)
-        local.pairs = other.local.pairs.at_steps_of(self.local.pairs)
+        pairs, coarse = other.local.pairs.at_steps_of(self.local.pairs), copy(other.coarse)
+        local = LawStage(self.stage.direction, pairs, self.local.before)
         if coarse is not None:
             coarse.radius, coarse.anew = None, self.coarse.anew
         return replace(self, local=local, coarse=coarse)

@@ -53,6 +53,7 @@ class Latin:
             fields = problem.corrected(fields)
         with watch("local_stage"):
             local = problem.local(fields)
+            fields = local.fields or fields
         with watch("acceleration"):
             point = problem.point(s, fields)
             residual = self.take(point, local.s)

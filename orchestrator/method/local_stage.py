@@ -30,6 +30,8 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer, BONDED
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.node_groups import NodeGroups
+from orchestrator.method.interface.node_stage import NodeStage
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.interface.rows import joined, times
@@ -49,6 +51,8 @@ class LocalState:
     status: np.ndarray | None = None  # (T, P) int, what its law says it does
     own: dict[str, np.ndarray] = field(default_factory=dict)  # name → (T, P) the laws' own variables at the end of each load step
     at: PointTraces | None = field(default=None, repr=False)  # the fields that it was made of at these pairs, for who measures it next
+    # these fields, the forces of bodies' nodes shared among their traces as the pairs have them; None: as they were
+    fields: Admissible | None = field(default=None, repr=False)
 
     def left(self, step: int = -1) -> History:
         """The past that the last of these load steps leaves to the next."""
@@ -160,12 +164,6 @@ class Exchange:
         return k, other, Factor(sp.csr_array(k + other), patches=True)
 
 
-# Steps in which the forces of points that share nodes settle. With a slave of half and a third of the master's size 46 and
-# 62 iterations to 1e-6 become 42 and 57 with one, 33 and 41 with three, 29 and 34 with ten and with thirty; matching
-# meshes of the slave's size take 29 and 36.
-COUPLED = 10
-
-
 class LawStage:
     """Local stage of a scene with interfaces that are not perfect.
 
@@ -196,18 +194,25 @@ class LawStage:
         w, f = fields.extended
         at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
+        nodes, met = self._meeting(w, f, anchors)
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
-            answer = pairs.force(F[t], before, pairs.numbers[t])
             anchor = before.jump if anchors is None else anchors[t]
+            if nodes is not None:
+                F[t][:, self.groups.chosen], together = nodes.predicted(t)
+            answer = pairs.force(F[t], before, pairs.numbers[t])
             force[t], jump[t] = pairs.settled(answer.force, F[t], anchor)
-            if pairs.nodes.coupling is not None:
-                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], (before, anchor), t)
+            if nodes is not None:
+                jump[t][:, self.groups.chosen] = together
             lawful[t], status[t] = answer.force, answer.status
             before = History(jump[t], answer.own)
             own.append(answer.own)
         w_hat, f_hat = at.hats(force)
+        if met:
+            fields = self._by_nodes(nodes, fields, w_hat, f_hat)
+            w, f = fields.extended
+            at = pairs.traces(w, f)
         alone = self.perfect
         if len(alone):
             exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))
@@ -218,32 +223,32 @@ class LawStage:
         if len(alone):
             s[:, alone] = exchanged
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
-                          {name: np.stack([each[name] for each in own]) for name in own[0]}, at)
+                          {name: np.stack([each[name] for each in own]) for name in own[0]}, at, fields if met else None)
 
-    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, start: tuple[History, np.ndarray],
-                 t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
-        """The laws' answers f̂ and d, (3, P) each, where points feel each other through the nodes they share:
+    @cached_property
+    def groups(self) -> NodeGroups | None:
+        """Pairs that share nodes of bodies; None where none do."""
+        return NodeGroups.of(self.direction.space, self.pairs)
 
-            f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)
+    def _meeting(self, w: np.ndarray, f: np.ndarray, anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
+        """This rank's groups at traces (T, D + G), None where there are none, and whether any rank has some; all ask together."""
+        nodes = None if self.groups is None else NodeStage(self.groups, self.pairs, w, f, self.before, anchors)
+        square, count = self.direction.space.team.sum(np.zeros((2, len(w))) if nodes is None else nodes.left)[0]
+        if nodes is not None:
+            nodes.rms = np.sqrt(square / np.maximum(count, 1))
+        return nodes, bool(count.any())
 
-        Points whose nodes match have S = 1/keq: for them nothing changes.
-
-        F, q : (3, P) predicted forces F = q* + keq d*, and q*
-        force : f̂ = law(F) to begin with
-        start : what the load step before has left, and the jumps (3, P) at which springs carry nothing
-        t : of the load steps here
-        """
-        pairs, coupling, (before, anchor) = self.pairs, self.pairs.nodes.coupling, start
-        alone = pairs.points.compliance(F - q)
-
-        def moved(force: np.ndarray) -> np.ndarray:
-            return pairs.masked(alone - (coupling @ (force - q).ravel()).reshape(force.shape))
-
-        for _ in range(COUPLED):
-            F = force + pairs.points.stiffness(moved(force))
-            answer = pairs.force(F, before, pairs.numbers[t])
-            force = pairs.settled(answer.force, F, anchor)[0]
-        return answer, force, moved(force)
+    def _by_nodes(self, nodes: NodeStage | None, fields: Admissible, w_hat: np.ndarray, f_hat: np.ndarray) -> Admissible:
+        """The same fields with forces shared as the pairs have them; writes ŵ at the groups' traces. Ghosts travel anew."""
+        s, f, anchor = fields.s.copy(), fields.f.copy(), fields.anchor
+        if nodes is not None:
+            at, forces, moves = nodes.shared(self.direction.diagonal, f_hat)
+            w_hat[:, at] = fields.w[:, at] + moves
+            s[:, at] += forces - f[:, at]
+            f[:, at] = forces
+        fields = Admissible(s, fields.u, fields.alpha, fields.w, f, fields.space)
+        fields.anchor = anchor
+        return fields
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps."""

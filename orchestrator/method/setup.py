@@ -15,7 +15,6 @@ from orchestrator.blackbox.models import boundary_dofs, extended_model, sides_by
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.coarse.correction import CoarseCorrection
-from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.soft_bodies import soft_bodies
 from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.decomposition import Decomposition, Made
@@ -152,8 +151,7 @@ class _SetUp:
                                   pushed(own, modes)) if certified else None
         for judge in filter(None, (bound, certificate)):
             judge.floor = floor
-        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following,
-                             None if coarse is None else cache(partial(SelfStress.of, space, local)))
+        return Decomposition(scene, space, made, stage, local, bound and bound.of(stage), coarse, certificate, nonlinear, following)
 
     def _rims(self, whole: bool, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.

@@ -9,6 +9,7 @@ of it, and that one tells all who have asked.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,6 +43,39 @@ def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping
             np.minimum.at(lowest, label[at[at >= 0]], arrived[rank][at >= 0])
         changed = bool(team.max(float((lowest < before).any()))[0])
     return lowest[label].astype(int)
+
+
+@dataclass
+class Link:
+    """What a rank's part exchanges with others.
+
+    number, boundary_number : (D,) and (B,) int, its trace dofs and boundary dofs in the whole scene
+    total, subdomain_count : trace dofs and subdomains of the whole scene
+    sends, receives : rank → (k,) int, trace dofs that a neighbour gets, and ghosts that it gives
+    """
+
+    number: np.ndarray
+    boundary_number: np.ndarray
+    total: int
+    subdomain_count: int
+    sends: dict[int, np.ndarray] = field(default_factory=dict)
+    receives: dict[int, np.ndarray] = field(default_factory=dict)
+    team: Team = ALONE
+
+    @classmethod
+    def of(cls, mine: np.ndarray, traces: np.ndarray, boundaries: np.ndarray, count: int,
+           team: Team) -> Link:
+        """To nobody yet. All ranks ask together.
+
+        mine : (own,) int, ascending, this rank's of ``count`` subdomains
+        traces, boundaries : (own,) int, how many trace dofs and boundary dofs each has
+        """
+        counts = np.zeros((2, count))
+        counts[:, mine] = traces, boundaries
+        counts = team.sum(counts)[0].astype(int)
+        number, boundary_number = (runs((np.cumsum(each) - each)[mine], each[mine])
+                                   for each in counts)
+        return cls(number, boundary_number, int(counts[0].sum()), count, team=team)
 
 
 _MIX, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)  # 2⁶⁴ over the golden ratio (Knuth, TAOCP 3, 6.4)

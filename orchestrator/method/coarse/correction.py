@@ -13,9 +13,6 @@ and y makes the forces agree with the laws on these fields, load step after load
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
 which ``problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
-
-Near the end what is left may be at a few points (``monitors.lagging``): their traces become fields of their own, each side's apart.
-Then ρ = 0 says f = ±f̂ there, the local stage itself, solved together with all that bodies do, whatever the friction.
 """
 
 from __future__ import annotations
@@ -48,9 +45,6 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # Longest move of a loose body in one Newton step, over the largest displacement at the start, where no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
-# Fields of a body, and unknowns of all, up to which points have fields of their own: an iteration of 27 grains then takes two to six times
-# as long. However many bodies there are, each may have twice as many for points as it has anyway: a thousand grains wait for a few points.
-MOST, UNKNOWNS, TIMES = 72, 2000, 3
 
 
 class CoarseCorrection:
@@ -72,9 +66,15 @@ class CoarseCorrection:
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
-        self.usual = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))  # as at set-up
-        self.half = len(self.usual.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0  # the first: rigid motions, or softest modes
-        self._respond(self.usual)
+        response = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))
+        self.half = len(response.U) // 2 if FIELDS[kind].shape[1] == AFFINE else 0  # the first: rigid motions, or softest modes
+        self.response, self.everywhere = response, space.extended(response.W, response.F)
+        response.W, response.F = (x[:, : space.size] for x in self.everywhere)  # ghosts come last: own parts need no room of their own
+        K0, each = per_body(space, response.U, response.F), np.arange(len(response.U))
+        dropped = np.array([~response.U[:, part].any(axis=1) for part in self.parts])
+        K0[:, each, each] += dropped  # fields a body lacks stay at rest
+        self.K0 = self._of_all(K0)
+        self.problem = self._problem(pairs)
         self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
         self.loose = loose_bodies(scene)
@@ -90,36 +90,6 @@ class CoarseCorrection:
         result.pairs, result.problem = pairs, self._problem(pairs)
         result.problem.restore(self.problem.state())
         return result
-
-    def most(self, dofs: np.ndarray) -> int:
-        """Of these trace dofs (q,) of this rank, and of other ranks', how many the body has that has the most."""
-        return int(self.stage.space.team.max(np.bincount(self.stage.space.owner[dofs], minlength=1).max())[0])
-
-    @property
-    def room(self) -> int:
-        """How many trace dofs of each body may be fields of their own."""
-        return max(0, int(min(MOST, max(UNKNOWNS / self.bodies, TIMES * len(self.usual.U)))) - len(self.usual.U))
-
-    def with_own(self, dofs: np.ndarray, most: int) -> CoarseCorrection:
-        """The same with these trace dofs (q,) of this rank, ascending, as fields of their own, each for its body, and no others;
-        ``most`` back-substitutions, as many as the body has that has most."""
-        result, space = copy(self), self.stage.space
-        owner, own = space.owner[dofs], np.zeros((most, space.size))
-        own[np.arange(len(dofs)) - np.searchsorted(owner, owner), dofs] = 1.0
-        result._respond(self.usual.beside(Responses.answered(self.stage, own)))
-        result.problem.restore(self.problem.state())
-        return result
-
-    def _respond(self, response: Responses) -> None:
-        """Move bodies in these fields."""
-        space, U = self.stage.space, response.U
-        self.response, self.everywhere = response, space.extended(response.W, response.F)
-        response.W, response.F = (x[:, : space.size] for x in self.everywhere)  # ghosts come last: own parts need no room of their own
-        K0, each = per_body(space, U, response.F), np.arange(len(U))
-        dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
-        K0[:, each, each] += dropped  # fields a body lacks stay at rest
-        self.K0 = self._of_all(K0)
-        self.problem = self._problem(self.pairs)
 
     def _problem(self, pairs: Pairs) -> CoarseProblem:
         everywhere, = self.stage.space.extended(self.response.U)

@@ -93,11 +93,6 @@ class Newton:
         self.size, self._whole = np.linalg.norm(self.rho), length == 1
         return True
 
-    def go_on_from(self, y: np.ndarray) -> None:
-        """Stand at other fields (bodies, n)."""
-        self.y, self.rho, self._whole = y, self.at.residual(y), False
-        self.size = np.linalg.norm(self.rho)
-
 
 def search(work: Callable[[float], float], first: float) -> float:
     """θ in (0, 1] where the work along a line has come down to a part of the first.

@@ -2,10 +2,10 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-``newton`` solves it. Where contacts are stabilised every body has a place, however far, and it finds that, the last ones in steps of
-their own (``cluster``). No step is cut there: bodies that lean on each other, as the stones of an arch, find no place where each is
-held back by itself. Elsewhere a body that hardly anything holds moves no further than the radius in a step: such bodies come to rest
-over several iterations of the method.
+``newton`` solves it. Where contacts are stabilised every body has a place, however far, and it finds that. No step is
+cut there: bodies that lean on each other, as the stones of an arch, find no place where each is held back by itself.
+Elsewhere a body that hardly anything holds moves no further than the radius in a step: such bodies come to rest over
+several iterations of the method.
 
 Springs that begin anew hold a body where it is, whatever pushes it. ``rest`` solves the problem with stiff ones, begins anew with weaker
 ones where bodies have come to rest, and so on: proximal points yⱼ₊₁ of the true laws,
@@ -28,18 +28,15 @@ from functools import partial
 import numpy as np
 
 from orchestrator.config.method import STABLEST
-from orchestrator.method.coarse.cluster import Cluster, clusters
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import Newton, SHORT
+from orchestrator.method.coarse.newton import Newton
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 MOST_STEPS = 60  # every body has a place, where contacts are stabilised, and it pays to find it
-# ε with which bodies come to rest in turn, over that of the weakest springs: tenths, and what is between where a tenth is too far for so many
-# steps, as where loose bodies move on and touch others on their way.
-RUNGS, STRIDE = 10 ** np.linspace(2, 0, 9), 4
+RUNGS = 10.0 ** np.arange(2, -1, -1)  # ε with which bodies come to rest in turn, over that of the weakest springs
 
 
 class CoarseProblem:
@@ -92,17 +89,12 @@ class CoarseProblem:
         """
         y = yj = np.zeros((self.fields.count, self.fields.size))
         F, stays, start, size, goal = F0, anchor, 0.0, 0.0, self.goal
-        rung, stride = 0, STRIDE
-        while rung < len(RUNGS):
+        for rung in range(len(RUNGS)):
             bodies = self._with_springs(rung)
             at = LoadStep(bodies, number, F0, resultant, before, stays)
             run, end = self._newton(at, y, goal, self.most)
             if rung and end != "tolerance":  # bodies are at rest with the springs before
-                if stride == 1:
-                    break
-                stride //= 2
-                rung -= stride
-                continue
+                break
             if not rung:
                 start, goal = run.start, max(goal, self.reduction * run.start)
             y, yj, F, size, anchor = run.y, y, at.forces(run.y), run.size, stays
@@ -110,7 +102,6 @@ class CoarseProblem:
                 break
             pairs = bodies.fields.pairs
             stays = pairs.settled(pairs.force(F, before, number).force, F, anchor)[1]
-            rung += stride
         self._ended(step, end, size, start)
         return y, F, anchor, yj
 
@@ -144,25 +135,9 @@ class CoarseProblem:
                 end = "tolerance"
             if end or number == most:
                 break
-            if number and at.bodies.springs is not None:  # every body has a place
-                self._settle(run, goal)
             self.newton_steps += 1
             end = "" if run.step() else "no direction"
         return run, end or "steps"
-
-    def _settle(self, run: Newton, goal: float) -> None:
-        """Let bodies that still move find their places among the others, where few that touch each other do."""
-        moving = self.farthest * np.linalg.norm(run.change, axis=1) > SHORT * self._farthest(run.y)
-        found = clusters(run.at, moving)
-        y = run.y.copy()
-        for members in found:
-            own = Newton(Cluster(run.at, run.rho, run.y, members), run.y, self._farthest)
-            for _ in range(MOST_STEPS):
-                if not own.step() or own.solved(self.reduction, goal):
-                    break
-            y[members] = own.y[members]
-        if found:
-            run.go_on_from(y)
 
     def _clipped(self, radius: np.ndarray, dy: np.ndarray) -> np.ndarray:
         """(bodies, n) the step. A body that nothing touches has no stiffness to stop it: none moves further than

@@ -46,26 +46,11 @@ class Responses:
         k, space = stage.direction.k, stage.space
         grams = per_body(space, fields, times(k, fields))
         R = np.array([_nested(gram, may) for gram, may in zip(grams, allowed)]).reshape(allowed.shape)
-        return cls.answered(stage, combined(fields, R, space.parts))
-
-    @classmethod
-    def answered(cls, stage: LinearStage, U: np.ndarray) -> Responses:
-        """To fields (n, D): n back-substitutions per subdomain, which do not see each other's rows."""
-        k, space = stage.direction.k, stage.space
+        U = combined(fields, R, space.parts)
         V = times(k, U)
         u = stage.solve(space.loads(V))
         W = space.trace(u)
         return cls(space, U, V, W, V - times(k, W), u)
-
-    def beside(self, other: Responses) -> Responses:
-        """These as they are, which are orthonormal, and what they leave of the others."""
-        U, V = np.vstack([self.U, other.U]), np.vstack([self.V, other.V])
-        own, more = np.split(np.eye(len(U)), [len(self.U)], axis=1)
-        R = np.array([_beside(own, more, gram) for gram in per_body(self.space, U, V)]).reshape(-1, len(U), len(U))
-        del U, V  # one after the other: fields of many points of their own are most of what a rank holds
-        traces = (combined(np.vstack(each), R, self.space.parts) for each in (
-            (self.U, other.U), (self.V, other.V), (self.W, other.W), (self.F, other.F)))
-        return Responses(self.space, *traces, combined(np.vstack((self.u, other.u)), R, self.space.boundary))
 
 
 def _nested(gram: np.ndarray, may: np.ndarray) -> np.ndarray:

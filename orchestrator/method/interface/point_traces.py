@@ -41,17 +41,13 @@ class NodeCompliance:
     dofs: np.ndarray  # (n, 3) int, the trace dofs of the nodes of both sides, −1 where there is none
     blocks: np.ndarray  # (n, 3, 3) C at these, zero where there is none
     size: int  # D + G
-    coupling: sp.csr_array | None = None  # (3P, 3P) sparse S = B C Bᵀ at their points; None where nodes match on all of them: keq⁻¹ says it
 
     @classmethod
     def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], transfer: Transfer) -> NodeCompliance:
         """Point traces from the dofs and blocks of several sides; what blocks have where there is no dof does not count."""
         dofs, blocks = (np.concatenate(same) for same in zip((np.zeros((0, 3), int), np.zeros((0, 3, 3))), *nodes))
         there = dofs >= 0
-        result = cls(dofs, np.where(there[:, :, None] & there[:, None, :], blocks, 0.0), transfer.total)
-        if not transfer.picks:
-            result.coupling = sp.csr_array(transfer.B @ result.compliance @ transfer.B.T)
-        return result
+        return cls(dofs, np.where(there[:, :, None] & there[:, None, :], blocks, 0.0), transfer.total)
 
     @cached_property
     def compliance(self) -> sp.csr_array:
@@ -71,12 +67,10 @@ class NodeCompliance:
         result[self.dofs[self.dofs >= 0]] = True
         return result
 
-    def some(self, traces: np.ndarray, points: np.ndarray, count: int) -> NodeCompliance:
-        """Point traces of some of the interfaces: traces (D + G,) bool, points (R,) int of all that there are."""
-        at = (np.arange(3)[:, None] * count + points).ravel()
+    def some(self, traces: np.ndarray) -> NodeCompliance:
+        """Return those of some of the interfaces, traces (D + G,) bool."""
         own = (traces[self.dofs] & (self.dofs >= 0)).any(axis=1)
-        return NodeCompliance(self.dofs[own], self.blocks[own], self.size,
-                              None if self.coupling is None else sp.csr_array(self.coupling[at][:, at]))
+        return NodeCompliance(self.dofs[own], self.blocks[own], self.size)
 
     def _placed(self, blocks: np.ndarray) -> sp.csr_array:
         rows, columns = np.repeat(self.dofs[:, :, None], 3, axis=2), np.repeat(self.dofs[:, None, :], 3, axis=1)

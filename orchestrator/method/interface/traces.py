@@ -25,10 +25,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.link import Link
 from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.transfer import Sides, Transfer
-from orchestrator.parallel.numbering import Borders, classes
+from orchestrator.parallel.numbering import Borders, classes, Link
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
 

@@ -1,0 +1,76 @@
+"""Pairs that meet at nodes of bodies: their laws hold together, and a body feels the sum of their forces alone."""
+
+import numpy as np
+import pytest
+from contact_case import CASES, contact
+from in_process import IN_PROCESS
+from method_case import box_of, prepared
+
+from benchmarks.problems.cases import pressed_cubes
+from orchestrator import config_from, solve
+from orchestrator.method.interface.node_groups import NodeGroups
+from orchestrator.method.interface.node_stage import NodeStage
+from orchestrator.scene.build import build_scene
+
+
+@pytest.fixture(scope="module", params=[0.2, 1.0])
+def eight(request):
+    """Eight cubes; the upper four and the lower four have nodes that are prescribed on the middle planes."""
+    made = contact(request.param, **CASES["eight cubes"], method={"sole": {"fit": False}, "tolerance": {"error": 1e-6}})
+    with box_of(made) as blackbox:
+        yield prepared(made, build_scene(made), blackbox)
+
+
+def rough(d, seed=5):
+    return d.stage(1e2 * np.random.default_rng(seed).normal(size=(d.steps, d.space.size)))
+
+
+def test_groups_are_the_edges_and_the_corner_of_all(eight):
+    """Four cubes meet at an edge, in four pairs; eight at the corner of all, in twelve."""
+    groups = NodeGroups.of(eight.space, eight.local.pairs)
+    sizes = np.bincount(groups.members)
+    assert sizes[12] == 1 and sizes[4] == 6 * 2 - 2  # six edges of two nodes beside; bonded where both sides are held
+    assert sizes.sum() == sizes[12] + sizes[4]
+
+
+def test_where_two_bodies_meet_there_are_none():
+    made = contact(0.2, **CASES["eight cubes"], method={"sole": {"fit": False}})
+    data = {**made.model_dump(exclude_unset=True, by_alias=True), "subdomains": {"slices": {"axis": "z", "count": 2}}}
+    scene = build_scene(config_from(data))
+    with box_of(config_from(data)) as blackbox:
+        d = prepared(config_from(data), scene, blackbox)
+        assert d.local.groups is None and d.local(rough(d)).fields is None
+
+
+def test_all_laws_of_a_group_hold_together(eight):
+    """q = law(q + keq d) with the jumps that all forces of the group leave, and no group left over."""
+    d, fields = eight, rough(eight)
+    w, f = fields.extended
+    pairs, groups = d.local.pairs, d.local.groups
+    stage, before = NodeStage(groups, pairs, w, f, d.local.before, None), d.local.before.take(groups.chosen)
+    stage.rms, b, lacks = np.sqrt(stage.left[0] / stage.left[1]), stage.b[0], stage._lacks(stage.q)[0]
+    F, _ = stage.predicted(0)
+    law = groups.laws.force(F, before, 0).force
+    laws = groups.laws
+    together = laws.masked(laws.points.stiffness(b)) + (groups.felt @ law.ravel()).reshape(law.shape)
+    r = laws.force(together, before, 0).force - law
+    left = np.sqrt(np.bincount(groups.group, (r**2).sum(axis=0)))
+    assert (left <= 0.1 * np.sqrt(np.mean(lacks**2) * groups.members)).all() and stage.left_over == 0
+
+
+def test_a_body_feels_the_same(eight):
+    """Sharing forces among a node's traces leaves what bodies are loaded with, and what they answer."""
+    d, fields = eight, rough(eight)
+    shared = d.local(fields).fields
+    load = d.space.loads(fields.s)
+    assert np.abs(shared.s - fields.s).max() > 1e-2 * np.abs(fields.s).max()
+    np.testing.assert_allclose(d.space.loads(shared.s), load, atol=1e-10 * np.abs(load).max())
+    answered = d.stage(shared.s)
+    np.testing.assert_allclose(answered.f, shared.f, atol=1e-9 * np.abs(shared.f).max())
+
+
+@pytest.mark.long
+def test_cubes_whose_edges_nearly_stick():
+    made = config_from({**pressed_cubes(0.1, elements=2), "blackbox": IN_PROCESS,
+                        "method": {"tolerance": {"error": 1e-6}, "max_iterations": 60, "contact": {"stabilisation": 2.5e-9}}})
+    assert solve(made).converged
