@@ -38,7 +38,7 @@ from orchestrator.scene.model import PlacedBolt, Scene
 ALIKE = 1e-4
 # The mean of n·m over the nodes, below which a motion moves a surface in itself.
 STILL = 0.1 * ALIKE
-# Forces that rounding leaves, relative to the largest of all load steps.
+# Forces that rounding leaves, relative to all that soles feel.
 ROUNDING = 1e-12
 # Facets whose normals have a smaller cosine with an axis look more away from it than along it.
 AROUND = np.sqrt(0.5)
@@ -59,11 +59,11 @@ class HandedOver:
 
 
 def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None, resultants: Resultants,
-            off: float, team: Team) -> list[str]:
+            off: tuple[float, float], team: Team) -> list[str]:
     """Return sentences on what cannot be, the worst first, the same on all ranks, which ask together.
 
     interfaces, fields : this rank's that are not perfect, and what is delivered of them
-    off : relative error of forces that the run tells
+    off : relative error of forces that the run tells, and all that soles feel
     """
     if fields is None:
         return []
@@ -77,8 +77,9 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     found = None
     if told is not None:
         pushes, around = np.max([most for _, most, _ in told], axis=0), set().union(*(each for *_, each in told))
-        said = [*beyond_friction([one for each, *_ in told for one in each], off, pushes),
-                *(each for bolt in scene.bolts for each in back_into_thread(scene, bolt, around, resultants, off))]
+        said = [*beyond_friction([one for each, *_ in told for one in each], *off, pushes),
+                *(each for bolt in scene.bolts
+                  for each in back_into_thread(scene, bolt, around, resultants, off[0]))]
         found = [sentence for _, sentence in sorted(said, reverse=True)]
     return team.share(found)
 
@@ -154,12 +155,14 @@ def _held(i: Interface) -> np.ndarray:
     return ~free[i.shown]
 
 
-def beyond_friction(found: Sequence[HandedOver], off: float, pushes: np.ndarray) -> Iterator[tuple[float, str]]:
+def beyond_friction(found: Sequence[HandedOver], off: float, felt: float,
+                    pushes: np.ndarray) -> Iterator[tuple[float, str]]:
     """Yield how far beyond what is possible interfaces are, and a sentence on each.
 
-    off : relative error of forces; pushes : (T,) the largest Σ p A of an interface
+    off : relative error of forces; felt : all forces that rounding is of
+    pushes : (T,) the largest Σ p A of an interface
     """
-    nothing, off = ROUNDING * pushes.max(initial=0.0), max(off, ALIKE)
+    nothing, off = ROUNDING * pushes.max(initial=felt), max(off, ALIKE)
     for one in found:
         left = one.power - one.capacity - off * (one.size + pushes) - nothing
         step = int(np.argmax(left))

@@ -118,7 +118,9 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
 
 def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:
     """The same, not converged where what is delivered cannot be."""
-    found = checked(d.scene, own_interfaces(d), interfaces, resultants, told_error(iterated), d.space.team)
+    felt, = d.space.team.sum(np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1))
+    found = checked(d.scene, own_interfaces(d), interfaces, resultants,
+                    (told_error(iterated), felt.max()), d.space.team)
     if not found:
         return iterated
     return replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")
