@@ -34,7 +34,7 @@ def verdicts(**changes) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("changes", [
-    {"code": "freefem"}, late({"code": "freefem", "transport": "file"}), {"code": "calculix", "transport": "file"},
+    {"code": "freefem"}, late({"code": "freefem", "transport": "file"}), late({"code": "calculix", "transport": "file"}),
     late({"code": "scikit-fem"}), late({"code": str(TEMPLATE)}), IN_PROCESS], ids=lambda c: "-".join(map(str, c.values())).rpartition("/")[2])
 def test_every_adapter_keeps_the_protocol(changes):
     found = verdicts(**changes)

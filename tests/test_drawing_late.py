@@ -35,6 +35,7 @@ def stopped(monkeypatch):
     assert made and gone(made)
 
 
+@pytest.mark.long
 def test_a_process_that_stands_still_is_given_up(tmp_path, monkeypatch, stopped):
     """Exit code, fields and summary are those of the run, charts are drawn here; the summary says what is missing, and how to get it."""
     monkeypatch.setattr(artists, "PATIENCE", 0.5)

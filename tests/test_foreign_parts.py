@@ -235,7 +235,7 @@ def refused(wrong: dict, message: str) -> None:
 
 
 @CALCULIX
-@pytest.mark.parametrize("kind, cells", [("C3D8", (3, 1, 1)), ("C3D20R", (2, 2, 2)), ("C3D10", (2, 2, 1))])
+@pytest.mark.parametrize("kind, cells", [late("C3D8", (3, 1, 1)), ("C3D20R", (2, 2, 2)), late("C3D10", (2, 2, 1))])
 def test_a_deck_is_a_part(tmp_path, kind, cells):
     """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators. Where
     nodes match, one of the joint's is held by the deck, and there are shells and an equation inside."""

@@ -141,6 +141,7 @@ def test_the_split_does_not_depend_on_numbers_or_on_where_a_cell_begins(tmp_path
     assert made[0] == made[1]
 
 
+@pytest.mark.long
 def test_what_cannot_be_split_is_told_by_its_place(tmp_path):
     points, hexes, _ = grid()
     bent = points.copy()

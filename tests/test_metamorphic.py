@@ -117,6 +117,7 @@ def test_what_the_study_needs_is_told(tmp_path, monkeypatch):
         run_study("metamorphic", tmp_path)
 
 
+@pytest.mark.long
 def test_refusals_are_no_findings_unless_the_first_scene_was_sound(monkeypatch):
     unsound = {**TWO, "boundary": TWO["boundary"][1:]}
     assert judge(unsound, ["renamed"]).outcome == REFUSED

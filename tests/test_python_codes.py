@@ -60,6 +60,7 @@ def test_a_stiffness_alone_is_a_solver_and_takes_options(tmp_path, shipped):
     assert apart(found, 2 * shipped) < 1e-8
 
 
+@pytest.mark.long
 def test_another_interpreter_needs_nothing_of_ours_installed(tmp_path, shipped):
     """One that has numpy and SciPy, but none of the orchestrator's other packages, nor the orchestrator."""
     venv.create(tmp_path / "other", symlinks=True)

@@ -6,7 +6,7 @@ from functools import lru_cache
 import gmsh
 import numpy as np
 import pytest
-from quick import late, quick_sets
+from quick import late
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
@@ -61,7 +61,8 @@ def test_grains_fill_the_box_and_share_their_faces(grains, h, lloyd):
     assert np.linalg.norm(area_vectors(mesh.nodes, faces.triangles[faces.outer]), axis=1).sum() == pytest.approx(6)
 
 
-@pytest.mark.parametrize("grains, h, seed", quick_sets(BAD, BAD[2]))
+@pytest.mark.parametrize("grains, h, seed", BAD)
+@pytest.mark.long
 def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     raw = []
     monkeypatch.setattr(polycrystal, "mended", lambda mesher, whole, *rest: (raw.append(whole), mended(mesher, whole, *rest))[1])

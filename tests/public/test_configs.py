@@ -254,7 +254,8 @@ def test_every_configuration_is_shown():
 
 # gmsh joins the CAD model's 18 solids anew in each; what else takes seconds is shown by others
 LATE = ("assembly", "assembly_codes", "assembly_contact", "accuracy_l",
-        "punch", "bolts", "flange", "stack", "slider", "portal", "five_doors", "tube_in_frame")
+        "punch", "bolts", "flange", "stack", "slider", "portal", "five_doors", "tube_in_frame",
+        "four_codes", "polycrystal_10")
 NAMES = [pytest.param(name, marks=[pytest.mark.long] * (name in LATE)) for name in SHOWN]
 
 

@@ -94,6 +94,7 @@ def test_thinner_soles_are_stiffer_springs():
     assert 2 * thin < thick <= LAST["equilibrium"], (thin, thick)
 
 
+@pytest.mark.long
 def test_a_richer_macro_basis_takes_fewer_iterations():
     """Rigid motions in place of translations balance moments too; extension and shear add
     little."""

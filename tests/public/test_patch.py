@@ -12,7 +12,8 @@ SMOOTH = {"law": "contact", "friction": 0.0}
 P1, P2 = ({"element": element, "workers": 1} for element in ("P1", "P2"))
 
 
-@pytest.mark.parametrize("grains, h, code", [(5, 0.4, P1), (3, 0.6, P2)], ids=["P1", "P2"])
+@pytest.mark.parametrize("grains, h, code", [(5, 0.4, P1), pytest.param(3, 0.6, P2, marks=pytest.mark.long)],
+                         ids=["P1", "P2"])
 def test_grains_with_bent_faces_under_constant_pressure(grains, h, code):
     """Forces of a pressure are along the area vectors of the faces around a node, pair by pair."""
     squeezed = [{"on": f"{axis}max", "pressure": PRESSURE} for axis in "xyz"]

@@ -59,7 +59,8 @@ def begin():
 
 
 @pytest.mark.xdist_group("ranks")
-@pytest.mark.parametrize("law", [{}, CONTACT], ids=["bonded", "contact"])
+@pytest.mark.parametrize("law", [pytest.param({}, marks=pytest.mark.long), CONTACT],
+                         ids=["bonded", "contact"])
 def test_two_ranks_find_what_one_process_finds(law, tmp_path, begin):
     """Sums round otherwise: the same iterations, values to what the tolerance leaves."""
     path = file_of({**BOXES, **law}, tmp_path)
@@ -152,6 +153,7 @@ def test_other_numbers_of_nodes(plain, tmp_path):
 
 
 @pytest.mark.parametrize("code", ["calculix", "scikit-fem"])
+@pytest.mark.long
 def test_other_codes(code, plain, tmp_path):
     """What they compute with is theirs, what comes out is the same."""
     if code == "calculix" and shutil.which("ccx") is None:
