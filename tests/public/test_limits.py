@@ -12,7 +12,7 @@ def falling(axis: int, gap: float, **more: object) -> dict:
     down[axis], at[axis] = -9810.0, -gap
     ground = {"plane": {"at": at, "normal": "xyz"[axis]}, "name": "ground"}
     return {"name": "falling", "mesh": {"box": {"size": [10, 10, 10], "cells": [2, 2, 2]}}, "subdomains": "groups",
-            "materials": [{**STEEL, "density": 7.85e-9}], "boundary": [], "loads": [{"gravity": down}], "method": {"tolerance": {"error": 1e-4}},
+            "materials": [{**STEEL, "density": 7.85e-9}], "boundary": [], "loads": [{"gravity": down}], "method": {"tolerance": {"error": 1e-5}},
             "interfaces": [{"between": ["box", ground], "law": "contact", "friction": 0.3, **more}]}
 
 
