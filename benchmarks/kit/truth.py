@@ -32,6 +32,7 @@ class Truth:
     ----------
     parts : per subdomain (T, n_E, 3)
     residual : of equilibrium and laws, largest of all load steps
+    newton : Newton steps taken in all of them
     """
 
     def __init__(self, scene: Scene, near: Sequence[np.ndarray] | None = None):
@@ -39,6 +40,7 @@ class Truth:
         steps = whole.solve(None if near is None else [
             whole.start(t, [u[t] for u in near], [u[t - 1] for u in near] if t else None) for t in range(scene.steps)])
         self.scene, self.residual = scene, max(step.residual for step in steps)
+        self.newton = sum(step.newton for step in steps)
         self.parts = [np.stack(part) for part in zip(*(step.parts for step in steps))]
         self.size = energy(scene, self.parts).max()
 

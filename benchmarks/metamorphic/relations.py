@@ -157,8 +157,8 @@ def solved_roughly(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def in_two_sittings(data: dict, rng: np.random.Generator) -> Variant:
     """Stopped after a few iterations, one at least for each load step, and resumed."""
-    steps = max(len(e["displacement"]) if isinstance(e.get("displacement", [0])[0], list) else 1
-                for e in data["boundary"])
+    steps = max((len(e["displacement"]) if isinstance(e.get("displacement", [0])[0], list) else 1
+                 for e in data["boundary"]), default=1)
     return Variant({**data, "sittings": max(steps, len(_factors(data)), int(rng.integers(1, 12)))})
 
 
