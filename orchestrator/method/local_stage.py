@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -175,6 +175,8 @@ class LawStage:
     def __init__(self, direction: SearchDirection, pairs: Pairs, before: History | None = None):
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
         self.before = History.none(len(pairs)) if before is None else before
+        # once for all batches of load steps
+        self._groups = cache(partial(NodeGroups.of, direction.space, pairs))
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
@@ -225,10 +227,10 @@ class LawStage:
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
                           {name: np.stack([each[name] for each in own]) for name in own[0]}, at, fields if met else None)
 
-    @cached_property
+    @property
     def groups(self) -> NodeGroups | None:
         """Pairs that share nodes of bodies; None where none do."""
-        return NodeGroups.of(self.direction.space, self.pairs)
+        return self._groups()
 
     def _meeting(self, w: np.ndarray, f: np.ndarray, anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
         """This rank's groups at traces (T, D + G), None where there are none, and whether any rank has some; all ask together."""

@@ -14,9 +14,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.answering import LawPoints
-from orchestrator.method.interface.node_points import components, labelled, NodePoints
+from orchestrator.method.interface.node_points import labelled, NodePoints, nodewise
 from orchestrator.method.interface.node_visits import completed, places, Visits
 from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.rows import rows_of
 from orchestrator.method.interface.traces import TraceSpace
 
 
@@ -60,7 +61,7 @@ class NodeGroups:
         new |= places(own.point, known.point) < 0
         grouped = known.apart | (np.bincount(label[new], minlength=len(known.node) + len(label))[label] > 1)
         chosen = np.flatnonzero(new & grouped & np.isin(label, label[:count]))
-        B = sp.csr_array(known.B[components(chosen, len(known.point))])
+        B = sp.csr_array(known.B[rows_of(chosen, len(known.point))])
         reached = np.isin(np.arange(len(known.node)), B.indices // 3)
         if not space.team.max(float(reached.any()))[0]:  # or sides have slid off each other
             return None
@@ -83,6 +84,11 @@ class NodeGroups:
         return sp.csr_array(self.B.T[: len(self.copies)])
 
     @cached_property
+    def back(self) -> sp.csr_array:
+        """(D, 3m) Nᵀ."""
+        return sp.csr_array(self.sums.T)
+
+    @cached_property
     def traces(self) -> np.ndarray:
         """(k,) int, traces of nodes that points of groups act on."""
         return np.unique(self.sums[self.reached].indices)
@@ -91,11 +97,6 @@ class NodeGroups:
     def members(self) -> np.ndarray:
         """(n,) int, points of each group."""
         return np.bincount(self.group)
-
-
-def nodewise(nodes: np.ndarray) -> np.ndarray:
-    """Return (3m,) int, the components of nodes (m,), node after node."""
-    return (3 * nodes[:, None] + np.arange(3)).ravel()
 
 
 def stiffness(laws: LawPoints) -> np.ndarray:

@@ -19,7 +19,7 @@ import scipy.sparse.linalg as sla
 
 from orchestrator.method.interface.answering import History, LawPoints
 from orchestrator.method.interface.node_groups import pointwise
-from orchestrator.method.interface.node_points import components
+from orchestrator.method.interface.rows import rows_of
 
 LENGTHS = (0.4, 0.16, 0.06)  # of a step, tried in turn after all of it
 LESS = 0.05  # of what is left, times the length: what a step has to save
@@ -54,7 +54,7 @@ class Question:
     def some(self, wanted: np.ndarray) -> tuple[np.ndarray, Question]:
         """Return the points (Q,) int of some of the groups (n,) bool, and what these are asked."""
         at = np.flatnonzero(wanted[self.group])
-        dofs = components(at, len(self.group))
+        dofs = rows_of(at, len(self.group))
         return at, Question(self.laws.alone(at), (np.cumsum(wanted) - 1)[self.group[at]],
                             sp.csr_array(self.felt[dofs][:, dofs]), self.before.take(at), self.anchor[:, at],
                             self.number, self.start[:, at], self.enough[wanted])
@@ -88,7 +88,7 @@ class Question:
     def steps(self, r: np.ndarray, slope: np.ndarray, open_: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """Return (3, R) J⁻¹ r of groups that are open (n,) bool, with shifts δ (n,); 0 elsewhere."""
         at, result = np.flatnonzero(open_[self.group]), np.zeros_like(r)
-        dofs = components(at, len(self.group))
+        dofs = rows_of(at, len(self.group))
         weight = (1 - shift[self.group[at]]) * slope[:, :, at]
         J = sp.eye_array(len(dofs)) - pointwise(weight) @ self.felt[dofs][:, dofs]
         with suppress(RuntimeError):  # exactly singular: no step, and another shift
@@ -168,7 +168,7 @@ def _searched(question: Question, q: np.ndarray, known: tuple[np.ndarray, ...], 
         moved = good[few.group]
         q[:, at[moved]], r[:, at[moved]], slope[:, :, at[moved]] = (
             trial[:, moved], found[0][:, moved], found[1][:, :, moved])
-        waiting[np.flatnonzero(waiting)[good]] = False
+        waiting[waiting] = ~good
         if not waiting.any():
             break
     return q, r, slope, open_ & ~waiting
@@ -176,7 +176,8 @@ def _searched(question: Question, q: np.ndarray, known: tuple[np.ndarray, ...], 
 
 def _renewed(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Forces and what is left, by limits of friction that are those of the answer before."""
-    size = question.left(q)[2]
+    force = question.answer(question.predicted(q))
+    size = question.size(q - force)
     best, waited = _Best(question, q, size), np.zeros(len(size), int)
     for _ in range(REPEATS):
         open_ = (size > question.enough) & (waited < PATIENCE)
@@ -184,10 +185,11 @@ def _renewed(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             break
         if not open_.all():
             at = best.narrow(open_)
-            question, q, waited = best.question, q[:, at], waited[open_]
-        convex = question.laws.lagged(question.answer(question.predicted(q)))
-        q, _ = _newton(replace(question, laws=convex, enough=0.1 * question.enough), q)
-        size = question.left(q)[2]
+            question, q, force, waited = best.question, q[:, at], force[:, at], waited[open_]
+        convex = replace(question, laws=question.laws.lagged(force), enough=0.1 * question.enough)
+        q, _ = _newton(convex, q)
+        force = question.answer(question.predicted(q))
+        size = question.size(q - force)
         waited = np.where(size < best.size[best.groups], 0, waited + 1)
         best.take(q, size)
     return best.q, best.size

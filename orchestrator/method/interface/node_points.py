@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from orchestrator.method.interface.answering import LawPoints
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.point_traces import inverses
+from orchestrator.method.interface.rows import rows_of
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.scene.mesh.faces import components
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class NodePoints:
         point = np.column_stack([each([i.index for i in pairs.interfaces], int),
                                  np.arange(len(pairs)) - np.repeat(pairs.bounds[:-1], counts)])
         place = np.flatnonzero(each([i.law.pairwise for i in pairs.interfaces], bool))
-        B = sp.csr_array(pairs.transfer.B @ N.T)[components(place, len(pairs))]
+        B = sp.csr_array(pairs.transfer.B @ N.T)[rows_of(place, len(pairs))]
         flags = (pairs.mine, each([i.mortar is not None for i in pairs.interfaces], bool),
                  each([not here.issuperset(i.subdomains) for i in pairs.interfaces], bool))
         slid = np.zeros((3, len(place))) if pairs.slid is None else pairs.slid[:, place]
@@ -81,11 +82,10 @@ class NodePoints:
 
     def some(self, points: np.ndarray) -> NodePoints:
         """Return some of the points (Q,) int, ascending, with the nodes that they reach."""
-        B = sp.csr_array(self.B[components(points, len(self.point))])
+        B = sp.csr_array(self.B[rows_of(points, len(self.point))])
         nodes = np.unique(B.indices // 3)
-        columns = (3 * nodes[:, None] + np.arange(3)).ravel()
         return replace(self, node=self.node[nodes], own=self.own[nodes], C=self.C[nodes],
-                       B=sp.csr_array(B[:, columns]), point=self.point[points], place=self.place[points],
+                       B=sp.csr_array(B[:, nodewise(nodes)]), point=self.point[points], place=self.place[points],
                        mine=self.mine[points], apart=self.apart[points], between=self.between[points],
                        laws=self.laws.alone(points), slid=self.slid[:, points])
 
@@ -96,13 +96,12 @@ def labelled(B: sp.csr_array, gives: np.ndarray) -> np.ndarray:
     i, j = (x.astype(int) for x in B.tocoo().coords)
     i, j = i % max(P, 1), j // 3
     i, j = i[gives[j]], j[gives[j]]
-    graph = sp.coo_array((np.ones(len(i)), (i, P + j)), shape=(P + M, P + M))
-    return connected_components(graph, directed=False)[1][:P]
+    return components(i, P + j, P + M)[1][:P]
 
 
-def components(points: np.ndarray, count: int) -> np.ndarray:
-    """Return (3Q,) int, the components of points (Q,) among those of ``count``."""
-    return (np.arange(3)[:, None] * count + points).ravel()
+def nodewise(nodes: np.ndarray) -> np.ndarray:
+    """Return (3m,) int, the components of nodes (m,), node after node."""
+    return (3 * nodes[:, None] + np.arange(3)).ravel()
 
 
 def _nodes(space: TraceSpace, pairs: Pairs) -> tuple[np.ndarray, ...]:

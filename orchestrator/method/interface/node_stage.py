@@ -8,7 +8,6 @@ then lacks is g = f_b + Bᵀ q.
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.method.interface.answering import History
 from orchestrator.method.interface.node_groups import NodeGroups
@@ -38,7 +37,7 @@ class NodeStage:
         size = groups.sums.shape[1]
         self.f_b = times(groups.sums, f[:, :size])
         z = times(groups.sums, w[:, :size]) / groups.copies - times(groups.C, self.f_b)
-        self.b = times(groups.B, np.hstack([z, groups.nodes(z)])).reshape(steps, 3, -1) + groups.slid
+        self.b = times(groups.B, np.hstack([z, *groups.nodes(z)])).reshape(steps, 3, -1) + groups.slid
         self.q, self.before, self.anchors = _met(groups, pairs, pairs.transfer.carried(f), before, anchors)
         left = self._lacks(self.q)
         self.left = np.stack([(left**2).sum(axis=1), np.full(steps, groups.reached.sum())])
@@ -79,9 +78,8 @@ class NodeStage:
         groups, lacks = self.groups, self._lacks(self.q)
         stiff, at = groups.sums @ diagonal, groups.traces
         per = np.divide(1.0, stiff, out=np.zeros_like(stiff), where=stiff > 0)
-        back = sp.csr_array(groups.sums.T)
-        f = f_hat[:, at] + (times(back, lacks * per) * diagonal)[:, at]
-        return at, f, -times(back, times(groups.C, lacks))[:, at]
+        f = f_hat[:, at] + (times(groups.back, lacks * per) * diagonal)[:, at]
+        return at, f, -times(groups.back, times(groups.C, lacks))[:, at]
 
 
 def _met(groups: NodeGroups, pairs: Pairs, q: np.ndarray, before: History,
@@ -91,8 +89,7 @@ def _met(groups: NodeGroups, pairs: Pairs, q: np.ndarray, before: History,
     none, P = np.zeros(len(pairs)), len(pairs)
     own = np.array([before.own.get(name, none) for name in names]).reshape(-1, P)
     parts = [q.reshape(-1, P), before.jump, own, *([] if anchors is None else [anchors.reshape(-1, P)])]
-    ends = np.cumsum([len(part) for part in parts])[:-1]
-    behind = np.split(groups.points(np.concatenate(parts))[:, groups.behind], ends)
-    here = [np.hstack([part[:, groups.chosen], far]) for part, far in zip(parts, behind)]
+    here = [np.hstack([part[:, groups.chosen], far[:, groups.behind]])
+            for part, far in zip(parts, groups.points(*parts))]
     q, jump, own = here[0].reshape(len(q), 3, -1), here[1], dict(zip(names, here[2]))
     return q, History(jump, own), None if anchors is None else here[3].reshape(len(q), 3, -1)

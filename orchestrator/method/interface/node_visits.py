@@ -29,12 +29,13 @@ class Visits:
     sends: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     counts: dict[int, int] = field(default_factory=dict)
 
-    def __call__(self, own: np.ndarray) -> np.ndarray:
-        """Return (rows, behind), given values (rows, own); all ranks ask together."""
-        told = np.ascontiguousarray(own[:, self.sends])
-        arrived = self.team.exchange({r: told for r in self.counts if told.shape[1]},
-                                     {r: np.empty((len(own), count)) for r, count in self.counts.items() if count})
-        return np.hstack([own[:, :0], *(arrived[r] for r, count in self.counts.items() if count)])
+    def __call__(self, *values: np.ndarray) -> list[np.ndarray]:
+        """Return (rows, behind) of each of some values (rows, own), in one message; all ranks ask together."""
+        told = np.concatenate([x[:, self.sends] for x in values])
+        room = {r: np.empty((len(told), count)) for r, count in self.counts.items() if count}
+        arrived = self.team.exchange({r: told for r in self.counts if told.shape[1]}, room)
+        behind = np.hstack([told[:, :0], *(arrived[r] for r in room)])
+        return np.split(behind, np.cumsum([len(x) for x in values])[:-1])
 
 
 def completed(known: NodePoints, team: Team) -> tuple[NodePoints, Visits, Visits]:

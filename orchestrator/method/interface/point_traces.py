@@ -27,7 +27,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import rows_of, times
 from orchestrator.method.interface.transfer import Transfer
 
 # λ is known to a hundredth: what a step may overshoot by costs nothing.
@@ -149,7 +149,7 @@ def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray
     usual : compliance of points where none carries anything, as of sides that have slid off each other
     """
     for at in parts:
-        dofs = (np.arange(3)[:, None] * len(points) + at).ravel()
+        dofs = rows_of(at, len(points))
         own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
         blocks = node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
         along = np.einsum("ip,pij,jp->p", normal, blocks, normal)

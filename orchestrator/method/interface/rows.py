@@ -60,6 +60,11 @@ def narrow(matrix: sp.csr_array) -> sp.csr_array:
                         shape=matrix.shape)
 
 
+def rows_of(points: np.ndarray, count: int) -> np.ndarray:
+    """Return (3Q,) int, the rows of points (Q,) among ``count``, component after component."""
+    return (np.arange(3)[:, None] * count + points).ravel()
+
+
 def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
     """(Q, size) unit rows with their entries at columns (Q,), empty ones for −1."""
     there = at >= 0
