@@ -52,22 +52,28 @@ def raised(nodes):
     return np.c_[x, y, z - 0.1 * (x**2 + y**2) * (0.5 + z) / 0.5]
 
 
+def pressed(tmp_path, lower, upper, pushed, whole, **more):
+    """Return a body pressed on another by what its upper face is moved by; a quarter, with planes of
+    symmetry, or the whole."""
+    top, low = upper[0][:, 2].max(), lower[0][:, 2].min()
+    lower, upper = map(all_quarters, (lower, upper)) if whole else (lower, upper)
+    return solved({"name": "pressed", "mesh": written(tmp_path / "d.msh", block=lower, dome=upper),
+                   "subdomains": "groups", "materials": [STEEL],
+                   "boundary": [{"on": on("z", low), "displacement": HELD},
+                                {"on": on("z", top), "displacement": pushed},
+                                *([] if whole else rollers("x", "y"))],
+                   "method": {"tolerance": {"error": 1e-9}, "max_iterations": 200}, **more})
+
+
 def dome(tmp_path, counts, code, friction, whole):
-    """Return a dome pressed on a block, or, of ten-node tets, a block on a dome; a quarter, with
-    planes of symmetry, or the whole."""
+    """Return a dome pressed on a block, or, of ten-node tets, a block on a dome."""
     shapes = (raised, np.asarray) if code is P2 else (lambda x: x - [0, 0, 0.5], domed)
     lower = bricks([1, 1, 0.5], [counts[0]] * 2 + [1], shapes[0])
     upper = bricks([0.8, 0.8, 0.6], [counts[1]] * 2 + [1], shapes[1])
-    lower, upper = map(all_quarters, (lower, upper)) if whole else (lower, upper)
     contact = {"between": ["dome", "block"], "law": "contact", "friction": friction,
                "gap": "geometry", "within": 0.3}
-    pushed = [[0, 0, -0.01], [0, 0, -0.02]]
-    return solved({"name": "dome", "mesh": written(tmp_path / "d.msh", block=lower, dome=upper),
-                   "subdomains": "groups", "materials": [STEEL], "interfaces": [contact],
-                   "boundary": [{"on": on("z", -0.5), "displacement": HELD},
-                                {"on": on("z", 0.6), "displacement": pushed},
-                                *([] if whole else rollers("x", "y"))], "blackbox": code,
-                   "method": {"tolerance": {"error": 1e-9}, "max_iterations": 200}})
+    return pressed(tmp_path, lower, upper, [[0, 0, -0.01], [0, 0, -0.02]], whole,
+                   interfaces=[contact], blackbox=code)
 
 
 @pytest.mark.parametrize("counts, code, friction",
@@ -81,6 +87,23 @@ def test_a_quarter_is_the_whole(counts, code, friction, tmp_path):
     assert own == pytest.approx(force / 4, rel=1e-7)
     peak, seen = (x.pressure.max(axis=1) for x in (whole, quarter))
     assert seen == pytest.approx(peak, rel=1e-7)
+
+
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "jump", "jump": [0, 0, 0.003]},
+                                 {"law": "elastic", "stiffness_n": 1e6, "stiffness_t": 4e5}],
+                         ids=["bonded", "jump", "elastic"])
+def test_a_quarter_of_ten_node_tets_joined_apart_is_the_whole(law, tmp_path):
+    """Points on planes of symmetry have the components that are free, beside others that have
+    all."""
+    bodies = [bricks([1, 1, h], [n, n, 1], lambda x, z=z: x + [0, 0, z])
+              for h, n, z in ((0.5, 2, -0.5), (0.6, 3, 0.0))]
+    joint = {"between": ["block", "dome"], **law}
+    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part, interfaces=[joint], blackbox=P2)
+                      for part in (False, True))
+    assert 4 * quarter.reactions[:2, :, 2] == pytest.approx(whole.reactions[:2, :, 2], rel=1e-8)
+    if law["law"] != "perfect":
+        peak, seen = (x.interfaces.pressure.max(axis=1) for x in (whole, quarter))
+        assert seen == pytest.approx(peak, rel=1e-8)
 
 
 @pytest.mark.parametrize("code, held", [(P1, HELD), (P2, [None, 0, 0])],

@@ -44,24 +44,13 @@ class Products(NamedTuple):
 
     @classmethod
     def of_mortar(cls, mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> Products:
-        """Transfer of an interface with points of its own; E is own⁻ᵀ hatsᵀ of the first side, or half of it on either side where
-        their nodes are paired; of the components that there are, with empty rows where a point
-        carries nothing now."""
-        own = mortar.own
-        if mortar.diagonal:
-            share = own.diagonal()
-            inverse = sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0))
-        else:
-            carries = np.flatnonzero(mortar.carrying)
-            own = own[::3, ::3][carries][:, carries]  # the same for every component
-            dense = np.linalg.inv(own.toarray()).T
-            dense[np.abs(dense) < FADED * np.abs(dense).max()] = 0.0
-            there = unit_rows(carries, len(mortar))
-            inverse = sp.kron(there.T @ sp.csr_array(dense) @ there, sp.eye_array(3), format="csr")
+        """Transfer of an interface with points of its own; E is inverseᵀ hatsᵀ of the first side,
+        or half of it on either side where their nodes are paired; of the components that there
+        are, with empty rows where a point carries nothing now."""
         def on(dofs: np.ndarray, G: sp.csr_array) -> sp.csr_array:
             return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
 
-        read, live = sp.csr_array(inverse @ mortar.hats.T), np.flatnonzero(mortar.live)
+        read, live = sp.csr_array((mortar.hats @ inverse(mortar)).T), np.flatnonzero(mortar.live)
         forces = 0.5 * (on(one, read) - on(two, read)) if mortar.paired else on(one, read)
         return cls(on(one, mortar.first), on(two, mortar.second), forces).rows(live)
 
@@ -73,6 +62,28 @@ class Products(NamedTuple):
         """Some of the points by number; −1: one that is not there."""
         chosen = unit_rows(chosen.ravel(), self.G1.shape[0])
         return Products(*(sp.csr_array(chosen @ G) for G in self))
+
+
+def inverse(mortar: Mortar) -> sp.csr_array:
+    """Return (3p, 3p) the inverse of ``mortar.own`` among the components that points carry, with
+    empty rows and columns elsewhere.
+
+    On faces of six nodes points meet each other's nodes: on planes of symmetry other points have
+    some component than another.
+    """
+    own = mortar.own
+    if mortar.diagonal:
+        share = own.diagonal()
+        return sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0))
+    parts, which = np.unique(mortar.carrying[:, None] & mortar.live, axis=1, return_inverse=True)
+    result = sp.csr_array(own.shape)
+    for number, part in enumerate(parts.T):
+        here, at = which.ravel() == number, np.flatnonzero(part)
+        c, there = np.argmax(here), unit_rows(at, len(part))
+        dense = np.linalg.inv(own[c::3, c::3][at][:, at].toarray())
+        dense[np.abs(dense) < FADED * np.abs(dense).max(initial=0.0)] = 0.0
+        result = result + sp.kron(there.T @ sp.csr_array(dense) @ there, np.diag(here), format="csr")
+    return sp.csr_array(result)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.transfer import inverse
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Scene
 from orchestrator.linalg import svd
@@ -112,12 +111,7 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     everything = np.concatenate([free.ravel(), mortar.free.ravel()])
     fields = np.where(everything[:, None], fields.reshape(len(everything), -1), 0.0)
     jump = mortar.second @ fields[slave:] - mortar.first @ fields[:slave]
-    own = mortar.own.diagonal()[:, None]  # zero at points that have slid off the other side
-    if mortar.diagonal:
-        points = np.divide(jump, own, out=np.zeros_like(jump), where=own != 0)
-    else:
-        points = sla.splu(sp.csc_array(mortar.own)).solve(jump)
-    fields[:slave] += mortar.hats @ points
+    fields[:slave] += mortar.hats @ (inverse(mortar) @ jump)
     return independent(fields)
 
 

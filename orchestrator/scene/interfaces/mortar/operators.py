@@ -148,8 +148,6 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     normal = surfaces.upright(held, vectors)
     candidates = weights.share > 0
     wanted = candidates & may_carry(free[0], held, normal, as_one) & (weights.area > 0)
-    if as_one and triangles[0].shape[1] == 6:  # whose points meet each other's nodes
-        wanted &= free[0].all(axis=1)
     stands_for = weights.area if surfaces.amid else weights.share * weights.around
     for better in (~crossed, stands_for >= COVERED * weights.around):
         # where there are none of these, one is better than none; more would say twice what other interfaces say
