@@ -73,10 +73,10 @@ def joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], 
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
     covered = loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
     if any(i.surfaces is not None for i in interfaces):
-        stays = matter.held.any(axis=1)
+        held = matter.held.copy()
         for stand in mesh.foreign:
-            stays[stand.nodes] = True
-        body.mesh = fitted(mesh, cut.numbering, interfaces, stays)
+            held[stand.nodes] = True
+        body.mesh = fitted(mesh, cut.numbering, interfaces, held)
         for entry, given, times in zip(boundary, config.boundary, config.factors(config.boundary)):
             entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems())  # told before
     return Joints(interfaces, near, bolts, covered)

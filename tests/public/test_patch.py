@@ -106,6 +106,23 @@ def test_a_quarter_of_ten_node_tets_joined_apart_is_the_whole(law, tmp_path):
         assert seen == pytest.approx(peak, rel=1e-8)
 
 
+def bowed(nodes):
+    """Lift a block's nodes by what its mating face is curved, less the farther away."""
+    x, y, z = nodes.T
+    return np.c_[x, y, z + 0.15 * (1 - x**2 - 0.5 * y**2) * (1 - 2 * np.abs(z))]
+
+
+@pytest.mark.parametrize("code", [P1, P2], ids=["P1", "P2"])
+def test_a_quarter_of_curved_bonded_bodies_is_the_whole(code, tmp_path):
+    """Nodes on planes of symmetry are fitted within these; couples across are no imbalance."""
+    bodies = [bricks([1, 1, 0.5], [n, n, 1], lambda x, z=z: bowed(x + [0, 0, z]))
+              for n, z in ((3, -0.5), (2, 0.0))]
+    joint = {"between": ["block", "dome"], "law": "perfect"}
+    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part, interfaces=[joint], blackbox=code)
+                      for part in (False, True))
+    assert 4 * quarter.reactions[:2, :, 2] == pytest.approx(whole.reactions[:2, :, 2], rel=1e-5)
+
+
 @pytest.mark.parametrize("code, held", [(P1, HELD), (P2, [None, 0, 0])],
                          ids=["P1, altogether", "P2, in part"])
 def test_supports_on_contact_faces_leave_constant_pressure_as_it_is(code, held):

@@ -210,12 +210,13 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                     pair = at_nodes(i.mortar, here[:, np.searchsorted(i.shown, i.mortar.points)])
                 for e, x, acting in zip(i.subdomains, places, pair):
                     add(e, x, acting)
-    for i in scene.interfaces:  # bonded nodes that are a little apart hand on a couple
-        if i.law.perfect and i.paired and i.subdomains[0] in d.space.subdomains:
-            arm = (scene.side_points(i, 0) - scene.side_points(i, 1)) / extent
-            if arm.any():
+    handed = d.space.transfer.opposed(d.space.transfer.carried(*d.space.extended(f)))
+    for i in scene.interfaces:  # bonded sides that are a little apart hand on a couple
+        if i.law.perfect and i.subdomains[0] in d.space.subdomains:
+            for side, dofs in enumerate(d.space.sides[i.index]):
+                arm = (scene.side_points(i, side) - centre) / extent
                 forces = np.zeros((scene.steps, *arm.shape))
-                forces[:, i.traced(0)] = f[:, d.space.sides[i.index][0]]
+                forces[:, i.traced(side)] = handed[:, dofs]
                 left[:, body[i.subdomains[0]], 3:] += np.cross(arm, forces).sum(axis=1)
     for t, i, carried in () if d.following is None else _slid_on(d, iterated):
         for side, (e, forces) in enumerate(zip(i.subdomains, carried)):

@@ -38,12 +38,12 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
     """The mesh with nodes of bonded curved faces moved; ``surfaces`` of these interfaces follow.
 
     interfaces : all there are; nothing happens without perfect ones whose nodes do not match
-    held : (n,) bool, nodes that stay because a component of them is prescribed
+    held : (n, 3) bool, components in which nodes stay as they are prescribed
     """
     bonded = [i for i in interfaces if i.surfaces is not None and i.law.perfect]
     if not bonded:
         return mesh
-    stays = held.copy()
+    stays = held.all(axis=1)
     met = np.zeros(len(mesh.nodes), dtype=int)
     for i in interfaces:
         if i.surfaces is None:  # nodes of either side stay where those of the other are
@@ -62,6 +62,7 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
         for i, apart, room, origin in zip(bonded, far, most, drawn):
             here = again(i.surfaces.moved(nodes), apart)
             where, at = _places(here)
+            where = np.where(held[here.nodes[0]], here.points[0], where)
             own = here.nodes[0][at]
             moves = ~stays[own] & (np.linalg.norm(where[at] - origin[at], axis=1) <= room[at])
             at, own = at[moves], own[moves]
