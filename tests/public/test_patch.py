@@ -89,19 +89,23 @@ def test_a_quarter_is_the_whole(counts, code, friction, tmp_path):
     assert seen == pytest.approx(peak, rel=1e-7)
 
 
-@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "jump", "jump": [0, 0, 0.003]},
-                                 {"law": "elastic", "stiffness_n": 1e6, "stiffness_t": 4e5}],
-                         ids=["bonded", "jump", "elastic"])
-def test_a_quarter_of_ten_node_tets_joined_apart_is_the_whole(law, tmp_path):
-    """Points on planes of symmetry have the components that are free, beside others that have
-    all."""
-    bodies = [bricks([1, 1, h], [n, n, 1], lambda x, z=z: x + [0, 0, z])
-              for h, n, z in ((0.5, 2, -0.5), (0.6, 3, 0.0))]
-    joint = {"between": ["block", "dome"], **law}
-    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part, interfaces=[joint], blackbox=P2)
-                      for part in (False, True))
+BONDED = {"law": "perfect"}
+JOINED = {"bonded": (BONDED, P2, 0.0), "bonded, P1, over a gap": (BONDED, P1, 0.02),
+          "jump": ({"law": "jump", "jump": [0, 0, 0.003]}, P2, 0.0),
+          "elastic": ({"law": "elastic", "stiffness_n": 1e6, "stiffness_t": 4e5}, P2, 0.0)}
+
+
+@pytest.mark.parametrize("law, code, gap", JOINED.values(), ids=JOINED)
+def test_a_quarter_of_bodies_joined_apart_is_the_whole(law, code, gap, tmp_path):
+    """Points on planes of symmetry have the components that are free, beside others that have all;
+    some hand on theirs, as little of the slave is covered there."""
+    bodies = [bricks([x, y, h], [n, n, 1], lambda nodes, z=z: nodes + [0, 0, z])
+              for x, y, h, n, z in ((1, 1, 0.5, 3, -0.5), (0.9, 0.8, 0.6, 2, gap))]
+    joint = {"between": ["block", "dome"], "slave": "block", "tolerance": 0.1, **law}
+    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part,
+                              interfaces=[joint], blackbox=code) for part in (False, True))
     assert 4 * quarter.reactions[:2, :, 2] == pytest.approx(whole.reactions[:2, :, 2], rel=1e-8)
-    if law["law"] != "perfect":
+    if law is not BONDED:
         peak, seen = (x.interfaces.pressure.max(axis=1) for x in (whole, quarter))
         assert seen == pytest.approx(peak, rel=1e-8)
 
@@ -117,9 +121,9 @@ def test_a_quarter_of_curved_bonded_bodies_is_the_whole(code, tmp_path):
     """Nodes on planes of symmetry are fitted within these; couples across are no imbalance."""
     bodies = [bricks([1, 1, 0.5], [n, n, 1], lambda x, z=z: bowed(x + [0, 0, z]))
               for n, z in ((3, -0.5), (2, 0.0))]
-    joint = {"between": ["block", "dome"], "law": "perfect"}
-    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part, interfaces=[joint], blackbox=code)
-                      for part in (False, True))
+    joint = {"between": ["block", "dome"], **BONDED}
+    quarter, whole = (pressed(tmp_path, *bodies, [0, 0, -0.01], part,
+                              interfaces=[joint], blackbox=code) for part in (False, True))
     assert 4 * quarter.reactions[:2, :, 2] == pytest.approx(whole.reactions[:2, :, 2], rel=1e-5)
 
 

@@ -18,7 +18,8 @@ there would meet nothing, or pin the master), where several interfaces that do n
 constraints would be redundant), and where the master covers little of the facets around (the point
 would carry a large pressure on a small area). Its multiplier goes to the points next to it, in
 parts as the edges have facets: no area and no force is lost, and the normal is that of the area
-vectors together, so that constant pressure passes. Under laws that join the sides a slave's node
+vectors together, so that constant pressure passes. On a plane of symmetry the missing half takes
+back what it adds to components that are held there, and to rotations about the others. Under laws that join the sides a slave's node
 that is held alone carries none either: it could not follow the master.
 
 The master carries each point like an arm, so that rigid motions open nothing. Where the master's image P x₂ of a point is r
@@ -106,7 +107,8 @@ class Mortar:
     def places(self, operator: sp.csr_array, nodes: np.ndarray) -> np.ndarray:
         """(p, 3) where forces of points act that ``first``, or ``second`` without a link, spreads
         over the nodes (n, 3) of its side."""
-        return scalar(operator) @ nodes / np.maximum(self.live.sum(axis=1), 1)[:, None]
+        shares = scalar(operator)
+        return shares @ nodes / np.maximum(shares.sum(axis=1), ROUNDING)[:, None]
 
     @property
     def paired(self) -> bool:
@@ -156,19 +158,24 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     points, sums = merged(candidates, wanted, surfaces.carriers)
     stands = sums @ weights.area
     seen = sums @ (weights.area[:, None] * _shortened(surfaces, normal) * normal)
-    scaled = sp.diags_array(1 / stands) @ sums
-    own, other, facets = (cleaned(sp.csr_array(scaled @ m), np.ones(len(points)))
-                          for m in (weights.own, weights.other, weights.facets))
-    offset = own @ x1 - other @ x2
+    scaled = sp.kron(sp.diags_array(1 / stands) @ sums, np.eye(3))
+    upright = np.abs(np.where(held, normal, 0.0)).max(axis=1, keepdims=True) <= UPRIGHT
+    gone = held & upright  # nodes on planes of symmetry, not under supports of the faces
+    gone[points] = False
+    own, other, facets = (
+        cleaned(sp.csr_array(scaled @ sp.diags_array(1.0 - lost.ravel()) @ sp.kron(m, np.eye(3))),
+                np.ones(3 * len(points)))
+        for m, lost in ((weights.own, gone), (weights.other, gone),
+                        (weights.facets, gone[:, [1, 2, 0]] | gone[:, [2, 0, 1]])))
+    offset = (own @ x1.ravel() - other @ x2.ravel()).reshape(-1, 3)
     offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
     at, held = unit(seen), held[points]
     offset[held & (at == 0)] = 0.0
     # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has theirs, too
     gap = -np.einsum("pi,pi->p", at, offset) - (sums @ (weights.area * surfaces.filled)) / stands
     turned, live = triangles[1][:, TURNED[: triangles[1].shape[1]]], ~held
-    first = only(sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")), live)
-    second = only(linked(other, facets, offset, x2, triangles[1][:, :3]), live)
-    return Mortar(points, first, second, np.linalg.norm(seen, axis=1), at, gap, turned,
+    second = linked(other, facets, offset, x2, triangles[1][:, :3])
+    return Mortar(points, only(own, live), only(second, live), np.linalg.norm(seen, axis=1), at, gap, turned,
                   surfaces.behind[1], free[1], hats(points, triangles[0]), live)
 
 
@@ -284,28 +291,20 @@ def rotations(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     arm = points[triangles] - points[triangles].mean(axis=1, keepdims=True)
     inertia = np.einsum("kvi,kvi->k", arm, arm)[:, None, None] * np.eye(3) - np.einsum("kvi,kvj->kij", arm, arm)
     blocks = np.linalg.inv(inertia)[:, None] @ skew(arm)  # (k, corner, 3, 3)
-    return _blocks(blocks, np.arange(len(triangles)), triangles, (len(triangles), len(points)))
+    return sp.bsr_array((blocks.reshape(-1, 3, 3), triangles.ravel(), 3 * np.arange(len(blocks) + 1)),
+                        shape=(3 * len(blocks), points.size)).tocsr()
 
 
-def linked(weights: sp.csr_array, facets: sp.csr_array, offset: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
+def linked(plain: sp.csr_array, facets: sp.csr_array, offset: np.ndarray,
+           points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     """(3p, 3n) P ⊗ I with the rigid link.
 
-    weights : (p, n) P; facets : (p, k) the weights with which facets give rotations; rows of both sum to 1
+    plain : (3p, 3n) P ⊗ I; facets : (3p, 3k) the weights with which facets give rotations
     offset : (p, 3) r; zero where there is no link
     points, triangles : the master's, (n, 3) and (k, 3)
     """
-    plain = sp.csr_array(sp.kron(weights, sp.eye_array(3), format="csr"))
-    at = np.flatnonzero(offset.any(axis=1))
-    if not len(at):
+    if not offset.any():
         return plain
-    turned = sp.kron(facets[at], sp.eye_array(3), format="csr") @ rotations(points, triangles)
-    arms = _blocks(-skew(offset[at])[:, None], at, np.arange(len(at))[:, None], (len(offset), len(at)))  # ω × r = −r × ω
-    return sp.csr_array(plain + arms @ turned)
-
-
-def _blocks(blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> sp.csr_array:
-    """Sparse matrix of 3 × 3 blocks (k, c, 3, 3) in the block rows (k,) and block columns (k, c)."""
-    inner = np.arange(3)
-    row = np.broadcast_to(3 * rows[:, None, None, None] + inner[:, None], blocks.shape)
-    column = np.broadcast_to(3 * columns[:, :, None, None] + inner, blocks.shape)
-    return sp.csr_array((blocks.ravel(), (row.ravel(), column.ravel())), shape=(3 * shape[0], 3 * shape[1]))
+    each = np.arange(len(offset) + 1)
+    arms = sp.bsr_array((-skew(offset), each[:-1], each), shape=2 * facets.shape[:1])  # ω × r = −r × ω
+    return sp.csr_array(plain + arms.tocsr() @ (facets @ rotations(points, triangles)))
