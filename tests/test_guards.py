@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
+import gmsh
 import meshio
 import numpy as np
 import pytest
@@ -229,14 +230,16 @@ def revolved(path, inner, outer, seed):
     return {"file": str(path)}
 
 
+def leaning(self, *given, upright=Surfaces.upright):
+    """Return an interface's normals, turned a little about the axis z."""
+    normals, around = upright(self, *given), np.cross([0, 0, 1], self.points[0])
+    return unit(normals + 0.02 * unit(around))
+
+
 @pytest.mark.parametrize("profile", [lambda z: 2 + 0.25 * z, lambda z: 3 - np.sqrt(1 - (z / 2 - 0.75) ** 2)],
                          ids=["cone", "torus"])
 def test_normals_that_lean_are_found_out(profile, tmp_path, monkeypatch):
     """Fits without friction that would carry a torque."""
-    def leaning(self, *given, upright=Surfaces.upright):
-        normals, around = upright(self, *given), np.cross([0, 0, 1], self.points[0])
-        return unit(normals + 0.02 * unit(around))
-
     monkeypatch.setattr(Surfaces, "upright", leaning)
     rings = {"shaft": revolved(tmp_path / "shaft.msh", lambda z: 1 + 0 * z, profile, 1),
              "hub": revolved(tmp_path / "hub.msh", profile, lambda z: 4 + 0 * z, 4)}
@@ -247,5 +250,32 @@ def test_normals_that_lean_are_found_out(profile, tmp_path, monkeypatch):
         "interfaces": [{"between": ["hub", "shaft"], "law": "contact", "friction": 0, "gap": -0.002}],
         "boundary": [{"on": held, "part": "shaft", "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 3}, "part": "hub", "displacement": [0, 0, 0]}],
+        "method": {"tolerance": {"error": 1e-4}}, "blackbox": IN_PROCESS}))
+    assert solution.stop_reason.startswith("check: ")
+
+
+def test_normals_that_lean_are_found_out_where_coarse_facets_join_faces(tmp_path, monkeypatch):
+    """A groove in a quarter of a shaft: a torus between two cylinders, each a CAD face."""
+    monkeypatch.setattr(Surfaces, "upright", leaning)
+    quarter = {"angle": np.pi / 2}
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    solid = gmsh.model.occ
+    for name in ("shaft", "hub"):
+        gmsh.model.add(name)
+        inner = solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 12, **quarter))],
+                          [(3, solid.addTorus(0, 0, 7, 14, 5))])[0]
+        if name == "hub":
+            solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 20, **quarter))], inner)
+        solid.synchronize()
+        gmsh.write(str(tmp_path / f"{name}.step"))
+    gmsh.finalize()
+    solution = solve(config_from({
+        "name": "groove", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+        "parts": [{"name": name, "mesh": {"step": str(tmp_path / f"{name}.step"), "h": h}}
+                  for name, h in (("shaft", 7), ("hub", 8))],
+        "interfaces": [{"between": ["hub", "shaft"], "law": "contact", "friction": 0, "gap": -0.02}],
+        "boundary": [{"on": {"plane": "z", "at": z}, "part": part, "displacement": [0, 0, 0]}
+                     for part, z in (("shaft", 0), ("hub", 14))],
         "method": {"tolerance": {"error": 1e-4}}, "blackbox": IN_PROCESS}))
     assert solution.stop_reason.startswith("check: ")

@@ -86,7 +86,7 @@ def near_sagittas(body: Body, joints: Joints) -> dict[int, np.ndarray]:
     """Of volumes that are near others, see ``Scene``."""
     if not joints.near:
         return {}
-    return sagittas(body.mesh, body.faces, sorted({v for pair in joints.near for v in pair}))
+    return sagittas(body.mesh, sorted({v for pair in joints.near for v in pair}))
 
 
 def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:

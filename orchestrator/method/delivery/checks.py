@@ -30,7 +30,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.interface import Interface
-from orchestrator.scene.interfaces.skins import surface_of
+from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.model import PlacedBolt, Scene
 
@@ -105,7 +105,8 @@ def motions_of(scene: Scene, i: Interface, about: np.ndarray, size: float) -> np
             normals = i.tool.at(np.zeros(6), points)[1]
         else:
             triangles = i.triangles_on(side)[:, :3]
-            found = surface_of(points, triangles, np.full(len(triangles), -1))
+            face = smooth_faces(scene.mesh, scene.side_nodes(i, side)[triangles])
+            found = surface_of(points, triangles, face)
             flat = (found.bulge == 0).all(axis=1)[:, None, None]
             points = points[triangles].reshape(-1, 3)
             normals = np.where(flat, found.means, found.normals).reshape(-1, 3)

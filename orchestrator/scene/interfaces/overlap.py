@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.opposite import Facets
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
-from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import barycentric
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -73,13 +73,13 @@ def solid_of(mesh: Mesh, volume: int) -> tuple[np.ndarray, Solid]:
     return number, Solid(mesh.nodes[number], cells, faces.triangles[faces.outer])
 
 
-def sagittas(mesh: Mesh, faces: Faces, volumes: Iterable[int]) -> dict[int, np.ndarray]:
+def sagittas(mesh: Mesh, volumes: Iterable[int]) -> dict[int, np.ndarray]:
     """Volume → (k,) how far the surface that its outer faces, as of ``solid_of``, stand for is off these."""
-    result, smooth = {}, smooth_faces(mesh, faces)
+    result = {}
     for volume in volumes:
         number, solid = solid_of(mesh, volume)
         at = number[solid.outer]
-        result[volume] = surface_of(mesh.nodes, at, smooth[faces.find(at)]).sagitta
+        result[volume] = surface_of(mesh.nodes, at, smooth_faces(mesh, at)).sagitta
     return result
 
 

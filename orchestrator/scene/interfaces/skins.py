@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Body
-from orchestrator.scene.mesh.faces import Faces, components, pack
+from orchestrator.scene.mesh.faces import Faces, alike, components
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
@@ -93,9 +93,7 @@ class Skin:
     def under(self, triangles: np.ndarray) -> Surface:
         """Surfaces that some of its facets (m, 3 or 6), given by their nodes, stand for."""
         size = int(self.body.triangles[:, :3].max()) + 1
-        keys, wanted = (pack(t[:, :3], size) for t in (self.body.triangles, triangles))
-        order = np.argsort(keys)
-        return self.surface.some(order[np.searchsorted(keys, wanted, sorter=order)])
+        return self.surface.some(alike(self.body.triangles, triangles, size))
 
 
 class Skins:
@@ -115,7 +113,7 @@ class Skins:
     @cached_property
     def smooth(self) -> np.ndarray:
         """See ``smooth_faces``."""
-        return smooth_faces(self.mesh, self.faces)
+        return smooth_faces(self.mesh, self.faces.triangles)
 
     def given(self, body: Body) -> np.ndarray | None:
         """(k, 3, 3) normals that the CAD model has at the corners of a body's faces, outward, nan where it has none."""
@@ -123,22 +121,21 @@ class Skins:
         if not told:
             return None
         triangles = np.concatenate([self.mesh.surfaces[name] for name in told])
-        keys, wanted = (pack(t[:, :3], len(self.mesh.nodes)) for t in (triangles, body.triangles))
-        order = np.argsort(keys)
-        at = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
+        at = alike(triangles, body.triangles, len(self.mesh.nodes))
         corner = (triangles[at][:, None] == body.triangles[:, :3, None]).argmax(axis=2)
         normals = np.take_along_axis(np.concatenate([*told.values()])[at], corner[:, :, None], axis=1)
         normals = normals * np.sign(np.einsum("kvi,ki->kv", normals, body.normal))[:, :, None]
-        return np.where((keys[at] == wanted)[:, None, None], normals, np.nan)
+        return np.where((at >= 0)[:, None, None], normals, np.nan)
 
 
-def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
-    """(f,) int, number of the CAD face that each of the mesh's faces is on, −1 where that is not known."""
-    result = np.full(len(faces.keys), -1)
-    for number, name in enumerate(mesh.smooth):
-        found = faces.find(mesh.surfaces[name])
-        result[found[found >= 0]] = number
-    return result
+def smooth_faces(mesh: Mesh, triangles: np.ndarray) -> np.ndarray:
+    """(k,) int, number of the CAD face that triangles (k, 3 or 6) of the mesh's nodes are on, −1
+    where that is not known."""
+    told = [mesh.surfaces[name] for name in mesh.smooth]
+    if not told:
+        return np.full(len(triangles), -1)
+    number = np.repeat(np.arange(len(told)), [*map(len, told)])
+    return np.append(number, -1)[alike(np.concatenate(told), triangles, len(mesh.nodes))]
 
 
 def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:

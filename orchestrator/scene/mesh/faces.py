@@ -57,6 +57,15 @@ def pack(triangles: np.ndarray, nodes: int) -> np.ndarray:
     return (low * nodes + (a + b + c - low - high)) * nodes + high
 
 
+def alike(known: np.ndarray, triangles: np.ndarray, nodes: int) -> np.ndarray:
+    """Indices (k,) of the known (m, 3 or 6) that have the corners of triangles (k, 3 or 6), the last
+    of several, whatever their orientation; -1 where there is none."""
+    keys, wanted = (pack(t[:, :3], nodes) for t in (known, triangles))
+    order = np.argsort(keys, kind="stable")
+    at = order[np.searchsorted(keys, wanted, side="right", sorter=order) - 1]
+    return np.where(keys[at] == wanted, at, -1)
+
+
 def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     """The faces of tets (m, 4), positively oriented, of a mesh of some nodes; raises ValueError for more than ``MAX_NODES``."""
     if nodes > MAX_NODES:
