@@ -113,11 +113,15 @@ class Elimination:
         if result is None:
             result = Factors(self, np.empty(self._room[0]), np.empty(self._room[1]))
         given = PRODUCT, blocks, tuple(self.layout), (result.own, result.beside, self._work)
-        sound = all(in_parts(eliminate, mine[1] - mine[0], *given, (order, bounds[mine[0] :]), part=1)) if mine[1] > mine[0] else True
-        if self.spread:
-            self._hand_up()
-        if not sound or self.team.rank == 0 and not eliminate(len(bounds) - 2, len(bounds) - 1, *given, (order, bounds)):
-            raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
+        try:
+            if mine[1] > mine[0]:
+                in_parts(eliminate, mine[1] - mine[0], *given, (order, bounds[mine[0] :]), part=1)
+            if self.spread:
+                self._hand_up()
+            if self.team.rank == 0:
+                eliminate(len(bounds) - 2, len(bounds) - 1, *given, (order, bounds))
+        except np.linalg.LinAlgError as error:
+            raise ZeroDivisionError("a pivot of the coarse contact problem vanishes") from error
         return result
 
     def _stale(self, blocks: np.ndarray) -> SideBySide:

@@ -64,7 +64,7 @@ def forward(fronts, factors, x):
     factors : ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """
     layout, own_parts, _ = factors
-    _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
     size, flat, z = x.shape[1], x.reshape(-1), np.empty(band)
     for f in fronts:
         a, m = sizes[f]
@@ -91,7 +91,7 @@ def forward(fronts, factors, x):
 def backward(fronts, factors, x):
     """Replace what ``forward`` has left by the solution, the last of the fronts first."""
     layout, own_parts, beside = factors
-    _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
     size, flat = x.shape[1], x.reshape(-1)
     seen = np.empty(len(flat))
     for k in range(len(fronts) - 1, -1, -1):

@@ -5,10 +5,9 @@ eliminated band after band. With P a band's own square, inverted, C below it and
 
     R ← P⁻¹ R,   what is below and beside ← that − C R,     S ← −(C of all bands) U + what the children leave
 
-so that all but the inverses of small squares are products of BLAS, which is several times as quick at these sizes as LAPACK is,
-and every number is touched as seldom as can be: what takes time beside the products is to bring numbers to the cores.
-P is inverted by Gauss and Jordan's method, panel after panel; pivots are sought within a panel. To be imported where it is used:
-it takes the compiler along.
+so that all but the inverses of small squares are products of BLAS, and every number is touched as
+seldom as can be: what takes time beside the products is to bring numbers to the cores. To be
+imported where it is used: it takes the compiler along.
 """
 
 from __future__ import annotations
@@ -19,89 +18,9 @@ import numpy as np
 from orchestrator.compiled import SUMS, compiled
 from orchestrator.method.coarse.front_solves import REAL, gemm
 
-LANES = 16  # numbers that a core works on at once: loops over so many become one instruction
-
-
-@numba.njit(nogil=True, fastmath=SUMS)
-def _inverted(P, turn):
-    """Replace a square, whose rows are filled up with zeros to whole ``LANES``, by its inverse (Gauss and Jordan, rows exchanged);
-    False if a pivot vanishes."""
-    n, width = P.shape
-    for k in range(n):
-        best, largest = k, abs(P[k, k])
-        for i in range(k + 1, n):
-            if abs(P[i, k]) > largest:
-                best, largest = i, abs(P[i, k])
-        if not largest > 0.0:
-            return False
-        turn[k] = best
-        above = P[k]
-        if best != k:
-            other = P[best]
-            for s in range(0, width, LANES):
-                for j in range(s, s + LANES):
-                    above[j], other[j] = other[j], above[j]
-        share = 1.0 / above[k]
-        above[k] = 1.0
-        for s in range(0, width, LANES):
-            for j in range(s, s + LANES):
-                above[j] *= share
-        for i in range(n):
-            if i != k:
-                row = P[i]
-                share = row[k]
-                row[k] = 0.0
-                for s in range(0, width, LANES):
-                    for j in range(s, s + LANES):
-                        row[j] -= share * above[j]
-    for k in range(n - 1, -1, -1):
-        other = turn[k]
-        if other != k:
-            for i in range(n):
-                P[i, k], P[i, other] = P[i, other], P[i, k]
-    return True
-
-
-@numba.njit(nogil=True, fastmath=SUMS)
-def _inverted_by_panels(P, panel, product):
-    """The same for a larger one, panel after panel: with D a panel's inverse, its rows become D·P, all others less their part of
-    the panel's columns times these."""
-    n, width = len(P), (panel + LANES - 1) // LANES * LANES
-    turn, square = np.empty(panel, np.int64), np.zeros((panel, width))
-    beside, below = np.empty(2 * n * panel), np.empty(n * panel)
-    at_P, at_square, at_below = np.int64(P.ctypes.data), np.int64(square.ctypes.data), np.int64(below.ctypes.data)
-    at_beside = np.int64(beside.ctypes.data)
-    at_rows = at_beside + REAL * n * panel
-    for p in range(0, n, panel):
-        q = min(p + panel, n)
-        w = q - p
-        D = square[:w]
-        for i in range(w):
-            for j in range(width):
-                D[i, j] = P[p + i, p + j] if j < w else 0.0
-        if not _inverted(D, turn):
-            return False
-        for i in range(n):
-            row, kept = P[i], below[i * w : (i + 1) * w]
-            for j in range(w):
-                kept[j] = row[p + j]
-                row[p + j] = 0.0
-        for i in range(w):
-            row, kept = P[p + i], beside[i * n : (i + 1) * n]
-            P[p + i, p + i] = 1.0
-            for j in range(n):
-                kept[j] = row[j]
-                row[j] = 0.0
-            for j in range(w):
-                below[(p + i) * w + j] = -1.0 if i == j else 0.0
-        gemm(product, (w, n, w), (1.0, 0.0), (at_square, width), (at_beside, n), (at_rows, n))
-        gemm(product, (n, n, w), (-1.0, 1.0), (at_below, w), (at_rows, n), (at_P, n))
-    return True
-
-
 @compiled
 def eliminate(start, stop, product, blocks, layout, room, runs):
-    """Eliminate fronts, children before parents; False if a pivot of one vanishes.
+    """Eliminate fronts, children before parents; raises LinAlgError if a pivot of one vanishes.
 
     start, stop : of the ``runs``: fronts in the order of work, and where each run of them begins
     product : address of BLAS's product
@@ -110,18 +29,16 @@ def eliminate(start, stop, product, blocks, layout, room, runs):
     room : three (·,), which take L, U and S
     """
     (own, beside, work), (order, bounds) = room, runs
-    band, sizes = layout[1], layout[2]
-    right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[11].size
+    band, sizes = layout[0], layout[1]
+    right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[10].size
     joined = np.empty((most, 3), np.int64)  # runs of neighbours
     for f in order[bounds[start] : bounds[stop]]:
         a, m = sizes[f]
         _entered(f, blocks, layout, own, work, right, joined)
         for p in range(0, a, band):
-            if not _across(f, p, product, layout, own, beside, right):
-                return False
+            _across(f, p, product, layout, own, beside, right)
         if m:
             _left(f, product, layout, own, beside, work, joined)
-    return True
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
@@ -131,7 +48,7 @@ def _entered(f, blocks, layout, own, work, right, runs):
     right : (·,) takes U before it is multiplied
     runs : (·, 3) int, to work in
     """
-    _, _, sizes, places, _, enters, enter, children, child, rests, _, within = layout
+    _, sizes, places, _, enters, enter, children, child, rests, _, within = layout
     size, (a, m) = blocks.shape[1], sizes[f]
     L, R = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a), right[: a * m].reshape(a, m)
     for flat in (own[places[f, 0] : places[f, 0] + (a + m) * a], right[: a * m]):
@@ -159,18 +76,16 @@ def _entered(f, blocks, layout, own, work, right, runs):
 
 @numba.njit(nogil=True, fastmath=SUMS)
 def _across(f, p, product, layout, own, beside, right):
-    """Invert a band's square, multiply what is beside it by that, and take its part out of the rows below that are still to be
-    eliminated, or left; False if a pivot vanishes."""
-    panel, band, sizes, places = layout[0], layout[1], layout[2], layout[3]
+    """Invert a band's square, multiply what is beside it by that, and take its part out of the rows
+    below that are still to be eliminated, or left."""
+    band, sizes, places = layout[0], layout[1], layout[2]
     a, m = sizes[f]
     L = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
     at_L, at_U = np.int64(own.ctypes.data) + REAL * places[f, 0], np.int64(beside.ctypes.data) + REAL * places[f, 1]
     at_right, q = np.int64(right.ctypes.data), min(p + band, a)
     w, rest = q - p, a - q
     P = right[a * m : a * m + w * w].reshape(w, w)  # what is made here may be gone before its address has been used
-    _copied(L[p:q, p:q], P)
-    if not _inverted_by_panels(P, panel, product):
-        return False
+    _copied(np.linalg.inv(L[p:q, p:q]), P)
     _copied(P, L[p:q, p:q])
     at_P = np.int64(P.ctypes.data)
     if m:
@@ -183,13 +98,12 @@ def _across(f, p, product, layout, own, beside, right):
         gemm(product, (rest + m, rest, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_beside, a), (at_rows + REAL * q, a))
         if m:
             gemm(product, (rest, m, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_U + REAL * m * p, m), (at_right + REAL * m * q, m))
-    return True
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
 def _left(f, product, layout, own, beside, work, runs):
     """What a front leaves."""
-    _, _, sizes, places, _, _, _, children, child, rests, _, within = layout
+    _, sizes, places, _, _, _, children, child, rests, _, within = layout
     a, m = sizes[f]
     at_L, at_U, at_S = (np.int64(own.ctypes.data) + REAL * (places[f, 0] + a * a), np.int64(beside.ctypes.data) + REAL * places[f, 1],
                         np.int64(work.ctypes.data) + REAL * places[f, 2])

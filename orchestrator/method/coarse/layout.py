@@ -22,14 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 
-PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
 BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
 
 
 class Layout(NamedTuple):
     """Fronts as ``fronts`` wants them; bodies are numbered in the order of elimination.
 
-    panel, band : their rows
+    band : how many rows are eliminated at once
     sizes : (F, 2) int, rows that are eliminated, rows that are left
     places : (F, 3) int, where a front begins in all L, all U, and all that is left S, see ``placed``
     starts : (F,) int, the first body of each
@@ -38,7 +37,6 @@ class Layout(NamedTuple):
     rests : (F + 1,) int, where the bodies that it leaves begin in ``rest``, and in ``within``: their places in its parent
     """
 
-    panel: int
     band: int
     sizes: np.ndarray
     places: np.ndarray
@@ -71,7 +69,7 @@ class Layout(NamedTuple):
         rests : per front, ascending, the bodies that it leaves
         entries : rows and columns (n,) of the matrix's blocks
         """
-        starts, none, panel = _starts(fronts[:, 0]), np.zeros(0, dtype=int), max(1, PANEL // size) * size
+        starts, none = _starts(fronts[:, 0]), np.zeros(0, dtype=int)
         front_of = np.repeat(np.arange(len(fronts)), fronts[:, 0])
         parent = np.array([front_of[rest[0]] if len(rest) else -1 for rest in rests], dtype=int)
 
@@ -84,7 +82,7 @@ class Layout(NamedTuple):
         enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
                  for front, own in enumerate(np.split(blocks, enters[1:-1]))]
         child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
-        return cls(panel, max(1, BAND // panel) * panel, size * fronts,
+        return cls(max(1, BAND // size) * size, size * fronts,
             np.zeros((len(fronts), 3), int), starts[:-1], enters, np.concatenate([np.zeros((0, 3), int), *enter]),
             np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]), np.concatenate([none, *rests]),
             np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
