@@ -5,8 +5,7 @@ With the traces w of all sides in one vector and Q points,
     first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    opposed(q) = −Bᵀ q
 
 so that a force q on the first side and −q on the second works in the jump alone. Where nodes match, the points are the
-common nodes, and every row of G₁ and G₂ has one entry, which is 1; where they match on all interfaces rows pick by index.
-Elsewhere G₁ and G₂ are sparse (dual mortar, see ``scene.interfaces.mortar``).
+common nodes, and every row of G₁ and G₂ has one entry, which is 1. Elsewhere see ``scene.interfaces.mortar`` (dual mortar).
 """
 
 from __future__ import annotations
@@ -99,7 +98,7 @@ class Transfer:
     sides: Sides  # per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is this rank's
     matched: np.ndarray  # (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
     perfect: np.ndarray
-    operators: Products | None = None  # of these points; None where nodes match everywhere
+    products: Products  # of these points, flat
 
     @classmethod
     def of(cls, interfaces: Sequence[Interface], matched: np.ndarray, sides: Sides, size: int, total: int) -> Transfer:
@@ -111,69 +110,55 @@ class Transfer:
         one = [a if i.mortar is None else a[i.mortar.dofs[i.mortar.live.ravel()]]
                for i, (a, _) in zip(interfaces, sides)]
         two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
-        operators = None if matched.all() else Products.stacked([
+        products = Products.of_pairs(joined(one), joined(two), total) if matched.all() else Products.stacked([
             Products.of_pairs(a, b, total) if i.mortar is None else Products.of_mortar(i.mortar, a, b, total)
             for i, (a, b) in zip(interfaces, sides)])
-        return cls(joined(one), joined(two), size, total, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, operators)
+        return cls(joined(one), joined(two), size, total, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, products)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
         """The transfer with other operators of some interfaces, of as many points, by their place in the scene."""
-        blocks = [Products(*(G[a:b] for G in self.operators)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
+        blocks = [Products(*(G[a:b] for G in self.products)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
         for index, mortar in mortars.items():
             blocks[index] = Products.of_mortar(mortar, *self.sides[index], self.total)
-        return replace(self, operators=Products.stacked(blocks))
+        return replace(self, products=Products.stacked(blocks))
 
     # ---- fields --------------------------------------------------------------------------------
 
     def first(self, x: np.ndarray) -> np.ndarray:
         """(…, Q) G₁ of traces (…, D + G)."""
-        return self._picked(x, self.one) if self.picks else self._times(self.products.G1, x)
+        return self._times(self.products.G1, x)
 
     def second(self, x: np.ndarray) -> np.ndarray:
         """(…, Q) G₂ of traces (…, D + G)."""
-        return self._picked(x, self.two) if self.picks else self._times(self.products.G2, x)
+        return self._times(self.products.G2, x)
 
     def jump(self, x: np.ndarray) -> np.ndarray:
         """(…, Q) second(x) − first(x)."""
-        return self.second(x) - self.first(x) if self.picks else self._times(self.B, x)
+        return self._times(self.B, x)
 
     def carried(self, f: np.ndarray) -> np.ndarray:
         """(…, Q) forces of the points that stand behind forces (…, D + G): the mean of both sides where nodes match, else what
         the first side's say, or both where nodes are paired, which is right wherever forces come from points."""
-        return 0.5 * (self.first(f) - self.second(f)) if self.picks else self._times(self.products.E, f)
+        return self._times(self.products.E, f)
 
     def opposed(self, q: np.ndarray) -> np.ndarray:
         """(…, D + G) −Bᵀ q: forces q (…, Q) on the first sides, −q on the second."""
-        if not self.picks:
-            return -self._turned(self.B, q)
-        result, there = np.zeros((*q.shape[: q.ndim - self.one.ndim], self.total)), self.exists
-        for at, values in ((self.one, q), (self.two, -q)):
-            result[..., at if self._whole else at[there]] = values if self._whole else values[..., there]
-        return result
+        return -self._turned(self.B, q)
 
     def across(self, x: np.ndarray) -> np.ndarray:
         """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero elsewhere."""
-        there = x.take(self.partner[: self.size], axis=-1)
-        return there if self.picks else np.where(self._met, there, 0.0)
+        return np.where(self._met, x.take(self.partner[: self.size], axis=-1), 0.0)
 
     def mismatch(self, w: np.ndarray) -> np.ndarray:
         """(…, D) what the sides of traces (…, D + G) are apart: at both nodes of a pair, or √2 times at a point's own."""
         apart = self.across(w) - w[..., : self.size]
-        if self.picks:
-            return apart
         points = self._turned(unit_rows(self.one.ravel(), self.total), np.where(self.at_pairs, 0.0, self.jump(w)))
         return np.where(self._met, apart, np.sqrt(2.0) * points[..., : self.size])
 
     def imbalance(self, f: np.ndarray) -> np.ndarray:
         """(…, D) what the sides' forces (…, D + G) do not cancel: at both nodes of a pair, or √2 times on the second side."""
         both = f[..., : self.size] + self.across(f)
-        if self.picks:
-            return both
         return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
-
-    def _picked(self, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-        there = x.take(at, axis=-1)
-        return there if self._whole else np.where(self.exists, there, 0.0)
 
     def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
         return times(G, x.reshape(-1, self.total)).reshape(*x.shape[:-1], *self.one.shape)
@@ -187,13 +172,8 @@ class Transfer:
 
     @property
     def picks(self) -> bool:
-        """Whether nodes match on all interfaces, so that rows pick by index."""
-        return self.operators is None
-
-    @cached_property
-    def products(self) -> Products:
-        """Operators of these points, flat."""
-        return Products.of_pairs(self.one.ravel(), self.two.ravel(), self.total) if self.picks else self.operators
+        """Whether nodes match on all interfaces of the scene, so that points are nodes."""
+        return bool(self.matched.all())
 
     @cached_property
     def B(self) -> sp.csr_array:
@@ -207,8 +187,6 @@ class Transfer:
 
     def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × m of sparse columns (D + G, m), on side 1 and on side 2, of points that all are there."""
-        if self.picks:
-            return sp.csr_array(fields[self.one]), sp.csr_array(fields[self.two])
         return sp.csr_array(self.products.G1 @ fields), sp.csr_array(self.products.G2 @ fields)
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
@@ -256,10 +234,6 @@ class Transfer:
         """(D,) bool, whether nodes match there."""
         return self.partner[: self.size] != np.arange(self.size)
 
-    @cached_property
-    def _whole(self) -> bool:
-        return bool(self.exists.all())
-
     def at(self, row: np.ndarray, bounds: np.ndarray) -> Transfer:
         """Points made of the flat ones that this one has.
 
@@ -267,10 +241,10 @@ class Transfer:
         bounds : where the points of each interface that is meant start, along the last axis
         """
         one, two = (np.append(side, -1)[row] for side in (self.one, self.two))
-        return replace(self, one=one, two=two, bounds=bounds, operators=None if self.picks else self.operators.rows(row))
+        return replace(self, one=one, two=two, bounds=bounds, products=self.products.rows(row))
 
     def some(self, chosen: np.ndarray) -> Transfer:
         """Some of the points along the last axis, ascending."""
         number = np.arange(self.one.size).reshape(self.one.shape)[..., chosen]
         return replace(self, one=self.one[..., chosen], two=self.two[..., chosen], bounds=np.searchsorted(chosen, self.bounds),
-                       operators=None if self.picks else self.operators.rows(number))
+                       products=self.products.rows(number))
