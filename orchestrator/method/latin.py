@@ -18,6 +18,7 @@ import numpy as np
 
 from orchestrator.method.acceleration import make_acceleration
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.rows import peak
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.monitors import Evaluation, Monitor
 from orchestrator.method.stopping.indicator import measure
@@ -48,7 +49,7 @@ class Latin:
         self.number += 1
         with watch("linear_stage"):
             fields = problem.stage(s)
-            ends = np.abs(fields.w).max(initial=0.0), float(s.any())
+            ends = peak(fields.w), float(s.any())
         with watch("coarse"):
             fields = problem.corrected(fields)
         with watch("local_stage"):

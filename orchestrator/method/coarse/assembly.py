@@ -20,6 +20,7 @@ from orchestrator.method.coarse.elimination import Factors
 from orchestrator.method.coarse.kernels import formed
 from orchestrator.method.coarse.pattern import BlockPattern
 from orchestrator.method.coarse.rigid_first import RigidFirst
+from orchestrator.method.interface.rows import bounds_of
 from orchestrator.parallel.team import Team
 
 WORTH = 1 << 10  # blocks, over which a loop takes much longer than to hand them out to a thread
@@ -39,7 +40,7 @@ class Assembly:
         self._wants, self._gives, self.sums = {}, {}, self.pattern.sums[self.pattern.entering]
         if team.size == 1:
             return
-        owner, starts, rank = self.pattern.elimination.owner, np.cumsum([0, *counts]), team.rank
+        owner, starts, rank = self.pattern.elimination.owner, bounds_of(counts), team.rank
         wanted = [np.flatnonzero((owner[ends] == r).any(axis=1)) for r in range(team.size)]
         here = slice(starts[rank], starts[rank + 1])
         for other, theirs in enumerate(wanted):
@@ -111,5 +112,5 @@ def _of_some(sums: sp.csr_array, columns: np.ndarray) -> sp.csr_array:
     place = np.full(sums.shape[1], -1)
     place[columns] = np.arange(len(columns))
     kept = place[sums.indices] >= 0
-    starts = np.concatenate([[0], np.cumsum(kept)])[sums.indptr]
+    starts = bounds_of(kept)[sums.indptr]
     return sp.csr_array((sums.data[kept], place[sums.indices[kept]], starts), shape=(sums.shape[0], len(columns)))

@@ -23,6 +23,7 @@ from orchestrator.compiled import cores, in_parts
 from orchestrator.method.coarse.layout import Layout, side_by_side, SideBySide
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.linalg import dissection
+from orchestrator.method.interface.rows import bounds_of
 
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
@@ -134,7 +135,7 @@ class Elimination:
         for front, parent in enumerate(self.layout.parent):  # which comes later
             stale[parent] |= stale[front] and parent >= 0
         kept = stale[order]
-        return SideBySide(order[kept], np.concatenate([[0], np.cumsum(kept)])[bounds], ranks)
+        return SideBySide(order[kept], bounds_of(kept)[bounds], ranks)
 
     def ordered(self, x: np.ndarray) -> np.ndarray:
         """(bodies, size) of numbers in the order of elimination."""

@@ -16,10 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
+
+from orchestrator.method.interface.rows import bounds_of
 
 
 BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
@@ -69,7 +70,7 @@ class Layout(NamedTuple):
         rests : per front, ascending, the bodies that it leaves
         entries : rows and columns (n,) of the matrix's blocks
         """
-        starts, none = _starts(fronts[:, 0]), np.zeros(0, dtype=int)
+        starts, none = bounds_of(fronts[:, 0]), np.zeros(0, dtype=int)
         front_of = np.repeat(np.arange(len(fronts)), fronts[:, 0])
         parent = np.array([front_of[rest[0]] if len(rest) else -1 for rest in rests], dtype=int)
 
@@ -78,19 +79,14 @@ class Layout(NamedTuple):
             return np.where(bodies < starts[front + 1], bodies - starts[front], fronts[front, 0] + np.searchsorted(rests[front], bodies))
 
         of = front_of[np.minimum(*entries)]
-        blocks, enters = np.argsort(of, kind="stable"), _starts(np.bincount(of, minlength=len(fronts)))
+        blocks, enters = np.argsort(of, kind="stable"), bounds_of(np.bincount(of, minlength=len(fronts)))
         enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
                  for front, own in enumerate(np.split(blocks, enters[1:-1]))]
         child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
         return cls(max(1, BAND // size) * size, size * fronts,
             np.zeros((len(fronts), 3), int), starts[:-1], enters, np.concatenate([np.zeros((0, 3), int), *enter]),
-            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]), np.concatenate([none, *rests]),
+            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, bounds_of(fronts[:, 1]), np.concatenate([none, *rests]),
             np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
-
-
-def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
-    """(n + 1,) where each of some runs starts, and the end."""
-    return np.concatenate([[0], np.cumsum(lengths, dtype=int)])
 
 
 # Operations that side by side have to save: what it takes to hand them out to cores; to ranks, some messages in every solution too.
@@ -154,7 +150,7 @@ def side_by_side(parent: np.ndarray, operations: np.ndarray, cores: int, ranks: 
     for f in range(count - 1, -1, -1):
         if parent[f] >= 0 and label[f] == len(chosen):
             label[f] = label[parent[f]]
-    bounds = np.array([0, *accumulate(np.bincount(label, minlength=len(chosen) + 1))])
+    bounds = bounds_of(np.bincount(label, minlength=len(chosen) + 1))
     return SideBySide(np.argsort(label, kind="stable"), bounds, np.searchsorted(np.sort(of), np.arange(ranks + 1)))
 
 

@@ -242,6 +242,6 @@ def _slid_on(d: Decomposition,
     w, f = iterated.fields.extended
     for t, pairs, _ in iterated.by_pairing(d):
         force = pairs.traces(w[t], f[t]).force[0]
-        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+        for i, at in pairs.each():
             if i.moving is not None and i.index in mine:
-                yield t, i, [side[0] for side in at_nodes(i.mortar, force[:, a:b].T[None])]
+                yield t, i, [side[0] for side in at_nodes(i.mortar, force[:, at].T[None])]

@@ -27,7 +27,7 @@ from orchestrator.method.delivery.interface_fields import (
 from orchestrator.method.delivery.lawful import Lawful
 from orchestrator.method.delivery.recovery import Interior, Parts, interior, repositioned
 from orchestrator.method.interface.pairing import lawful_nodes
-from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.rows import dots, peak, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.law_residuals import Lengths
 
@@ -117,22 +117,22 @@ def noise(d: Decomposition, iterated: Iterated, parts: Parts) -> float:
     stress = np.sum(forces**2 / d.bound.continuity.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
     size = d.loading.size(iterated.bound.energy)
-    return float(np.sqrt(max(energy.max(initial=0.0), 0.0)) / size) if size > 0 else 0.0
+    return float(np.sqrt(energy.max(initial=0.0)) / size) if size > 0 else 0.0
 
 
 def _works(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior) -> list[str]:
     inner, outer, size = works(d, iterated, parts)
     # where nothing is strained, what rounding leaves of the soles' energy, and of what loads would do alone, is no work
     soles, = d.space.team.sum(dots(iterated.fields.w, d.stage.direction.times(iterated.fields.w)))
-    noise = soles.max(initial=0.0) + d.loading.alone.max(initial=0.0)
-    scale = max(size.max(initial=0.0), ROUNDING * noise, np.finfo(float).tiny)
+    noise = peak(soles) + peak(d.loading.alone)
+    scale = max(peak(size), ROUNDING * noise, np.finfo(float).tiny)
     found = []
     if not np.isfinite([inner, outer]).all():
         return ["energies are not finite"]
-    apart = np.abs(inner - outer).max(initial=0.0) / scale
+    apart = peak(inner - outer) / scale
     if apart > WORK:
         found.append(f"the external work differs by {apart:.1e} between forces times displacements and interface data")
-    apart = np.abs(inner - inside.energy.sum(axis=1)).max(initial=0.0) / scale if inside.complete else 0.0
+    apart = peak(inner - inside.energy.sum(axis=1)) / scale if inside.complete else 0.0
     if apart > WORK:
         found.append(f"the energy of the recovered field, tet by tet, is not that of the iterations: it differs by "
                      f"{apart:.1e}, most in {d.scene.subdomains[inside.worst()].name}")
@@ -161,7 +161,7 @@ def _balances(d: Decomposition, iterated: Iterated, parts: Parts,
             moved = np.abs(parts[s.index][:, rim.nodes].reshape(d.scene.steps, -1))
             noise += moved @ np.abs(rim.stiffness).sum(axis=0)
     resting, noise = d.space.team.sum(resting, noise)
-    scale = max(found.size.max(initial=0.0), float(resting), ROUNDING * noise.max(initial=0.0), np.finfo(float).tiny)
+    scale = max(peak(found.size), float(resting), ROUNDING * peak(noise), np.finfo(float).tiny)
     apart = np.abs(found.left).max(axis=(0, 2)) / scale
     worst = int(np.argmax(apart))  # nan stays
     if d.space.team.rank or apart[worst] <= allowed:
@@ -172,9 +172,9 @@ def _balances(d: Decomposition, iterated: Iterated, parts: Parts,
 def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths, allowed: float) -> list[str]:
     worst: dict[str, float] = {}
     points = d.local.pairs.points
-    stiff = d.space.team.max((points.stiff_n / points.area).max(initial=0.0))[0]
+    stiff = d.space.team.max(peak(points.stiff_n / points.area))[0]
     size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
-    largest = {str(law): size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0) for law in set(interfaces.laws)}
+    largest = {str(law): peak(size[(interfaces.laws == law)[interfaces.interface_of_node]]) for law in set(interfaces.laws)}
     pressures = {law: max(value, lengths.of_rest * stiff) or 1.0 for law, value in _largest(d, largest).items()}
     for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
         nodes = lawful_nodes(i)

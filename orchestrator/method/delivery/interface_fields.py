@@ -17,7 +17,7 @@ from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.method.interface.pairing import Geometry, geometry_of, lawful_nodes
-from orchestrator.method.interface.rows import joined, times
+from orchestrator.method.interface.rows import bounds_of, joined, times
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Pair
@@ -99,7 +99,7 @@ class InterfaceFields(Surfaces):
         counts = self.counts_of_each
         rows = rows_of(counts, chosen)
         taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items() if (x := getattr(self, name)) is not None}
-        offsets, faces = np.cumsum([0, *counts[chosen, 0]]), counts[chosen, 1]
+        offsets, faces = bounds_of(counts[chosen, 0]), counts[chosen, 1]
         moved = np.repeat(offsets[:-1] - self.offsets[chosen], faces)[:, None]
         return replace(self, **taken | {"offsets": offsets, "triangles": taken["triangles"] + moved,
                                         "owner": np.repeat(np.arange(len(chosen)), faces)},
@@ -145,7 +145,7 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         return None
     pairs, steps, scene, chosen = d.local.pairs, d.scene.steps, d.scene, own_interfaces(d)
     shown = [i.shown for i in chosen]
-    offsets = np.cumsum([0] + [len(c) for c in shown])
+    offsets = bounds_of([len(c) for c in shown])
     start = {i.index: a for i, a in zip(chosen, offsets)}
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     own_node = corner[:, 1] < 0

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import Parts
+from orchestrator.method.delivery.recovery import answered, on_boundary, Parts
 from orchestrator.method.interface.rows import Segments, dots, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bound import ROUNDING, relative
@@ -68,7 +68,8 @@ class Lawful:
         x = _answered(d.certificate, bound, h)
         if x is None:
             return None
-        beyond, rest = _answers(d, h, x)
+        beyond = answered(d, h + d.stage.direction.robin(x))
+        rest = d.stage.direction.robin(x - on_boundary(d, beyond, d.steps))
         own = list(parts)
         for s, more in zip(d.own, beyond):
             own[s.index] = parts[s.index] + more.reshape(parts[s.index].shape)
@@ -89,22 +90,6 @@ def _answered(certificate: Certificate, bound: Certified, h: np.ndarray) -> np.n
         if np.isfinite(dual.energy).all():
             return dual.x
     return None
-
-
-def _answers(d: Decomposition, change: np.ndarray,
-             x: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """Per own subdomain (T, 3 n_E) X, and (T, B) ε."""
-    forces, requests, found = change + d.stage.direction.robin(x), {}, []
-    for e, (trace, part) in enumerate(zip(d.made.traces, d.space.boundary)):
-        if forces[:, part].any():
-            requests[e] = np.zeros((d.steps, 3 * d.made.node_counts[e]))
-            requests[e][:, trace] = forces[:, part]
-    answers, boundary = d.blackbox.fields(requests), np.zeros_like(x)
-    for e, (s, trace) in enumerate(zip(d.own, d.made.traces)):
-        size = 3 * len(s.nodes)
-        found.append(answers[e][:, :size] if e in answers else np.zeros((d.steps, size)))
-        boundary[:, d.space.boundary[e]] = found[-1][:, trace]
-    return found, d.stage.direction.robin(x - boundary)
 
 
 def _taken(d: Decomposition, rest: np.ndarray) -> list[np.ndarray | None]:
@@ -154,8 +139,8 @@ def shares(d: Decomposition, lawful: Lawful, energy: np.ndarray) -> Shares:
     for t, number in enumerate(pairs.numbers):
         pair = lawful.pair
         gap = pairs.duality_gap(pair.forces[t], pair.jump[t], pair.before[t], number)
-        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
-            gaps[t, i.index] += 2 * gap[a:b].sum()
+        for i, at in pairs.each():
+            gaps[t, i.index] += 2 * gap[at].sum()
     each, gaps = space.team.sum(each, gaps)
     names, body = np.unique([s.body for s in d.scene.subdomains], return_inverse=True)
     each, energy = (np.array([np.bincount(body, row, len(names)) for row in rows])

@@ -20,6 +20,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reach import reach
 from orchestrator.method.delivery.recovery import Parts
+from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
@@ -64,7 +65,7 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields, team: Team) -> tuple[
 def _holding(interfaces: InterfaceFields, statuses: list[Status], team: Team) -> tuple[np.ndarray, np.ndarray]:
     """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
     pressure = interfaces.pressure
-    least = PRESSING * team.max(np.abs(pressure).max(initial=0.0))[0]
+    least = PRESSING * team.max(peak(pressure))[0]
     when = {Hold.NEVER: np.zeros(pressure.shape, bool), Hold.ALWAYS: np.ones(pressure.shape, bool),
             Hold.PRESSED: pressure > least, Hold.PULLED: pressure < -least}
     which = np.searchsorted(statuses, interfaces.status)
@@ -123,7 +124,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     pairs, local, team = d.local.pairs, iterated.local, d.space.team
     springs, law = local.force - local.lawful, local.lawful
     own, whole = norm(springs), norm(law)
-    epsilon, largest, carried = team.max(*(x.max(initial=0.0) for x in (
+    epsilon, largest, carried = team.max(*(peak(x) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
     moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None]) for t, _, before in iterated.by_pairing(d)])
     ends = np.repeat(ends_of(pairs.interfaces), np.diff(pairs.bounds), axis=0)
@@ -133,7 +134,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
             np.add.at(result, (slice(None), side), np.where(pairs.mine, magnitudes, 0.0))
     work, (held, pressed) = team.sum(float((np.abs(dot(springs, moved)) * pairs.mine).sum()), sums)
     loose, total = loose_bodies(d.scene), held + pressed
-    share = np.where(loose | ~loose.any(), held / np.where(total > 0, total, 1.0), 0.0)
+    share = ratio(held, total, loose | ~loose.any())
     names = [s.body for s in d.scene.subdomains]
     energy, weakened = 0.5 * iterated.bound.energy.max(initial=0.0), iterated.found.get("weakening", [])
     epsilon *= max((case["springs"] for case in weakened), default=1.0)
@@ -167,10 +168,10 @@ def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws
         error = np.maximum.accumulate(bound.errors)
     else:
         error = np.full(d.steps, UNTOLD * laws.largest * float(np.sqrt(bound.energy.max(initial=0.0))))
-    largest, = d.space.team.max(max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0))
+    largest, = d.space.team.max(max((peak(u) for u in parts if u is not None), default=0.0))
     each = reach(d, lengths, iterated, error).max(axis=1) / (largest or 1.0)
     each[~(each <= 1)] = np.inf
     bodies: dict[str, float] = {}
     for b in np.argsort(-each, kind="stable"):
         bodies.setdefault(lengths.names[b], float(each[b]))
-    return OpenPlaces(float(each.max(initial=0.0)), bodies)
+    return OpenPlaces(peak(each), bodies)

@@ -24,6 +24,7 @@ import numpy as np
 
 from orchestrator.laws.points import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.interface.rows import peak
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import scalar
@@ -53,11 +54,11 @@ class Moved:
         body = np.unique([s.body for s in scene.subdomains], return_inverse=True)[1].ravel()
         sums, moved = np.zeros((count, 4)), np.zeros((2, count))
         sums[mine] = np.array([[*x.sum(axis=0), len(x)] for x in points]).reshape(-1, 4)
-        moved[0, mine], moved[1, mine] = [np.abs(u).max(initial=0.0) for u in sides], rotations(points, sides)
+        moved[0, mine], moved[1, mine] = [peak(u) for u in sides], rotations(points, sides)
         sums, moved = team.sum(np.stack([np.bincount(body, weights=column) for column in sums.T], axis=1), moved)
         centre, far = sums[:, :3] / np.maximum(sums[:, 3:], 1), np.zeros(len(sums))
         for e, x in zip(mine, points):
-            far[body[e]] = max(far[body[e]], np.linalg.norm(x - centre[body[e]], axis=1).max(initial=0.0))
+            far[body[e]] = max(far[body[e]], peak(np.linalg.norm(x - centre[body[e]], axis=1)))
         far = np.array(team.max(*far))
         return cls(moved[0], moved[1], 2 * np.where(far > 0, far, 1.0)[body])
 
@@ -164,7 +165,7 @@ def slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -
         facets = fields.triangles[fields.owner == k]
         corners = fields.points[0, facets]
         size = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-        far[k] = float(np.linalg.norm(slip[:, own], axis=2).max(initial=0.0)) / size
+        far[k] = peak(np.linalg.norm(slip[:, own], axis=2)) / size
         amiss[k] = _amiss(scene, i, fields, slip, own, facets) if far[k] > 0 else 0.0
     return far, amiss
 
@@ -189,7 +190,7 @@ def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray
     presses = fields.pressure[:, facets].mean(axis=2) * shape.size / young
     scale = max(float(presses.max(initial=0.0)), float(-fields.initial_gap[own].min(initial=0.0)))
     held = (cosine > SMOOTH) & apart & (presses > 0)
-    return float(np.abs(np.where(held, off, 0.0)).max(initial=0.0)) / scale if scale > 0 else 0.0
+    return peak(np.where(held, off, 0.0)) / scale if scale > 0 else 0.0
 
 
 def _turn(scene: Scene, i: Interface) -> np.ndarray:

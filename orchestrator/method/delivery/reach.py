@@ -41,7 +41,7 @@ SWEEPS = 8  # of inverse iteration for these
 def reach(d: Decomposition, bodies: Bodies, iterated: Iterated, error: np.ndarray) -> np.ndarray:
     """(bodies, T) lengths; infinite for a body that nothing holds; ``error``: (T,) ρ, an energy norm."""
     space = d.space
-    moved, = space.extended(space.trace(space.side_by_side(dict(enumerate(bodies.motions)), RIGID)))
+    moved = space.everywhere(space.side_by_side(dict(enumerate(bodies.motions)), RIGID))
     stiffness = _per_node(d, bodies)
     result = np.zeros((bodies.count, d.steps))
     for steps, pairs, before in iterated.by_pairing(d):
@@ -126,8 +126,7 @@ class _Springs:
         return np.where(loose, np.inf, error * (shift + turn + 1 / np.sqrt(self.stiffness)))
 
     def _interfaces(self) -> Iterator[tuple[np.ndarray, slice]]:
-        bounds = self.pairs.bounds
-        return ((ends, slice(a, b)) for ends, a, b in zip(self.ends, bounds[:-1], bounds[1:]))
+        return ((ends, part) for ends, (_, part) in zip(self.ends, self.pairs.each()))
 
     def _matrix(self, along: np.ndarray, weight: np.ndarray) -> sp.csr_array:
         """H of all ranks, scaled."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from orchestrator.blackbox.models import Matter
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.rows import bounds_of
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
@@ -32,24 +33,31 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[Parts, 
 
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
-    robin, requests = d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), {}
-    for e, (trace, forces) in enumerate(zip(d.made.traces, d.loading.forces)):
-        full = np.zeros((d.steps, 3 * d.made.node_counts[e]))
-        full[:, : forces.shape[1]] = forces
-        full[:, trace] += robin[:, d.space.boundary[e]]
-        if full.any():
-            requests[e] = full
-    answers = d.blackbox.fields(requests)
     parts: Parts = [None] * len(d.scene.subdomains)
-    for e, (s, rigid) in enumerate(zip(d.own, repositioned(d, bound))):
-        u = d.loading.lift[e] + (answers[e][:, : 3 * len(s.nodes)] if e in answers else 0.0)
-        parts[s.index] = (u + rigid).reshape(d.steps, -1, 3)
+    answers = answered(d, d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), d.loading.forces)
+    for s, lift, answer, rigid in zip(d.own, d.loading.lift, answers, repositioned(d, bound)):
+        parts[s.index] = (lift + answer + rigid).reshape(d.steps, -1, 3)
     return continuous(d, bound, parts), parts
+
+
+def answered(d: Decomposition, boundary: np.ndarray, inside: Sequence[np.ndarray] | None = None) -> list[np.ndarray]:
+    """Return per own subdomain (T, 3 n_E) what bodies on their soles answer to boundary forces (T, B), and to others
+    ``inside``, (T, 3 n_E) each."""
+    requests = {}
+    for e, (trace, part, count) in enumerate(zip(d.made.traces, d.space.boundary, d.made.node_counts)):
+        forces = np.zeros((d.steps, 3 * count))
+        if inside is not None:
+            forces[:, : inside[e].shape[1]] = inside[e]
+        forces[:, trace] += boundary[:, part]
+        if forces.any():
+            requests[e] = forces
+    answers = d.blackbox.fields(requests)
+    return [answers[e][:, : s.fixed.size] if e in answers else np.zeros((d.steps, s.fixed.size)) for e, s in enumerate(d.own)]
 
 
 def repositioned(d: Decomposition, bound: Bound) -> list[np.ndarray]:
     """Per own subdomain (T, 3 n_E) the rigid motion that the bound has found for it."""
-    ends = np.cumsum([0] + [modes.shape[1] for modes in d.made.modes])
+    ends = bounds_of([modes.shape[1] for modes in d.made.modes])
     return [bound.repositioned[:, a:b] @ modes.T for modes, a, b in zip(d.made.modes, ends[:-1], ends[1:])]
 
 
@@ -164,7 +172,7 @@ def stored_energy(d: Decomposition, sides: Parts, energy: np.ndarray) -> np.ndar
     scene = d.scene
     if scene.thermal is None:
         return 0.5 * energy
-    own, starts = np.concatenate([s.cells for s in d.own]), np.cumsum([0, *(len(s.nodes) for s in d.own)])
+    own, starts = np.concatenate([s.cells for s in d.own]), bounds_of([len(s.nodes) for s in d.own])
     mesh, strain, at = replace(scene.mesh, cells=scene.mesh.cells[own]), scene.thermal[:, own], [
         s.connectivity + start for s, start in zip(d.own, starts)]
     forces = np.zeros((scene.steps, starts[-1], 3))

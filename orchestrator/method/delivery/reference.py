@@ -27,7 +27,7 @@ from orchestrator.errors import Refusal
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import unit_rows
+from orchestrator.method.interface.rows import peak, unit_rows
 from orchestrator.method.iterated import LoadCases
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
@@ -53,8 +53,8 @@ class Reference:
     def relative_error(self, displacement: np.ndarray) -> float:
         """max_t ‖u − u_ref‖_K / max_t ‖u_ref‖_K for u (T, n, 3), the measure that the bound bounds."""
         gap = _energies(self.stiffness, displacement - self.displacement)
-        size = self.energy.max(initial=0.0)
-        return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(gap.max(initial=0.0)))
+        size = peak(self.energy)
+        return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(peak(gap)))
 
 
 def check_reference(scene: Scene) -> None:
@@ -118,8 +118,8 @@ def _constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.n
         u = u + solve(rest)
         jump = (free @ u.T).T + gap
         force += gamma * jump
-        size = max(np.abs(u).max(initial=0.0), np.abs(lift).max(initial=0.0))
-        if np.abs(jump).max(initial=0.0) <= CLOSED * size:
+        size = max(peak(u), peak(lift))
+        if peak(jump) <= CLOSED * size:
             break
     else:
         raise Refusal("bonds that do not close", jump=np.abs(jump).max(), size=size)

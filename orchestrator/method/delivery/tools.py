@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.interfaces.opposite import COINCIDE
@@ -72,7 +73,7 @@ def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields
         aside, whole = sum(t[name] for _, t, _ in every)
         deepest = max((p[name] for *_, p in every if p[name] is not None), key=lambda at: at[0], default=None)
         found.append(Placed(tool, moved[name], sorted({scene.mesh.volumes[v] for v in touched[name]}), max(a[name] for a, *_ in every),
-                            float((aside / np.where(whole > 0, whole, 1.0)).max()), deepest))
+                            peak(ratio(aside, whole)), deepest))
     return found
 
 
@@ -88,11 +89,11 @@ def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.nda
     for t, move in enumerate(moved):
         distance, normal = i.tool.at(move, points + displaced[t])
         push = np.maximum(pressure[t], 0.0)
-        off[t] = np.abs(np.where((push > 0) & (fields.areas[t, own] > 0), distance[at] - fields.gap[t, own], 0.0)).max(initial=0.0)
+        off[t] = peak(np.where((push > 0) & (fields.areas[t, own] > 0), distance[at] - fields.gap[t, own], 0.0))
         weight = (push * fields.areas[t, own])[:, None]
         force[:, t] = np.linalg.norm((weight * (normal[at] + fields.normal[own])).sum(axis=0)), weight.sum()
     worth = (np.maximum(pressure, 0.0) * size / young).max(axis=1)
-    return float((off / np.where(worth > 0, worth, np.inf)).max(initial=0.0)), force
+    return peak(ratio(off, worth)), force
 
 
 def _passed(scene: Scene, own: Sequence[int], tool: Rigid, touched: Sequence[int], moved: np.ndarray,

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Points
 from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
+from orchestrator.method.interface.rows import bounds_of
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.interfaces.upright import mirrored, within
@@ -43,7 +44,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         rows.append(_numbers(space.transfer, i, chosen))
         normal.append(at.acting[chosen])
         area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))  # pressures of what carries nothing are zero
-    bounds = np.cumsum([0] + [len(a) for a in area[1:]])
+    bounds = bounds_of([len(a) for a in area[1:]])
     transfer = space.transfer.at(np.ascontiguousarray(np.concatenate(rows).T), bounds)
     points = Points(np.ascontiguousarray(np.concatenate(normal).T), *np.ones((2, bounds[-1])), np.concatenate(area))
     nodes = _search_direction(space, k, wanted, transfer, points)

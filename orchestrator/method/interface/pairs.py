@@ -39,6 +39,10 @@ class Pairs(Answering):
         """(interfaces + 1,) int, where each one's points start."""
         return self.transfer.bounds
 
+    def each(self) -> Iterator[tuple[Interface, slice]]:
+        """Return every interface, and its points."""
+        return zip(self.interfaces, map(slice, self.bounds[:-1], self.bounds[1:]))
+
     @property
     def free(self) -> np.ndarray:
         """(3, P) bool, components that there are: not those that are prescribed."""

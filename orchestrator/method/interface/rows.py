@@ -34,6 +34,21 @@ def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
         row[:] = daxpy(other, row, a=factor) if row.size else row
 
 
+def peak(x: np.ndarray) -> float:
+    """Return the largest magnitude of some numbers, 0 of none; nan stays."""
+    return float(np.abs(x).max(initial=0.0))
+
+
+def ratio(top: np.ndarray | float, bottom: np.ndarray, there: np.ndarray | bool = True) -> np.ndarray:
+    """Return quotients where ``bottom`` is positive, and they are wanted; elsewhere 0."""
+    return np.divide(top, bottom, out=np.zeros(np.broadcast_shapes(np.shape(top), bottom.shape)), where=(bottom > 0) & there)
+
+
+def bounds_of(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
+    """Return (n + 1,) where each of some runs begins, and the end of the last."""
+    return np.concatenate([[0], np.cumsum(lengths, dtype=int)])
+
+
 def scattered(number: np.ndarray) -> np.ndarray:
     """Numbers between −1 and 1 of no symmetry, one for each whole number: the same whatever the ranks."""
     return np.modf(np.sin(number * 12.9898 + 1.0) * 43758.5453)[0]
@@ -68,7 +83,7 @@ def rows_of(points: np.ndarray, count: int) -> np.ndarray:
 def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
     """(Q, size) unit rows with their entries at columns (Q,), empty ones for −1."""
     there = at >= 0
-    return sp.csr_array((np.ones(there.sum()), at[there], np.concatenate([[0], np.cumsum(there)])), shape=(len(at), size))
+    return sp.csr_array((np.ones(there.sum()), at[there], bounds_of(there)), shape=(len(at), size))
 
 
 def block_diagonal(blocks: Sequence[np.ndarray], counts: Sequence[int]) -> sp.csr_array:
@@ -79,7 +94,7 @@ def block_diagonal(blocks: Sequence[np.ndarray], counts: Sequence[int]) -> sp.cs
     row, filled = np.repeat(np.arange(len(width)), width), np.flatnonzero(values)
     row = row[filled]
     column = filled + (np.repeat(np.cumsum(widths) - widths, counts) - (np.cumsum(width) - width))[row]
-    ends = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(width)))])
+    ends = bounds_of(np.bincount(row, minlength=len(width)))
     return narrow(sp.csr_array((values[filled], column, ends), shape=(len(width), int(widths.sum()))))
 
 
@@ -134,7 +149,7 @@ class Blocks:
         counts, kept = np.diff(matrix.indptr), np.ones(matrix.shape[0], dtype=bool)
         for _, rows, _ in shared:
             kept[rows] = False
-        entries, ends = np.repeat(kept, counts), np.concatenate([[0], np.cumsum(np.where(kept, counts, 0))])
+        entries, ends = np.repeat(kept, counts), bounds_of(np.where(kept, counts, 0))
         return cls(narrow(sp.csr_array((matrix.data[entries], matrix.indices[entries], ends), shape=matrix.shape)), shared)
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
@@ -225,7 +240,7 @@ class Segments:
             there = size > (np.sqrt(DEPENDENT) * result[0, 0] if j else 0.0)
             if j:
                 result[j - 1, j] = result[j, j - 1] = np.where(there, size, 0.0)
-            scale = self.spread(np.divide(1.0, size, out=np.zeros_like(size), where=there))
+            scale = self.spread(ratio(1.0, size, there))
             x, kx = x * scale, kx * scale
             new = image(kx)
             result[j, j] = np.where(there, self.sums(new * kx), result[j - 1, j - 1])

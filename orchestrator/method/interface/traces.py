@@ -25,7 +25,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import joined, narrow, times
+from orchestrator.method.interface.rows import bounds_of, joined, narrow, times
 from orchestrator.method.interface.transfer import Sides, Transfer
 from orchestrator.parallel.numbering import Borders, classes, Link
 from orchestrator.parallel.team import ALONE, Team
@@ -62,9 +62,9 @@ class TraceSpace:
         count = len(listed)
         listed += _far(scene, listed, rank_of)
         dofs, owner, stops = _on_sides(scene, listed)
-        size, subdomains, ends = int(stops[count]), [scene.subdomains[e] for e in mine], np.cumsum([0] + [len(t) for t in traces])
+        size, subdomains, ends = int(stops[count]), [scene.subdomains[e] for e in mine], bounds_of([len(t) for t in traces])
         # all own subdomains' dofs, one after the other
-        starts = np.cumsum([0] + [3 * len(s.nodes) for s in subdomains])
+        starts = bounds_of([3 * len(s.nodes) for s in subdomains])
         everywhere = starts[np.searchsorted(mine, owner[:size])] + dofs[:size]
         held = np.flatnonzero(joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
         place = np.zeros(starts[-1], dtype=int)
@@ -168,6 +168,10 @@ class TraceSpace:
             traces[:, self.held] = 0.0
         return traces if known is None else traces + known
 
+    def everywhere(self, boundary: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+        """(T, D + G) ``trace`` with the ghosts' behind."""
+        return self.extended(self.trace(boundary, known))[0]
+
     def side_by_side(self, fields: Mapping[int, np.ndarray], count: int) -> np.ndarray:
         """(count, B) fields of boundary dofs, from (boundary dofs, at most ``count``) of subdomains by their place; else zero."""
         result = np.zeros((count, len(self.global_dof)))
@@ -213,7 +217,7 @@ def _on_sides(scene: Scene, listed: list[tuple[int, int, int]]) -> tuple[np.ndar
     free, nodes = joined([i.traced(side) for i, side in sides], (0, 3)).astype(bool), joined([i.nodes[side] for i, side in sides])
     counts = [len(i.nodes[side]) for i, side in sides]
     at = np.repeat([e for e, _, _ in listed], counts).astype(int)
-    stops = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[np.cumsum([0] + counts)]
+    stops = bounds_of(free.sum(axis=1))[bounds_of(counts)]
     return (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free], stops
 
 

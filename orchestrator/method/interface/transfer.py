@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import joined, times, unit_rows
+from orchestrator.method.interface.rows import bounds_of, joined, peak, ratio, times, unit_rows
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interface import Interface
 
@@ -73,14 +73,14 @@ def inverse(mortar: Mortar) -> sp.csr_array:
     own = mortar.own
     if mortar.diagonal:
         share = own.diagonal()
-        return sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0))
+        return sp.diags_array(ratio(1, share))
     parts, which = np.unique(mortar.carrying[:, None] & mortar.live, axis=1, return_inverse=True)
     result = sp.csr_array(own.shape)
     for number, part in enumerate(parts.T):
         here, at = which.ravel() == number, np.flatnonzero(part)
         c, there = np.argmax(here), unit_rows(at, len(part))
         dense = np.linalg.inv(own[c::3, c::3][at][:, at].toarray())
-        dense[np.abs(dense) < FADED * np.abs(dense).max(initial=0.0)] = 0.0
+        dense[np.abs(dense) < FADED * peak(dense)] = 0.0
         result = result + sp.kron(there.T @ sp.csr_array(dense) @ there, np.diag(here), format="csr")
     return sp.csr_array(result)
 
@@ -113,7 +113,7 @@ class Transfer:
         products = Products.of_pairs(joined(one), joined(two), total) if matched.all() else Products.stacked([
             Products.of_pairs(a, b, total) if i.mortar is None else Products.of_mortar(i.mortar, a, b, total)
             for i, (a, b) in zip(interfaces, sides)])
-        return cls(joined(one), joined(two), size, total, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, products)
+        return cls(joined(one), joined(two), size, total, bounds_of([len(a) for a in one]), sides, matched, perfect, products)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
         """The transfer with other operators of some interfaces, of as many points, by their place in the scene."""

@@ -31,7 +31,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.factor import is_semidefinite
-from orchestrator.method.interface.rows import Segments, times
+from orchestrator.method.interface.rows import peak, ratio, Segments, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.loading import RimStiffness
 from orchestrator.scene.conditions.rigid import motions
@@ -116,7 +116,7 @@ class GuardedTraces(BlackBox):
         sound = (unit > DIGITLESS) & (of.largest(u) > DIGITLESS)
         if not sound.any():
             return
-        inverse = of.spread(np.where(sound, 1 / np.where(sound, unit, 1.0), 0.0))
+        inverse = of.spread(ratio(1, unit, sound))
         f, u, ku = f * inverse, u * inverse, ku * inverse
         (work, size), stored = of.products(f, u), of.sums(u * ku)
         least = np.minimum(work, work - stored)
@@ -182,7 +182,7 @@ def _not_positive(K: sp.csr_array, points: np.ndarray) -> str:
     rigid, scale = motions(points - points.mean(axis=0)).reshape(-1, 6), np.abs(K.diagonal())
     rigid = rigid / np.abs(rigid).max(axis=0)
     cost = np.abs(K @ rigid).max(axis=1) / np.where(scale > 0, scale, scale.max(initial=0.0) or 1.0)
-    if is_semidefinite(K, ROUNDING + DIGITS * float(cost.max(initial=0.0))):
+    if is_semidefinite(K, ROUNDING + DIGITS * peak(cost)):
         return ""
     value, node = _least(K)
     return (f"a stiffness that is not positive: displacements near {format_point(points[node])} give energy away (least eigenvalue "

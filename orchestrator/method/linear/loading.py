@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
-from orchestrator.method.interface.rows import Blocks, dots
+from orchestrator.method.interface.rows import Blocks, dots, peak
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
@@ -89,9 +89,9 @@ class Loading:
     def batch(self, steps: slice) -> "Loading":
         """The part that belongs to some of the load steps."""
         return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift],
-                       None if self.known is None else self.known[steps], self.boundary[steps],
-                       self.carried[steps], self.working[steps], self.energy[steps], self.alone[:, steps],
-                       self.strained[steps], self.sweeps)
+                       None if self.known is None else self.known[steps],
+                       *(x[steps] for x in (self.boundary, self.carried, self.working, self.energy)),
+                       self.alone[:, steps], self.strained[steps], self.sweeps)
 
     def size(self, energy: np.ndarray) -> float:
         """‖u‖_K that errors are relative to, from ‖u‖²_K (T,): that of the largest load step.
@@ -100,7 +100,7 @@ class Loading:
         alone. What supports carry away far without straining it does not count there, lest its error be compared with its way:
         only what is all rounding, as of a body moved as a whole, is compared with that too.
         """
-        own, whole, strained = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (energy, *self.alone))
+        own, whole, strained = (float(np.sqrt(x.max(initial=0.0))) for x in (energy, *self.alone))
         return max(own, NOTHING * strained) if own > ZERO * whole else NOTHING * max(whole, strained)
 
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -205,7 +205,7 @@ class Carried:
         rigid = (motions_about(points, centre, size).reshape(-1, 6) @ coefficients).T
         fixed = s.fixed.ravel()
         left = np.where(fixed, lift - rigid, 0.0)
-        left[np.abs(left) <= ROUNDING * np.abs(rigid).max(initial=0.0)] = 0.0
+        left[np.abs(left) <= ROUNDING * peak(rigid)] = 0.0
         return np.where(fixed, 0.0, rigid), left
 
 
@@ -218,7 +218,7 @@ def _fits(scene: Scene, bodies: list[list[Subdomain]], team: Team) -> list[tuple
     points = [np.concatenate([np.empty((0, 3)), *(scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in pieces)]) for pieces in held]
     sums, counts = team.sum(np.array([p.sum(axis=0) for p in points]).reshape(-1, 3), [len(p) for p in points])
     centres = sums / counts[:, None]
-    far = team.max(*(((p - c) ** 2).sum(axis=1).max(initial=0.0) for p, c in zip(points, centres))) if bodies else []
+    far = team.max(*(peak(((p - c) ** 2).sum(axis=1)) for p, c in zip(points, centres))) if bodies else []
     sizes, rows = [float(np.sqrt(x)) or 1.0 for x in far], []
     for pieces, centre, size in zip(held, centres, sizes):
         each = [np.column_stack([motions_about(scene.mesh.nodes[s.nodes], centre, size)[s.fixed], s.prescribed[:, s.fixed].T]) for s in pieces]

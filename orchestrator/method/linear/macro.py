@@ -25,7 +25,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import Refusal
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import block_diagonal, Blocks, digest, times, unit_rows
+from orchestrator.method.interface.rows import block_diagonal, Blocks, bounds_of, digest, peak, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import SpreadFactor
 from orchestrator.method.interface.traces import TraceSpace
@@ -163,7 +163,7 @@ class Macro:
         """Largest entry of |Cᵀf| in this rank's macro unknowns, and largest sum of its terms' magnitudes; f: (T, D + G), the
         neighbours' values behind."""
         found, sizes = times(self.C.T, f), times(self.C.magnitudes().T, np.abs(f))
-        return float(np.abs(found).max(initial=0.0)), float(sizes.max(initial=0.0))
+        return peak(found), peak(sizes)
 
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
@@ -187,7 +187,7 @@ class Macro:
 
 def _blocks(space: TraceSpace, bases: Sequence[np.ndarray]) -> list[list[tuple[slice, slice]]]:
     """Trace dofs and macro unknowns of every interface, of their first sides and of their second: dofs of a side lie together."""
-    ends = np.cumsum([0] + [basis.shape[1] for basis in bases]).tolist()
+    ends = bounds_of([basis.shape[1] for basis in bases]).tolist()
     return [[(slice(int(at[side][0]), int(at[side][-1]) + 1), slice(a, b)) for at, a, b in zip(space.sides, ends[:-1], ends[1:])
              if len(at[side]) and b > a] for side in (0, 1)]
 

@@ -14,9 +14,11 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import inverse
+from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Scene
 from orchestrator.linalg import svd
+from orchestrator.method.interface.rows import peak
 
 DROP = 1e-8  # singular values below this fraction of the largest are dependent fields
 # Interfaces from which the rigid motions alone serve better than all affine fields. Iterations grow by 0 to 3 of some twenty; set-up has
@@ -53,25 +55,26 @@ def interface_basis(points: np.ndarray, free: np.ndarray, kind: str) -> np.ndarr
 def macro_fields(points: np.ndarray, kind: str) -> np.ndarray:
     """(n, 3, m) the fields at points (n, 3), parameters as of ``interface_basis``."""
     if kind == "rigid":
-        one, x, y, z = monomials(points, "affine")
-        zero = np.zeros_like(x)
-        spins = [np.stack(f, 1) for f in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-        fields = [one[:, None] * e for e in np.eye(3)] + spins
-    else:
-        fields = [m[:, None] * e for m in monomials(points, kind) for e in np.eye(3)]
-    return np.stack(fields, axis=-1)
+        return motions_about(points, *_box(points))
+    return np.stack([m[:, None] * e for m in monomials(points, kind) for e in np.eye(3)], axis=-1)
 
 
 def monomials(points: np.ndarray, kind: str) -> list[np.ndarray]:
     """Functions (n,) at points (n, 3) that every component may follow; all but ``rigid``."""
-    centred = points - points.mean(axis=0)
-    x, y, z = (centred / max(np.abs(centred).max(), np.finfo(float).tiny)).T
+    centre, size = _box(points)
+    x, y, z = ((points - centre) / size).T
     one = np.ones_like(x)
     return {
         "translations": [one],
         "affine": [one, x, y, z],
         "quadratic": [one, x, y, z, x * x, y * y, z * z, x * y, y * z, z * x],
     }[kind]
+
+
+def _box(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mean (3,) of points (n, 3), and how far from it a coordinate goes."""
+    centre = points.mean(axis=0)
+    return centre, max(peak(points - centre), np.finfo(float).tiny)
 
 
 def independent(basis: np.ndarray) -> np.ndarray:

@@ -146,7 +146,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     counts = team.sum(counts)[0].astype(int)
     if not counts.any():
         return bases
-    traces, = space.extended(space.trace(space.side_by_side(modes, counts.max())))
+    traces = space.everywhere(space.side_by_side(modes, counts.max()))
     transfer, result = space.transfer, []
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
     held = None if transfer.picks else space.held_everywhere

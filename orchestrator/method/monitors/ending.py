@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.rows import peak
 from orchestrator.method.monitors import Evaluation, Monitor, Verdict
 
 DIVERGED, HELD = "diverged", "held by stabilisation alone"
@@ -60,7 +59,7 @@ class Ending(Monitor):
     def asked(problem: Decomposition) -> float:
         """How far laws send bodies whatever the loads: press fits and jumps that they impose, and gaps that may close."""
         laws = [i.law for i in problem.scene.interfaces]
-        return problem.space.team.max(max((max(law.imposed, float(np.abs(law.distance).max(initial=0.0))) for law in laws), default=0.0))[0]
+        return problem.space.team.max(max((max(law.imposed, peak(law.distance)) for law in laws), default=0.0))[0]
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

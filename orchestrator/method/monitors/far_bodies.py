@@ -148,9 +148,8 @@ class FarBodies(Monitor):
         holds = np.array([2 if s.tangential else int(bool(s.normal)) for s in statuses])
         holds = holds[np.searchsorted(statuses, local.status)]
         most = np.zeros((len(interfaces), problem.steps))
-        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
-            if b > a:
-                most[i.index] = holds[:, a:b].max(axis=1)
+        for i, at in pairs.each():
+            most[i.index] = holds[:, at].max(axis=1, initial=0)
         most = np.reshape(problem.space.team.max(*most.ravel()), most.shape).astype(int)
         result: dict[tuple[int, int], np.ndarray] = {}
         for i, row in zip(interfaces, most):

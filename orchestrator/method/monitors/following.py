@@ -22,6 +22,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import peak
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible
@@ -81,9 +82,9 @@ class Following:
         pairs.slid = np.zeros((3, len(pairs)))
         now = pairs.transfer.jump(w)[0]
         then, jump = (np.zeros_like(now),) * 2 if self._before is None else (pairs.transfer.jump(self._before[0])[0], self._before[1])
-        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+        for i, at in pairs.each():
             if i.moving is not None:
-                pairs.slid[:, a:b] = self._slid(i, now[:, a:b], jump[:, a:b] - then[:, a:b])
+                pairs.slid[:, at] = self._slid(i, now[:, at], jump[:, at] - then[:, at])
         return pairs
 
     def _slid(self, i: Interface, now: np.ndarray, slid: np.ndarray) -> np.ndarray:
@@ -98,14 +99,14 @@ class Following:
         w, = fields.extended[:1]
         moved = w[-1:] - self.space.extended(self.place)[0]
         since, farthest = pairs.transfer.jump(moved)[0], 0.0
-        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+        for i, at in pairs.each():
             if i.moving is not None:
                 n, points = i.mortar.normal.T, i.mortar.points
-                along = since[:, a:b] - n * np.einsum("cp,cp->p", n, since[:, a:b])
+                along = since[:, at] - n * np.einsum("cp,cp->p", n, since[:, at])
                 own, other = (moved[0, side].reshape(-1, 3) for side in self.space.sides[i.index])
                 apart = other[np.unique(i.mortar.triangles[:, :3])].mean(axis=0) - own[points]
                 along = np.where(i.mortar.carrying, along, apart.T)
-                farthest = max(farthest, float((np.linalg.norm(along, axis=0) / i.moving.size[points]).max(initial=0.0)))
+                farthest = max(farthest, peak(np.linalg.norm(along, axis=0) / i.moving.size[points]))
         return self.space.team.max(farthest)[0]
 
 

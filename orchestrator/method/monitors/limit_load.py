@@ -50,7 +50,7 @@ class LimitLoadMonitor(Monitor):
     shares : load step, from 1 → share of it that was carried by the pressures at which that was asked last, for all monitors of a run
     """
 
-    name = "limit_load"
+    name, remembered = "limit_load", ("shown", "unsolved", "far")
 
     def __init__(self, loads: LimitLoads, settled: tuple[np.ndarray, np.ndarray] | None = None,
                  shares: dict[int, float] | None = None):
@@ -134,21 +134,17 @@ class LimitLoadMonitor(Monitor):
     def at_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
         """The limit loads of load steps with the friction of the pressures that are there, if stiffer springs have shown such as well."""
         local, springs = now.problem.local, now.problem.springs
-        found = []
-        for t in steps:
-            limit = self.loads(local.pairs, local.before, local.pairs.numbers[t], (now.local.lawful[t], now.local.jump[t]))
-            found += [] if limit is None else [limit]
+        found = [limit for t in steps if (limit := self.loads(
+            local.pairs, local.before, local.pairs.numbers[t], (now.local.lawful[t], now.local.jump[t])))]
         again, self.shown = bool(found) and springs < self.shown, max(springs, self.shown) if found else 0.0
         return found if again else []
 
     def at_settled_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
         """The limit loads of load steps with the friction of the pressures that the load before has ended with."""
-        local, found = now.problem.local, []
-        for t in steps:
-            before = self.settled if t == 0 else (now.local.lawful[t - 1], now.local.jump[t - 1])
-            limit = None if before is None else self.loads(local.pairs, local.before, local.pairs.numbers[t], before)
-            found += [] if limit is None else [limit]
-        return found
+        local = now.problem.local
+        before = [self.settled if t == 0 else (now.local.lawful[t - 1], now.local.jump[t - 1]) for t in steps]
+        return [limit for t, state in zip(steps, before) if state and (limit := self.loads(
+            local.pairs, local.before, local.pairs.numbers[t], state))]
 
     def changing(self, limit: LimitLoad) -> bool:
         """Whether what has been carried since has changed the share of a load step that is, by more than halving it tells."""
@@ -157,12 +153,11 @@ class LimitLoadMonitor(Monitor):
         return not abs(share - before) <= LEAST
 
     def state(self) -> dict[str, Any]:
-        return {"limits": [asdict(limit) for limit in self.limits], "shown": self.shown, "unsolved": self.unsolved, "far": self.far}
+        return super().state() | {"limits": [asdict(limit) for limit in self.limits]}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.limits = [LimitLoad(**limit | {"motions": [BodyMotion(**motion) for motion in limit["motions"]]}) for limit in state["limits"]]
-        self.shown, self.unsolved, self.far = state["shown"], state["unsolved"], state["far"]
-        return problem
+        return super().restore(state, problem)
 
     def found(self, problem: Decomposition) -> list[LimitLoad]:
         return self.limits

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import Segments, narrow, times
+from orchestrator.method.interface.rows import bounds_of, narrow, peak, Segments, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
@@ -51,7 +51,7 @@ class RigidModes:
         counts = space.team.sum(counts)[0].astype(int)
         self._space, self.dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
         self._seen = np.union1d(space.subdomains, space.owner).astype(int)
-        self._starts = np.concatenate([[0], np.cumsum(counts[self._seen])])
+        self._starts = bounds_of(counts[self._seen])
         self.number = runs((np.cumsum(counts) - counts)[self._seen], counts[self._seen])
         self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
         self._of = Segments(space.boundary)
@@ -62,11 +62,11 @@ class RigidModes:
     @property
     def traces(self) -> sp.csr_array:
         """(D + G, modes), formed whenever asked: twice in a run at most. All ranks have to ask."""
-        traces, = self._space.extended(self._space.trace(self.dense))
+        traces = self._space.everywhere(self.dense)
         rows = np.ascontiguousarray(traces.T)
         there = rows != 0
         columns = (self._starts[np.searchsorted(self._seen, self._space.owner)][:, None] + np.arange(RIGID))[there]
-        ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+        ends = bounds_of(there.sum(axis=1))
         return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
 
     def moved(self, c: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ class Repositioning:
 
     def balancing(self, resultants: np.ndarray) -> np.ndarray:
         """(T, D) forces k B R y that take up resultants (T, modes)."""
-        w, = self.space.extended(self.space.trace(self.modes.moved(self._solve(resultants))))
+        w = self.space.everywhere(self.modes.moved(self._solve(resultants)))
         return self._closing(w)
 
     def _closing(self, w: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ class Balancing:
     def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
         self.space, self.modes = direction.space, modes
         transfer = self.space.transfer
-        trace_weight, = self.space.extended(self.space.trace(weight[None]))
+        trace_weight = self.space.everywhere(weight[None])
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
         self.soles = AtPoints(direction, np.sqrt(np.minimum(one, two) / np.maximum(one + two, TINY)))
@@ -179,10 +179,10 @@ class Balancing:
         q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
         change = (transfer.opposed(q) - f)[:, : self.space.size]
         resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), Segments(self.space.boundary)
-        scale = max(of.sums(np.abs(one) * sizes).max(initial=0.0) for one in self.modes.dense)
-        pushed, size = team.max(np.abs(resultant).max(initial=0.0), scale)
+        scale = max(peak(of.sums(np.abs(one) * sizes)) for one in self.modes.dense)
+        pushed, size = team.max(peak(resultant), scale)
         if pushed <= UNBALANCED * max(size, TINY):
             return change, True
         change = change + self.reposition.balancing(resultant)
-        left, = team.max(np.abs(self.modes.resultants(self.space.loads(change))).max(initial=0.0))
+        left, = team.max(peak(self.modes.resultants(self.space.loads(change))))
         return change, left <= BALANCED * max(pushed, TINY)

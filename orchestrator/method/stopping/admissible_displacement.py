@@ -27,6 +27,7 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer, norm
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.stopping.continuity import Constraint, Continuity
 from orchestrator.method.stopping.held_jumps import Charges, Held
 
@@ -87,7 +88,7 @@ class AdmissibleDisplacement:
         softness, count = np.zeros(len(self.pairs)), len(self.own)
         softness[self.own] = self.linked.matrix.diagonal()[self.linked.mine[: 3 * count]].reshape(3, count).max(axis=0)
         there, points = self.prices & (softness > 0), self.pairs.points
-        stiff = np.divide(1, softness, out=np.zeros_like(softness), where=there)
+        stiff = ratio(1, softness, there)
         normal, across = (np.where(there, stiff, k) for k in (points.stiff_n, points.stiff_t))
         return replace(self.pairs, runs=[replace(run, points=replace(run.points, stiff_n=normal[run.part], stiff_t=across[run.part]))
                                          for run in self.pairs.runs])
@@ -101,8 +102,8 @@ class AdmissibleDisplacement:
         """
         pairs, team, mean = self.beside, self.space.team, self.continuity.means(u[None])
         force, jump = answer.force, self._jumps(mean, known)
-        scale, farthest = team.max(max(np.abs(x).max(initial=0.0) for x in (jump, self.pairs.compliance(F))),
-                                   np.abs(u).max(initial=0.0))
+        scale, farthest = team.max(max(peak(x) for x in (jump, self.pairs.compliance(F))),
+                                   peak(u))
         rounded = ROUNDED * max(scale, farthest) * norm(force)  # v is known to that
         there = np.where(self.prices, force + pairs.points.stiffness(jump), F)
         told = pairs.force(there, before, number, derivative=True)
@@ -115,7 +116,7 @@ class AdmissibleDisplacement:
             return np.maximum(self.pairs.duality_gap(force, jump, before, number) - rounded, 0.0)
 
         laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal, scale, EXACT * scale,
-                       FREE * self.linked.matrix.diagonal().max(initial=0.0))
+                       FREE * peak(self.linked.matrix.diagonal()))
         best, least = None, np.inf
         for _ in range(PASSES):
             v, pulls, yields = self._nearest(mean, known, held, *together)
@@ -187,7 +188,7 @@ class AdmissibleDisplacement:
         size, at = size[pair, which], at[pair]
         priced = self.prices[at]
         gives = priced & (size < RIGID)
-        soft = np.divide(1 - size, size * self.beside.points.stiff_n[at], out=np.zeros_like(size), where=gives)
+        soft = ratio(1 - size, size * self.beside.points.stiff_n[at], gives)
         held = Held(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
         return replace(held, goals=held.of(goal))
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from orchestrator.laws.points import norm
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import peak
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import ROUNDING
 from orchestrator.method.stopping.certificate import Certificate, Certified
@@ -87,7 +88,7 @@ def backward_error(solved: Solved, between: Mapping[int, Sequence[Solved]] = Map
     if any(part.bound.pair.unbalanced.any() for part in everything):
         return None
     team, points = solved.certificate.space.team, solved.certificate.pairs.points
-    largest, = team.max(max(np.finfo(float).tiny, *(np.abs(part.bound.pair.forces).max(initial=0.0) for part in everything)))
+    largest, = team.max(max(np.finfo(float).tiny, *(peak(part.bound.pair.forces) for part in everything)))
     jumps, before, found, at_odds = solved.jumps(), History.none(len(solved.certificate.pairs)), [], False
     for t, own in enumerate(jumps):
         path = [*((part, 0, part.jumps()[0]) for part in between.get(t, ())), (solved, t, own)]

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import peak, ratio, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.bodies import Bodies
@@ -46,11 +46,11 @@ def body_residual(parts: Sequence[tuple[Pairs, np.ndarray, np.ndarray, LocalStat
         C = pairs.nodes.compliance[: space.size, : space.size]
         missing, force = (f - pairs.transfer.opposed(local.force))[:, : space.size], f[:, : space.size]
         softness = C.diagonal()
-        stiffness = np.divide(1 / 3, softness, out=np.zeros_like(softness), where=softness > 0)  # as in the mean direction of a node
+        stiffness = ratio(1 / 3, softness)  # as in the mean direction of a node
         squares += (missing * times(C, missing)).sum(axis=0), (force * times(C, force)).sum(axis=0), stiffness / len(parts)
     sums = np.zeros((3, int(groups.max(initial=-1)) + 1))
     for group, part in zip(groups[space.subdomains], space.parts):
         sums[:, group] += squares[:, part].sum(axis=1)
     off, carried, stiff = space.team.sum(sums)[0]
     scale = np.maximum(carried, stiff * lengths.of_rest**2)
-    return float(np.sqrt(np.max(np.divide(off, scale, out=np.zeros_like(off), where=scale > 0), initial=0.0)))
+    return float(np.sqrt(peak(ratio(off, scale))))

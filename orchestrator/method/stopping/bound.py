@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.method import ROUNDING
-from orchestrator.method.interface.rows import Blocks, dots, times
+from orchestrator.method.interface.rows import Blocks, dots, peak, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible import Balancing, RigidModes
@@ -148,7 +148,7 @@ class ErrorBound:
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""
         errors = np.sqrt(np.maximum(squares, 0.0))
-        return float((errors if self.weights is None else errors @ self.weights).max(initial=0.0))
+        return peak(errors if self.weights is None else errors @ self.weights)
 
 
 def moved_energy(stage: LinearStage, stiffness: Blocks, external: np.ndarray, fields: Admissible,

@@ -31,7 +31,7 @@ import numpy as np
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
-from orchestrator.method.interface.rows import Blocks, dots
+from orchestrator.method.interface.rows import Blocks, dots, peak
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -206,7 +206,7 @@ class Certificate:
         pairs, found, before = self.pairs, [], [self.before]
         F, held = pairs.traces(*fields.extended).predicted(), self.stage.loading.known
         # the largest displacement of the interfaces, beside which bodies may move
-        radius = max(self.space.team.max(np.abs(fields.w).max(initial=0.0))[0], np.finfo(float).tiny)
+        radius = max(self.space.team.max(peak(fields.w))[0], np.finfo(float).tiny)
         for t, number in enumerate(pairs.numbers):
             balanced = self.forces(F[t], fields.f[t], before[t], number, radius)
             answer, u = balanced.answer, fields.u[t] + self.forces.displacement(balanced.y)

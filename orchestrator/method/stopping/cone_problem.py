@@ -40,6 +40,7 @@ from orchestrator.method.stopping.carrying_points import DEPENDENT, Reach
 from orchestrator.optional import Late
 from orchestrator.scene.conditions.rigid import RIGID
 from orchestrator.linalg import svd
+from orchestrator.method.interface.rows import peak
 
 clarabel = Late("clarabel")
 LEAST = 1e-6  # of the largest load on a body that touches these, what counts as unbalanced: coordinates have six digits
@@ -89,7 +90,7 @@ def failing(reach: Reach, loads: np.ndarray, before: np.ndarray, noise: np.ndarr
 def unresisted(reach: Reach, bodies: int) -> np.ndarray | None:
     """(bodies, 6) how bodies move, the farthest by 1, with what supports prescribe; None where some force resists that, or where the
     solver finds neither. Where points carry something of their own, glue or a bolt's force, they resist. ``reach`` as for ``failing``."""
-    largest = np.abs(reach.J[..., -1]).max(initial=0.0)
+    largest = peak(reach.J[..., -1])
     if not largest or reach.works.any() or (np.isfinite(reach.limit) & (reach.limit > 0)).any():
         return None
     reach.J[..., -1] /= largest
@@ -107,7 +108,7 @@ def unresisted(reach: Reach, bodies: int) -> np.ndarray | None:
 
 def _of_part(reach: Reach, own: np.ndarray, loads: np.ndarray, before: np.ndarray, noise: np.ndarray) -> Motion | None:
     """The same for the bodies ``own``, which touch each other and nobody else who is free."""
-    scale = max(np.linalg.norm(loads[own], axis=1).max(), np.abs(reach.works).max(initial=0.0))
+    scale = max(np.linalg.norm(loads[own], axis=1).max(), peak(reach.works))
     if scale <= noise[own].max():
         return None
     cones, (L, L0) = _Cones(reach, own, scale), (x[own].ravel() / scale for x in (loads, before))
@@ -147,19 +148,16 @@ class _Cones:
         if bonds:
             self._add(sp.vstack([sp.csr_array((b.data, b.indices, b.indptr), shape=(b.shape[0], len(self.cost))) for b in bonds]),
                       [clarabel.ZeroConeT(sum(b.shape[0] for b in bonds))])
-        one_sided, pushes, flat = -reach.side[:, None] * along, reach.side != 0, ~reach.directions[2].any(axis=0)
+        one_sided, pushes = -reach.side[:, None] * along, reach.side != 0
         smooth = np.flatnonzero(pushes & (reach.friction == 0))
         self._add(self._matrix(one_sided[smooth], smooth), [clarabel.NonnegativeConeT(len(smooth))] if len(smooth) else [])
-        for width in (2, 3):
-            rough = np.flatnonzero(pushes & (reach.friction > 0) & (flat == (width == 2)))
-            rubbed = reach.friction[rough, None, None] * across[rough, :width]
-            self._add(self._stacked(one_sided[rough], rubbed, rough), [clarabel.SecondOrderConeT(1 + width)] * len(rough))
-            those = np.flatnonzero(flat[given] == (width == 2))
-            chosen, heads = given[those], (1 + width) * np.arange(len(those))
-            size = sp.csr_array((np.ones(len(those)), (heads, self.moving + len(works) + those)),
-                                shape=((1 + width) * len(those), len(self.cost)))
-            rubbed = self._stacked(np.zeros((len(those), self.columns.shape[1])), across[chosen, :width], chosen)
-            self._add(rubbed + size, [clarabel.SecondOrderConeT(1 + width)] * len(those))
+        rough, count = np.flatnonzero(pushes & (reach.friction > 0)), np.arange(len(given))
+        rubbed = reach.friction[rough, None, None] * across[rough]
+        self._add(self._stacked(one_sided[rough], rubbed, rough), [clarabel.SecondOrderConeT(4)] * len(rough))
+        size = sp.csr_array((np.ones(len(given)), (4 * count, self.moving + len(works) + count)),
+                            shape=(4 * len(given), len(self.cost)))
+        limited = self._stacked(np.zeros((len(given), self.columns.shape[1])), across[given], given)
+        self._add(limited + size, [clarabel.SecondOrderConeT(4)] * len(given))
 
     def _bonds(self, reach: Reach, across: np.ndarray) -> tuple[list[sp.csr_array], np.ndarray]:
         """What vanishes where forces are not limited, interface by interface, as few rows as say the same; and what acts in the motions
@@ -171,7 +169,7 @@ class _Cones:
             given = -np.einsum("icp,mcp->pim", reach.directions[:, :, chosen], reach.motions[moves][:, :, chosen])
             own = (across[chosen] * self.there[chosen, None]).reshape(-1, self.columns.shape[1])
             _, size, turned = svd(np.linalg.qr(np.hstack([own, given.reshape(len(own), -1)]), mode="r"))
-            turned = turned[: len(size)][size > DEPENDENT * size.max(initial=0.0)]
+            turned = turned[: len(size)][size > DEPENDENT * peak(size)]
             columns = np.r_[self.columns[chosen[0]], self.moving + len(works) + np.arange(len(moves))]
             works += reach.works[moves, chosen[0]].tolist()
             rows = np.repeat(np.arange(len(turned)), len(columns))

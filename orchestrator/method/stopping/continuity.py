@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.factor import semidefinite_solver
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import bounds_of, ratio, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 
@@ -64,7 +64,7 @@ class Continuity:
 
     def traces(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(T, D + G) of means (T, classes) and prescribed traces (T, D)."""
-        return self.space.extended(self.space.trace(self.of_means(mean), known))[0]
+        return self.space.everywhere(self.of_means(mean), known)
 
     def jump(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(T, Q) of means (T, classes) and prescribed traces (T, D)."""
@@ -87,7 +87,7 @@ class Continuity:
         kept = mobile[dof] > 0
         row, dof, data = row[kept], dof[kept], sp.coo_array(rows).data[kept]
         parts = team.all_gather((rows.shape[0], row, number[dof], weight[dof], data))
-        starts = np.cumsum([0] + [part[0] for part in parts])
+        starts = bounds_of([part[0] for part in parts])
         row = np.concatenate([part[1] + a for part, a in zip(parts, starts)])
         classes, weights, values = (np.concatenate([part[i] for part in parts]) for i in (2, 3, 4))
         columns, place = np.unique(classes, return_inverse=True)
@@ -128,7 +128,7 @@ class Constraint:
         pick : P (s, r'), this rank's; soft : (s, s) symmetric, how far unit forces move what holds them
         """
         parts = self.team.all_gather((pick, soft))
-        starts = np.cumsum([0] + [one.shape[0] for one, _ in parts])
+        starts = bounds_of([one.shape[0] for one, _ in parts])
         if len(parts) > 1:
             pick, soft = (sp.csr_array(sp.block_diag(same)) for same in zip(*parts))
         matrix = (pick @ self.matrix @ pick.T + soft).tocoo()
@@ -146,7 +146,7 @@ class Constraint:
         solve = semidefinite_solver(self.matrix[rest][:, rest])
 
         def solved(rows: np.ndarray) -> np.ndarray:
-            result = np.divide(rows, diagonal, out=np.zeros_like(rows), where=alone)
+            result = ratio(rows, diagonal, alone)
             result[:, rest] = solve(rows[:, rest])
             return result
         return solved

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.method.interface.rows import bounds_of, ratio
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.elasticity import CENTRE, strain, stress
@@ -90,7 +91,7 @@ class Estimator:
         made = cls(scene.mesh.nodes[copies.node], copies.cells, copies.label, scene.lame, scene.thermal, scene.body_force, loads)
         made.ours = ~scene.stand_ins[scene.cell_subdomain]
         if found := leaping(scene):
-            starts = np.cumsum([0, *(len(s.nodes) for s in scene.subdomains)])
+            starts = bounds_of([len(s.nodes) for s in scene.subdomains])
             made.leaps = lambda u: [leaps(scene, i, lambda i, side: u[:, starts[i.subdomains[side]] + i.nodes[side]]) for i in found]
         return made
 
@@ -183,7 +184,7 @@ def mean_square(values: np.ndarray) -> np.ndarray:
 
 def exact_energy(energy: np.ndarray, errors: np.ndarray, work: np.ndarray) -> np.ndarray:
     """(T,) ‖u‖² of the exact solution, from ‖u_h‖², η² and f·u_h; no less than η²."""
-    share = np.clip(np.divide(work, energy, out=np.ones_like(energy), where=energy > 0), 0.0, 1.0)
+    share = np.where(energy > 0, np.clip(ratio(work, energy), 0.0, 1.0), 1.0)
     return np.maximum(energy + (2 * share - 1) * errors, errors)
 
 
@@ -192,7 +193,7 @@ def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
 
     alone : (T,) energies of which ``squares`` would be rounding
     """
-    own, most = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (squares, alone))
+    own, most = (float(np.sqrt(x.max(initial=0.0))) for x in (squares, alone))
     return max(own, NOTHING * most) or 1.0
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.method.interface.rows import Segments, dots
+from orchestrator.method.interface.rows import dots, ratio, Segments
 from orchestrator.method.linear.stage import LinearStage
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
@@ -109,9 +109,9 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
                 return Dual(most, sweeps, x, r, h, p, q, rz_old, True)
-        p, q = (z, r.copy()) if p is None else (new + of.spread(_safe_ratio(rz, rz_old)) * old for new, old in ((z, p), (r, q)))
+        p, q = (z, r.copy()) if p is None else (new + of.spread(ratio(rz, rz_old)) * old for new, old in ((z, p), (r, q)))
         s_p = q - stage.direction.robin(p)
-        alpha = _safe_ratio(rz, of.sums(p * s_p))
+        alpha = ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))
         far = of.spread(alpha)
         total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
@@ -145,7 +145,7 @@ def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, r
     worst = np.broadcast_to(1 + 1 / softness, rz.shape)
     if before is None:
         return worst
-    left, beta = before - alpha, _safe_ratio(rz, rz_old)
+    left, beta = before - alpha, ratio(rz, rz_old)
     return np.minimum(np.where(left > 0, left / np.where(left > 0, left / worst + beta, 1.0), worst), worst)
 
 
@@ -163,7 +163,3 @@ def _tail(steps: list[float]) -> float:
     rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
     rate = min(max(rates, default=SLOWEST), SLOWEST)
     return steps[-1] * rate / (1 - rate)
-
-
-def _safe_ratio(top: np.ndarray, bottom: np.ndarray) -> np.ndarray:
-    return np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), 0.0)

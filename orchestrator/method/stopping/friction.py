@@ -30,7 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.rows import Blocks, Segments, scattered, times
+from orchestrator.method.interface.rows import Blocks, ratio, scattered, Segments, times
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 300  # of either eigenvalue's method at most
@@ -105,11 +105,11 @@ class Friction:
     def _of_pressures(self) -> float:
         """λ_N, of pairs: those of two ranks are with both."""
         space, normal, mine = self.space, self.pairs.points.normal, self.pairs.mine
-        scale = normal * np.sqrt(np.divide(self.coefficient, self.weight, out=np.zeros(len(mine)), where=self.coefficient > 0))
+        scale = normal * np.sqrt(ratio(self.coefficient, self.weight))
 
         def read(loads: np.ndarray) -> np.ndarray:
             """(P,) pressures of forces (B,), scaled."""
-            traces, = space.extended(space.trace(loads[None]))
+            traces = space.everywhere(loads[None])
             return np.sum(scale * times(self.read, traces).reshape(3, -1), axis=0)
 
         def product(y: np.ndarray) -> np.ndarray:
@@ -127,7 +127,7 @@ class Friction:
         weight = np.where(self.coefficient > 0, self.coefficient * self.weight, 0.0)
 
         def product(x: np.ndarray) -> np.ndarray:
-            traces, = space.extended(space.trace(x[None]))
+            traces = space.everywhere(x[None])
             forces = weight * pairs.points.across(pairs.transfer.jump(traces))
             return -space.loads(pairs.transfer.opposed(forces)[:, : space.size])[0]
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from orchestrator.method.interface.rows import ratio
+
 ALONG = 0.5  # cosine to the normal: directions are along it or across
 
 
@@ -94,4 +96,4 @@ class Held:
 def _as_long_as(scale: float, jump: np.ndarray) -> np.ndarray:
     """Jumps (3, P) made as long as that, but for those that are none."""
     size = np.linalg.norm(jump, axis=0)
-    return np.divide(scale * jump, size, out=np.zeros_like(jump), where=size > 0)
+    return ratio(scale * jump, size)

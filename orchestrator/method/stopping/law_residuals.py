@@ -35,6 +35,7 @@ from orchestrator.laws.base import Stages
 from orchestrator.laws.points import norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import peak
 from orchestrator.method.local_stage import LocalState
 from orchestrator.method.stopping.bodies import Bodies, FREE, RIGID
 from orchestrator.parallel.team import Team
@@ -96,15 +97,15 @@ class LengthScale(Bodies):
 
     def __init__(self, d: Decomposition):
         super().__init__(d, lambda law: law.joins)
-        self.carried, self.strained = d.loading.carried, d.loading.strained.max(initial=0.0)
+        self.carried, self.strained = d.loading.carried, peak(d.loading.strained)
         self.fit = self.loose @ np.linalg.pinv(self.loose.swapaxes(1, 2) @ self.gram @ self.loose, rcond=FREE,
                                                hermitian=True) @ self.loose.swapaxes(1, 2)
         told = np.zeros((2, self.count))
         for body, part, lift in zip(self.own, self.boundary, d.loading.lift):
             for kind, values in enumerate((lift, d.loading.working[:, part])):  # and what strains its supports: rigid motions are none
-                told[kind, body] = max(told[kind, body], np.abs(values).max(initial=0.0))
+                told[kind, body] = max(told[kind, body], peak(values))
         told = np.concatenate([self.team.max(*told.ravel()), [i.law.imposed for i in d.scene.interfaces]])
-        told = told[told > ROUNDING * told.max(initial=0.0)]
+        told = told[told > ROUNDING * peak(told)]
         self.told = float(told.min(initial=np.inf)) if len(told) else 0.0
 
     def __call__(self, u: np.ndarray) -> Lengths:
@@ -115,7 +116,7 @@ class LengthScale(Bodies):
         for body, rows, left in zip(self.own, self.motions, apart):
             products[body] += left @ rows
         loose = self.team.sum(products)[0] @ self.fit
-        largest = max((np.abs(left - loose[body] @ rows.T).max(initial=0.0)
+        largest = max((peak(left - loose[body] @ rows.T)
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
         deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
         return Lengths(deformation, self.told, loose, self.size)

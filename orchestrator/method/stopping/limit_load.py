@@ -8,7 +8,9 @@ iterations, but for two things: where sides that slide are paired anew, and what
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from orchestrator.errors import SHOWN, some
 from orchestrator.laws.points import Carries, norm
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.linear.loading import partway
 from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.method.stopping.carrying_points import Reach
@@ -106,7 +109,7 @@ class LimitLoads:
             self.noise[b] += ROUNDING * float(np.abs(load).sum(axis=1).max())
             boundary[e] = rows @ loose
         self.loads, self.noise = self.team.sum(self.loads, self.noise)
-        self.everywhere, = d.space.extended(d.space.trace(d.space.side_by_side(boundary, RIGID)))
+        self.everywhere = d.space.everywhere(d.space.side_by_side(boundary, RIGID))
 
     @property
     def loose(self) -> bool:
@@ -137,13 +140,11 @@ class LimitLoads:
         pairs : those that are not perfect, as they meet now; before : what the load steps before have left
         state : forces and jumps (3, P) whose friction and whose gaps count, see ``Reach.at_pressures``; None: any pressure, and no gap
         """
-        parts, found = self.team.gather(self.reach(pairs, before, number, state).extremes()), None
-        if parts is not None:
-            loads, whole = self._at(number), math.ceil(number)
-            earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
-            found = failing(Reach.joined(parts), loads, earlier, self.noise)
-        found = self.team.share(found)
-        return None if found is None else self._told(found, number, state is not None)
+        loads, whole = self._at(number), math.ceil(number)
+        earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
+        found = self._of_all(self.reach(pairs, before, number, state),
+                             lambda reach: failing(reach, loads, earlier, self.noise))
+        return found and self._told(found, number, state is not None)
 
     def making_way(self, d: Decomposition, t: int) -> LimitLoad | None:
         """Bodies that make way for what supports prescribe, because no force of any pressures resists it; None where some force does,
@@ -153,17 +154,19 @@ class LimitLoads:
         """
         local = d.local
         number, moved = local.pairs.numbers[t], d.stage.trace(d.loading.carried)[t: t + 1]
-        strained, most, acts = self.team.max(d.loading.strained[t], np.abs(moved).max(initial=0.0), np.abs(self._at(number)).max(initial=0.0))
+        strained, most, acts = self.team.max(d.loading.strained[t], peak(moved), peak(self._at(number)))
         if acts or strained > RIGIDLY * most:
             return None
         given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine] / (most or 1.0)
         reach = self.reach(local.pairs, local.before, number)
-        reach = replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2)).extremes()
-        parts, found = self.team.gather(reach), None
-        if parts is not None:
-            found = unresisted(Reach.joined(parts), self.bodies.count)
-        found = self.team.share(found)
+        reach = replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2))
+        found = self._of_all(reach, lambda reach: unresisted(reach, self.bodies.count))
         return None if found is None else replace(self._told(Motion(found, 0.0), number, False), prescribed=True)
+
+    def _of_all(self, reach: Reach, judge: Callable[[Reach], Any]) -> Any:
+        """What rank 0 finds of all ranks' points, on all of them."""
+        parts = self.team.gather(reach.extremes())
+        return self.team.share(parts and judge(Reach.joined(parts)))
 
     def _at(self, number: float) -> np.ndarray:
         """(bodies, 6) loads at a load step, or a part of one."""
@@ -180,7 +183,7 @@ class LimitLoads:
         left, carried = self.team.sum(left, carried)
         lost, most = (np.linalg.norm(x, axis=1) for x in (self._at(number) - left, self._at(number)))
         most = np.maximum(most, carried)
-        return np.where(lost > self.noise, lost / np.where(most > 0, most, 1.0), 0.0)
+        return ratio(lost, most, lost > self.noise)
 
     def _told(self, found: Motion, number: float, pressures: bool) -> LimitLoad:
         """In words and numbers."""
