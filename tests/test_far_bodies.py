@@ -69,7 +69,7 @@ def watch(bodies=3, steps=2):
     from orchestrator.laws.contact import OPEN, STICK, Contact
     law = Contact(0.1, np.zeros(1))
     interfaces = [SimpleNamespace(index=i, subdomains=(i, i + 1), law=law) for i in range(bodies - 1)]
-    pairs = SimpleNamespace(interfaces=interfaces, bounds=np.arange(bodies))
+    pairs = SimpleNamespace(each=lambda: [(i, slice(i.index, i.index + 1)) for i in interfaces])
     team = SimpleNamespace(max=lambda *values: values)
     problem = SimpleNamespace(steps=steps, local=SimpleNamespace(pairs=pairs), scene=SimpleNamespace(interfaces=interfaces),
                         space=SimpleNamespace(team=team))

@@ -73,7 +73,7 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     most = np.zeros((len(interfaces) + 1, fields.steps))
     for k, (_, at) in enumerate(fields.each()):
         most[k] = push[at].sum(axis=0)
-    told = team.gather(([one for one in own if one is not None], most.max(axis=0), _around(scene, team)))
+    told = team.gather(([one for one in own if one is not None], most.max(axis=0), _around(scene)))
     found = None
     if told is not None:
         pushes, around = np.max([most for _, most, _ in told], axis=0), set().union(*(each for *_, each in told))
@@ -84,7 +84,7 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     return team.share(found)
 
 
-def _around(scene: Scene, team: Team) -> set[int]:
+def _around(scene: Scene) -> set[int]:
     """Numbers of this rank's perfect interfaces all of whose faces are around the axis of a bolt that they hold."""
     axes = {e: bolt.axis for bolt in scene.bolts for e in bolt.interface.subdomains}
     found = set()

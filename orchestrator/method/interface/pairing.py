@@ -52,7 +52,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
-    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation, np.arange(scene.steps))
+    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation, np.arange(scene.steps),
+                 np.zeros((3, bounds[-1])))
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ class Pairs(Answering):
     laws: list[type[Law]]  # all laws of the scene, by name
     stabilisation: np.ndarray | None  # (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
     numbers: np.ndarray  # (T,) int, which load steps of the scene these are
-    slid: np.ndarray | None = None  # (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
+    slid: np.ndarray  # (3, P) what B w lacks of the jump of sides that are paired anew as they slide
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -64,7 +64,7 @@ class Pairs(Answering):
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
-        linear = replace(self, slid=None)
+        linear = replace(self, slid=np.zeros_like(self.slid))
         return (linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
     def duality_gap(self, force: np.ndarray, jump: np.ndarray, before: History, step: int) -> np.ndarray:
@@ -82,8 +82,7 @@ class Pairs(Answering):
         """(T, 3, P) jumps of traces (T, D + G), at which springs carry nothing; None without springs, or without traces."""
         if self.stabilisation is None or w is None:
             return None
-        jump = self.transfer.jump(w)
-        return jump if self.slid is None else jump + self.slid
+        return self.transfer.jump(w) + self.slid
 
     def weakest(self, team: Team) -> float:
         """The smallest ε of springs of stabilisation, of all ranks; infinite where there are none."""
@@ -99,9 +98,9 @@ class Pairs(Answering):
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the points (Q,) int, ascending, of the same interfaces."""
-        stabilisation, slid = (x if x is None else x[..., chosen] for x in (self.stabilisation, self.slid))
-        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=self.runs_at(chosen), stabilisation=stabilisation,
-                       slid=slid)
+        springs = self.stabilisation if self.stabilisation is None else self.stabilisation[chosen]
+        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=self.runs_at(chosen),
+                       stabilisation=springs, slid=self.slid[:, chosen])
 
     def among(self, interfaces: np.ndarray) -> Pairs:
         """The same points as those of some of the interfaces (I,) bool; the others have none."""

@@ -24,14 +24,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
-from orchestrator.method.interface.rows import rows_of, times
+from orchestrator.method.interface.rows import eigenvalue, rows_of, times
 from orchestrator.method.interface.transfer import Transfer
-
-# λ is known to a hundredth: what a step may overshoot by costs nothing.
-KNOWN = 1e-2
 
 
 @dataclass
@@ -85,14 +81,14 @@ class PointTraces:
     transfer: Transfer  # the points, and C
     points: Points
     nodes: NodeCompliance
-    slid: np.ndarray | None  # (3, P) what B w lacks of the jump; None: nothing
+    slid: np.ndarray  # (3, P) what B w lacks of the jump
     w: np.ndarray  # (T, D + G) traces
     f: np.ndarray
 
     @cached_property
     def jump(self) -> np.ndarray:
         """(T, 3, P) B w, and what sides that slide on have slid before they were paired anew."""
-        return self._since(self.transfer.jump(self.w))
+        return self.transfer.jump(self.w) + self.slid
 
     @cached_property
     def force(self) -> np.ndarray:
@@ -105,7 +101,7 @@ class PointTraces:
             jump = self.jump
         else:
             left = self.f - self.transfer.opposed(self.force)
-            jump = self._since(self.transfer.jump(self.w - times(self.nodes.compliance, left)))
+            jump = self.transfer.jump(self.w - times(self.nodes.compliance, left)) + self.slid
         return self.force + np.where(self.transfer.exists, self.points.stiffness(jump), 0.0)
 
     def hats(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,9 +117,6 @@ class PointTraces:
         C = self.nodes.compliance if size == self.transfer.total else sp.csr_array(self.nodes.compliance[:size, :size])
         return tuple(2 * share * float(np.vdot(x, times(C, x))) for share, x in (
             (1.0, (self.f - self.transfer.opposed(force))[:, :size]), (1.0, self.f[:, :size]), (0.5, self.transfer.imbalance(self.f))))
-
-    def _since(self, jump: np.ndarray) -> np.ndarray:
-        return jump if self.slid is None else jump + self.slid
 
 
 def node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
@@ -172,6 +165,4 @@ def _largest(S: sp.csr_array, root: Points) -> float:
 
     if len(root) < 3:
         return float(np.linalg.eigvalsh(np.column_stack([apply(e) for e in np.eye(S.shape[0])]))[-1])
-    start = np.random.default_rng(0).standard_normal(S.shape[0])
-    operator = sla.LinearOperator(S.shape, matvec=apply, dtype=float)
-    return float(sla.eigsh(operator, k=1, which="LA", tol=KNOWN, v0=start, return_eigenvectors=False)[0])
+    return eigenvalue(apply, S.shape[0], "LA")

@@ -11,6 +11,7 @@ from hashlib import blake2b
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as sla
 from scipy.linalg.blas import daxpy
 
 DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero: its fields depend on others
@@ -65,6 +66,13 @@ def orthonormal(gram: np.ndarray, beside: float = 0.0) -> np.ndarray:
     size, vectors = np.linalg.eigh(gram)
     there = size > DEPENDENT * size.max(initial=beside)
     return np.where(there, vectors / np.sqrt(np.where(there, size, 1.0)), 0.0)
+
+
+def eigenvalue(product: Callable[[np.ndarray], np.ndarray], size: int, end: str) -> float:
+    """Return the largest ("LA") or least ("SA") eigenvalue of a symmetric matrix (size, size), to a hundredth, by its products."""
+    start = np.random.default_rng(0).standard_normal(size)
+    operator = sla.LinearOperator((size, size), matvec=product, dtype=float)
+    return float(sla.eigsh(operator, k=1, which=end, tol=1e-2, v0=start, return_eigenvectors=False)[0])
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:

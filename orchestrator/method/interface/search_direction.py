@@ -17,7 +17,7 @@ from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.models import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import placed, times
+from orchestrator.method.interface.rows import eigenvalue, placed, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
@@ -134,8 +134,5 @@ def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> t
     """
     if k.shape[0] < 3:
         return 1.0, 1.0
-    operator = sla.LinearOperator(k.shape, matvec=lambda x: root(k @ root(np.ravel(x))), dtype=float)
-    start = np.random.default_rng(0).standard_normal(k.shape[0])
-    low, high = (float(sla.eigsh(operator, k=1, which=end, tol=1e-2, v0=start, maxiter=2000,
-                                 return_eigenvectors=False)[0]) for end in ("SA", "LA"))
+    low, high = (eigenvalue(lambda x: root(k @ root(np.ravel(x))), k.shape[0], end) for end in ("SA", "LA"))
     return low, high

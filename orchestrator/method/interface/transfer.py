@@ -185,10 +185,6 @@ class Transfer:
         partner, kept = self.partner[: self.size], sp.diags_array(self._met.astype(float))
         return sp.csr_array(kept @ sp.csr_array(matrix[partner][:, partner]) @ kept)
 
-    def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-        """Q × m of sparse columns (D + G, m), on side 1 and on side 2, of points that all are there."""
-        return sp.csr_array(self.products.G1 @ fields), sp.csr_array(self.products.G2 @ fields)
-
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of side 2 where nodes match.
 

@@ -79,7 +79,6 @@ class Following:
             i.mortar = mortars[i.index]
         self.space.transfer = self.space.transfer.paired(mortars)
         pairs = make_pairs(self.scene, self.space, self.direction.whole, self.stabilisation)
-        pairs.slid = np.zeros((3, len(pairs)))
         now = pairs.transfer.jump(w)[0]
         then, jump = (np.zeros_like(now),) * 2 if self._before is None else (pairs.transfer.jump(self._before[0])[0], self._before[1])
         for i, at in pairs.each():

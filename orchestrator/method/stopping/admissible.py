@@ -116,8 +116,7 @@ class Repositioning:
 
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: AtPoints):
         self.space, self.modes, self.weight = space, modes, weight
-        one, two = space.transfer.rows(modes.traces)
-        jumps, mine = sp.csr_array(two - one), space.transfer.mine
+        jumps, mine = space.transfer.B @ modes.traces, space.transfer.mine
         forces = sp.csr_array((weight.matrix() @ jumps)[mine])  # what is summed over the points is their first side's
         self._solve = semidefinite(sp.csr_array(jumps[mine].T @ forces), modes.number, space.team)
 

@@ -144,8 +144,7 @@ class AdmissibleDisplacement:
         pick = sp.csr_array((np.concatenate([both.directions.ravel(), np.ones(self.ties)]),
                              np.concatenate([column.ravel(), 3 * count + ties]), ends), shape=(len(ends) - 1, 3 * count + self.ties))
         now = self.rows @ self.continuity.traces(mean, known)[0]
-        if self.pairs.slid is not None:
-            now[: 3 * count] += self.pairs.slid[:, self.own].ravel()
+        now[: 3 * count] += self.pairs.slid[:, self.own].ravel()
         lack = pick @ now - np.concatenate([both.goals, np.zeros(self.ties)])
         soft = sp.diags_array(np.concatenate([both.soft, np.zeros(self.ties)]))
         if common.shape[1]:
@@ -167,8 +166,7 @@ class AdmissibleDisplacement:
 
     def _jumps(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(3, P) of means (1, classes)."""
-        jump = self.pairs.transfer.jump(self.continuity.traces(mean, known)[0])
-        return jump if self.pairs.slid is None else jump + self.pairs.slid
+        return self.pairs.transfer.jump(self.continuity.traces(mean, known)[0]) + self.pairs.slid
 
     def _held(self, answer: Answer, chosen: np.ndarray, goal: np.ndarray) -> Held:
         """What the laws hold at those pairs that are chosen (P,), by their answer; ``goal``: (3, P)."""

@@ -128,35 +128,21 @@ class Estimator:
         return np.array([sum(float((load[number] * side[t]).sum()) for load, side in zip(self.loads, sides))
                          for t, number in enumerate(numbers)])
 
-    def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
-        """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
-        return np.array([self.energies(u).sum() for u in np.concatenate(sides, axis=1)])
-
     def energies(self, displacement: np.ndarray) -> np.ndarray:
         """(m,) ∫ ε : C ε of the cells, from displacements (n, 3)."""
         return self.energies_of(self.stress(displacement))
 
-    def squares(self, broken: np.ndarray, number: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) η² and energies of the cells, of displacements at their own nodes (m, 4 or 10, 3), which may leap between them.
-
-        number : load step of the scene, whose loads inside the cells count; None: there are none
-        """
-        sigma = self.stress(broken.reshape(-1, 3), number, np.arange(self.cells.size).reshape(self.cells.shape))
-        return self._errors([sigma], [number])[0], self.energies_of(sigma)
-
-    def stress(self, displacement: np.ndarray, number: int | None = None, cells: np.ndarray | None = None) -> np.ndarray:
+    def stress(self, displacement: np.ndarray, number: int | None = None) -> np.ndarray:
         """(6, p, m) stress, of ten-node tets at the p = 4 corners, of four-node ones the one that there is.
 
         number : load step of the scene, whose thermal strain is without stress; None: all strain has stress
-        cells : on the nodes of the displacement, if these are others
         """
-        cells = self.cells if cells is None else cells
-        places = np.eye(4) if cells.shape[1] == 10 else [CENTRE]
-        return np.stack([stress(self.strain(displacement, at, number, cells), self.lame).T for at in places], axis=1)
+        places = np.eye(4) if self.cells.shape[1] == 10 else [CENTRE]
+        return np.stack([stress(self.strain(displacement, at, number), self.lame).T for at in places], axis=1)
 
-    def strain(self, displacement: np.ndarray, at: np.ndarray, number: int | None, cells: np.ndarray) -> np.ndarray:
+    def strain(self, displacement: np.ndarray, at: np.ndarray, number: int | None) -> np.ndarray:
         """(m, 6) strain that has stress, at barycentric coordinates (4,); the rest as for ``stress``."""
-        epsilon = strain(self.gradients, cells, displacement, at)
+        epsilon = strain(self.gradients, self.cells, displacement, at)
         if self.thermal is not None and number is not None:
             epsilon[:, :3] -= (self.thermal[number] @ at)[:, None]
         return epsilon
