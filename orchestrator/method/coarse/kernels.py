@@ -29,20 +29,11 @@ def spread(start, stop, L, chosen, bounds, both, F):
 
 
 @compiled
-def swept(start, stop, of, ends, fields, weight, results):
-    """dF = L y and ω (1₃ ⊗ φ) A y, the ``results`` (3, Q), at some of the pairs; as for ``spread`` and ``carried``.
-
-    ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
-    """
-    (L, phi, places, A, rows, shapes, chosen, bounds), (dF, against) = of, results
-    half = fields.shape[1]
-    y = np.empty(2 * half)
+def moved(start, stop, of, both, weight, result):
+    """result (3, Q) = ω (1₃ ⊗ φ) A y at some of the pairs; as for ``spread`` and ``carried``."""
+    _, phi, places, A, rows, shapes, chosen, bounds = of
     for i in range(start, stop):
-        if bounds[i] == bounds[i + 1]:
-            continue
-        for f in range(half):
-            y[f], y[half + f] = fields[ends[i, 0], f], fields[ends[i, 1], f]
-        m = shapes[i]
+        y, m = both[i], shapes[i]
         combined = np.empty(3 * m)
         for a in range(3 * m):
             total, along = 0.0, A[rows[i] + a]
@@ -51,16 +42,12 @@ def swept(start, stop, of, ends, fields, weight, results):
             combined[a] = total
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
-            row, share, first = L[p], weight[p], places[i] + m * p
+            first = places[i] + m * p
             for d in range(3):
-                total = 0.0
-                for f in range(len(y)):
-                    total += row[d, f] * y[f]
-                dF[d, q] = total
                 total = 0.0
                 for j in range(m):
                     total += combined[d * m + j] * phi[first + j]
-                against[d, q] = share * total
+                result[d, q] = weight[p] * total
 
 
 @compiled

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, changed, slopes, spread, swept
+from orchestrator.method.coarse.kernels import carried, changed, moved, slopes, spread
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.scene.interface import ends_of
 from orchestrator.linalg import svd
@@ -121,10 +121,9 @@ class PairFields:
 
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
-        change, against = np.empty((2, 3, len(self.chosen)))
-        in_parts(swept, len(self.ends), self._of, self.ends, np.ascontiguousarray(y), weight, (change, against),
-                 part=self.part(len(self.chosen)))
-        return change, against
+        against = np.empty((3, len(self.chosen)))
+        in_parts(moved, len(self.ends), self._of, self.both(y), weight, against, part=self.part(len(self.chosen)))
+        return self.predicted(np.zeros_like(against), y), against
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 2n) fields of the two bodies of every interface."""

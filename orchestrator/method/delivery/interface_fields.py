@@ -253,7 +253,7 @@ def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *field
 
     nearest, empty = cKDTree(points[mortar.points]).query(points[shown[rest]])[1], np.flatnonzero(np.diff(shares.indptr) == 0)
     shares = shares + sp.csr_array((np.ones(len(empty)), (empty, nearest[empty])), shape=shares.shape)
-    shares = sp.csr_array(sp.diags_array(1 / shares.sum(axis=1)) @ shares)
+    shares = sp.diags_array(1 / shares.sum(axis=1)) @ shares
     status[:, rest] = status[:, own[nearest]]
     for values in fields:
         there = values.reshape(*values.shape[:2], -1)

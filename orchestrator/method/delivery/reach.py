@@ -139,7 +139,7 @@ class _Springs:
         rows, columns = np.repeat(dof, 2 * RIGID, axis=1).ravel(), np.tile(dof, 2 * RIGID).ravel()
         own = sp.csr_array((np.concatenate(blocks).ravel(), (rows, columns)), shape=(size, size))
         S = sp.diags_array(self.scale)
-        return sp.csr_array(S @ (sum(self.bodies.team.all_gather(own), sp.csr_array((size, size))) + self.supports) @ S)
+        return S @ (sum(self.bodies.team.all_gather(own), sp.csr_array((size, size))) + self.supports) @ S
 
     def _modes(self, matrix: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(bodies, 6, m) Y and (bodies, 6, 6) with Y Yᵀ and these on its diagonal H⁻¹, or above it; and (bodies,) bool, those that it

@@ -100,7 +100,7 @@ def _constraints(scene: Scene) -> sp.csr_array:
             blocks.append(i.mortar.second[live] @ picked(two) - i.mortar.first[live] @ picked(one))
         elif not np.array_equal(one, two):
             blocks.append(picked(two) - picked(one))
-    return sp.csr_array(sp.vstack(blocks))
+    return sp.vstack(blocks)
 
 
 def _constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.ndarray:
@@ -108,10 +108,10 @@ def _constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.n
     loose = np.flatnonzero(~scene.fixed.ravel())
     lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
     right = (scene.loads.reshape(scene.steps, -1) - (stiffness @ lift.T).T)[:, loose]
-    gap, inner, free = (B @ lift.T).T, sp.csr_array(stiffness[loose][:, loose]), sp.csr_array(B[:, loose])
+    gap, inner, free = (B @ lift.T).T, stiffness[loose][:, loose], B[:, loose]
     met = np.unique(free.indices)
     gamma = STIFF * float(np.mean(inner.diagonal()[met])) if len(met) else 1.0
-    solve = Factor(sp.csr_array(inner + gamma * (free.T @ free)))
+    solve = Factor(inner + gamma * (free.T @ free))
     force, u = np.zeros((scene.steps, B.shape[0])), np.zeros((scene.steps, len(loose)))
     for _ in range(ROUNDS):
         rest = right - (inner @ u.T).T - (free.T @ (force + gamma * ((free @ u.T).T + gap)).T).T

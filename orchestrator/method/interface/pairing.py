@@ -94,7 +94,7 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
         gives = result.compliance.diagonal()
         usual = 2 * float(gives.sum() / max(np.count_nonzero(gives), 1)) or 1.0
         parts = [np.arange(a, b) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:]) if i.mortar is not None]
-        S = sp.csr_array(transfer.B @ result.compliance @ transfer.B.T)
+        S = transfer.B @ result.compliance @ transfer.B.T
         search_stiffness(S, points, parts, usual)
     return result
 

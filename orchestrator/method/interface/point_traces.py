@@ -114,7 +114,7 @@ class PointTraces:
     def squares(self, force: np.ndarray) -> tuple[float, float, float]:
         """Squares of f − f̂, of f and of the sides' imbalance, in the norm of (k⁺)⁻¹; this rank's share of the sums."""
         size = self.transfer.size
-        C = self.nodes.compliance if size == self.transfer.total else sp.csr_array(self.nodes.compliance[:size, :size])
+        C = self.nodes.compliance if size == self.transfer.total else self.nodes.compliance[:size, :size]
         return tuple(2 * share * float(np.vdot(x, times(C, x))) for share, x in (
             (1.0, (self.f - self.transfer.opposed(force))[:, :size]), (1.0, self.f[:, :size]), (0.5, self.transfer.imbalance(self.f))))
 
@@ -143,7 +143,7 @@ def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray
     """
     for at in parts:
         dofs = rows_of(at, len(points))
-        own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
+        own, normal, count = S[dofs][:, dofs], points.normal[:, at], len(at)
         blocks = node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
         along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
         each = np.einsum("pii->pi", blocks)

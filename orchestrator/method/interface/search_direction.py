@@ -46,7 +46,7 @@ class SearchDirection:
         for factor, sides in zip(factors, self.space.sides):
             for dofs in sides:
                 each[dofs] = factor
-        return SearchDirection(sp.csr_array(sp.diags_array(each) @ self.whole), self.space)  # no entry couples two interfaces
+        return SearchDirection(sp.diags_array(each) @ self.whole, self.space)  # no entry couples two interfaces
 
     @cached_property
     def solve(self) -> Factor:
@@ -64,8 +64,8 @@ class SearchDirection:
     def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
         """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``."""
         rows = self.space.scatter
-        whole = sp.csr_array(rows @ self.k @ rows.T) if len(subdomains) else None  # no entry couples two subdomains
-        return [sp.csr_array(whole[part, part]) for part in (self.space.boundary[e] for e in subdomains)]
+        whole = rows @ self.k @ rows.T if len(subdomains) else None  # no entry couples two subdomains
+        return [whole[part, part] for part in (self.space.boundary[e] for e in subdomains)]
 
     @cached_property
     def other(self) -> sp.csr_array:

@@ -40,41 +40,21 @@ class SpreadFactor:
     """
 
     def __init__(self, lower: sp.csr_array, number: np.ndarray, shared: np.ndarray, team: Team):
-        self._own = Elimination(lower, shared)
-        self._border = on_borders(self._own.left(), number[shared], team)
+        self._inside, self._border = np.flatnonzero(~shared), np.flatnonzero(shared)
+        whole = lower + sp.tril(lower, -1).T
+        self._inner = Factor(whole[self._inside][:, self._inside])
+        self._coupling = whole[self._border][:, self._inside]  # A_SI
+        left = whole[self._border][:, self._border].toarray()
+        for a in range(0, len(left), COLUMNS):
+            left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
+        self._sum = on_borders((left + left.T) / 2, number[shared], team)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """(T, n) solutions in the unknowns that this rank sees, from its part (T, n) of the right-hand sides."""
-        return self._own.completed(rows, self._border(self._own.carried(rows)))
-
-
-class Elimination:
-    """Elimination of the unknowns I that only this rank's part of the matrix sees; parameters as of ``SpreadFactor``."""
-
-    def __init__(self, lower: sp.csr_array, shared: np.ndarray):
-        self.inner, self.outer = np.flatnonzero(~shared), np.flatnonzero(shared)
-        whole = sp.csr_array(lower + sp.tril(lower, -1).T)
-        self._inner = Factor(sp.csr_array(sp.tril(whole[self.inner][:, self.inner])))
-        self._coupling = sp.csr_array(whole[self.outer][:, self.inner])
-        self._back = sp.csr_array(self._coupling.T)
-        self._outer = sp.csr_array(whole[self.outer][:, self.outer])
-
-    def left(self) -> np.ndarray:
-        """(n_S, n_S) A_SS − A_SI A_II⁻¹ A_IS, symmetric."""
-        left = self._outer.toarray()
-        for a in range(0, len(self.outer), COLUMNS):
-            left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
-        return (left + left.T) / 2
-
-    def carried(self, rows: np.ndarray) -> np.ndarray:
-        """(T, n_S) b_S − A_SI A_II⁻¹ b_I of right-hand sides (T, n)."""
-        return rows[:, self.outer] - times(self._coupling, self._inner(rows[:, self.inner]))
-
-    def completed(self, rows: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """(T, n) solutions, from right-hand sides and what is found (T, n_S) on the borders."""
-        result = np.empty_like(rows)
-        result[:, self.outer] = found
-        result[:, self.inner] = self._inner(rows[:, self.inner] - times(self._back, found))
+        result, own = np.empty_like(rows), rows[:, self._inside]
+        found = self._sum(rows[:, self._border] - times(self._coupling, self._inner(own)))
+        result[:, self._border] = found
+        result[:, self._inside] = self._inner(own - times(self._coupling.T, found))
         return result
 
 

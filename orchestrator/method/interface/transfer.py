@@ -55,12 +55,12 @@ class Products(NamedTuple):
 
     @classmethod
     def stacked(cls, blocks: Sequence[Products]) -> Products:
-        return cls(*(sp.csr_array(sp.vstack(same)) for same in zip(*blocks)))
+        return cls(*(sp.vstack(same) for same in zip(*blocks)))
 
     def rows(self, chosen: np.ndarray) -> Products:
         """Some of the points by number; −1: one that is not there."""
         chosen = unit_rows(chosen.ravel(), self.G1.shape[0])
-        return Products(*(sp.csr_array(chosen @ G) for G in self))
+        return Products(*(chosen @ G for G in self))
 
 
 def inverse(mortar: Mortar) -> sp.csr_array:
@@ -178,19 +178,19 @@ class Transfer:
     @cached_property
     def B(self) -> sp.csr_array:
         """(Q, D + G) G₂ − G₁."""
-        return sp.csr_array(self.products.G2 - self.products.G1)
+        return self.products.G2 - self.products.G1
 
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
         """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it where nodes match; zero elsewhere."""
         partner, kept = self.partner[: self.size], sp.diags_array(self._met.astype(float))
-        return sp.csr_array(kept @ sp.csr_array(matrix[partner][:, partner]) @ kept)
+        return kept @ matrix[partner][:, partner] @ kept
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of side 2 where nodes match.
 
         Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over from other nodes.
         """
-        return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))
+        return tuple(matrix[side][:, side] for side in (self.one, self.two))
 
     def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to a common factor where nodes

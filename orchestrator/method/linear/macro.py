@@ -127,11 +127,11 @@ class Macro:
         self.space, self.strategy, self.spent = space, strategy, spent
         self.number, self.shared = _numbers(space, bases)
         fields, blocks = moved(space, bases), _blocks(space, bases)
-        forces = sp.csr_array(direction.k @ fields[: space.size]) if strategy == "equilibrium" else _at_points(space, direction, bases)
+        forces = direction.k @ fields[: space.size] if strategy == "equilibrium" else _at_points(space, direction, bases)
         self.C, self.size = Blocks.found(fields, blocks), forces.shape[1]
         self.G = Blocks.found(forces, [[(rows, columns) for rows, columns in group if rows.start < space.size] for group in blocks])
-        self._worked = sp.csr_array(fields[: space.size].T @ forces) if strategy == "equilibrium" else None
-        self._forces = force_blocks(sp.csr_array(space.scatter @ forces), space.boundary)
+        self._worked = fields[: space.size].T @ forces if strategy == "equilibrium" else None
+        self._forces = force_blocks(space.scatter @ forces, space.boundary)
 
     def solve(self, blackbox: BlackBox) -> float:
         """Form V = M⁻¹NᵀG, all subdomains at once, and factorise the macro matrix; it can be asked from then on.

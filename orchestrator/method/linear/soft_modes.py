@@ -174,7 +174,7 @@ def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.nda
     transfer, sides = space.transfer, space.sides[index]
     dofs = np.concatenate(sides)
     points = slice(transfer.bounds[index], transfer.bounds[index + 1])
-    own, across = sp.csr_array(k[dofs][:, dofs]), sp.csr_array(transfer.B[points][:, dofs])
+    own, across = k[dofs][:, dofs], transfer.B[points][:, dofs]
     across = across[abs(across) @ (~held[dofs]) > 0]  # points that have slid off the other side keep nothing together
     nearest, parts = Nearest(own, across, held[dofs]), []
     for side, n in zip(sides, widths):

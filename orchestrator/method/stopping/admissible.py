@@ -103,7 +103,7 @@ class AtPoints:
         """The sparse matrix."""
         one, two = self.transfer.at_points(self.whole)
         root = sp.diags_array(np.broadcast_to(self.root, self.transfer.one.shape))
-        return sp.csr_array(root @ (one + two) @ root)
+        return root @ (one + two) @ root
 
 
 class Repositioning:
@@ -117,8 +117,8 @@ class Repositioning:
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: AtPoints):
         self.space, self.modes, self.weight = space, modes, weight
         jumps, mine = space.transfer.B @ modes.traces, space.transfer.mine
-        forces = sp.csr_array((weight.matrix() @ jumps)[mine])  # what is summed over the points is their first side's
-        self._solve = semidefinite(sp.csr_array(jumps[mine].T @ forces), modes.number, space.team)
+        forces = (weight.matrix() @ jumps)[mine]  # what is summed over the points is their first side's
+        self._solve = semidefinite(jumps[mine].T @ forces, modes.number, space.team)
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
         """(T, modes) c for traces (T, D + G)."""

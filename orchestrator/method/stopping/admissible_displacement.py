@@ -75,7 +75,7 @@ class AdmissibleDisplacement:
     def rows(self) -> sp.csr_array:
         """(3 own points + ties, D + G) all jumps that may be held, component by component, and those of bonds whose nodes do not match."""
         components = np.arange(3)[:, None] * len(self.pairs) + self.own
-        return sp.csr_array(sp.vstack([sp.csr_array(self.pairs.transfer.B)[components.ravel()], self.continuity.rows]))
+        return sp.vstack([self.pairs.transfer.B[components.ravel()], self.continuity.rows])
 
     @cached_property
     def linked(self) -> Constraint:
@@ -150,7 +150,7 @@ class AdmissibleDisplacement:
         if common.shape[1]:
             rest = FREE * self.linked.matrix.diagonal().max() * (common @ common.T)
             soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest, sp.csr_array((self.ties,) * 2)])
-        chosen, count = self.linked.some(pick, sp.csr_array(soft)), len(held.at)
+        chosen, count = self.linked.some(pick, soft), len(held.at)
         change, forces = chosen.held(lack[None])
         return mean - change, forces[0, :count], chosen.matrix.diagonal()[chosen.mine][:count] - held.soft
 

@@ -73,7 +73,7 @@ class Continuity:
     @cached_property
     def rows(self) -> sp.csr_array:
         """(p, D + G) the jump at those points of perfect interfaces whose nodes do not match."""
-        return sp.csr_array(self.space.transfer.B[self.points])
+        return self.space.transfer.B[self.points]
 
     @cached_property
     def _joined(self) -> Constraint:
@@ -98,7 +98,7 @@ class Continuity:
         _, there, local = np.intersect1d(space.labels, columns, assume_unique=True, return_indices=True)
         spread = sp.csc_array(scaled)[:, local].tocoo()
         spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(C.shape[0], len(space.labels)))
-        return Constraint(sp.csr_array(scaled @ C.T), np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread, team)
+        return Constraint(scaled @ C.T, np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread, team)
 
     @cached_property
     def _traces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -130,12 +130,12 @@ class Constraint:
         parts = self.team.all_gather((pick, soft))
         starts = bounds_of([one.shape[0] for one, _ in parts])
         if len(parts) > 1:
-            pick, soft = (sp.csr_array(sp.block_diag(same)) for same in zip(*parts))
+            pick, soft = (sp.block_diag(same) for same in zip(*parts))
         matrix = (pick @ self.matrix @ pick.T + soft).tocoo()
         (row, column), root = matrix.coords, np.sqrt(matrix.diagonal())
         there = np.abs(matrix.data) > ROUNDED * root[row] * root[column]  # directions at a point are orthogonal but for rounding
         matrix = sp.csr_array((matrix.data[there], (row[there], column[there])), shape=matrix.shape)
-        return Constraint(matrix, np.arange(*starts[self.team.rank: self.team.rank + 2]), sp.csr_array(pick @ self.spread), self.team)
+        return Constraint(matrix, np.arange(*starts[self.team.rank: self.team.rank + 2]), pick @ self.spread, self.team)
 
     @cached_property
     def solve(self) -> Callable[[np.ndarray], np.ndarray]:

@@ -90,7 +90,7 @@ class Friction:
         with np.errstate(invalid="ignore"):
             share = np.where(np.isinf(second), 1.0, np.where(np.isinf(first), 0.0, second / (first + second)))
             weight = np.where(share > 0, share * first, second)
-        return sp.csr_array(sp.diags_array(np.tile(share, 3)) @ one - sp.diags_array(np.tile(1 - share, 3)) @ two), weight
+        return sp.diags_array(np.tile(share, 3)) @ one - sp.diags_array(np.tile(1 - share, 3)) @ two, weight
 
     def _sides(self) -> tuple[sp.csr_array, sp.csr_array]:
         """(3P, D + G) rows that read the pairs' forces off those of either side alone, empty ones of a second that does not tell."""
@@ -98,9 +98,9 @@ class Friction:
         first, read = np.zeros(transfer.total), transfer.products.E
         for i in self.pairs.interfaces:
             first[transfer.sides[i.index][0]] = 1.0
-        one, two = (sp.csr_array(read @ sp.diags_array(side)) for side in (first, first - 1))
+        one, two = (read @ sp.diags_array(side) for side in (first, first - 1))
         both = sp.diags_array(1.0 + (abs(two).sum(axis=1) > 0))  # where nodes are paired half is read off either side
-        return sp.csr_array(both @ one), sp.csr_array(both @ two)
+        return both @ one, both @ two
 
     def _of_pressures(self) -> float:
         """λ_N, of pairs: those of two ranks are with both."""
