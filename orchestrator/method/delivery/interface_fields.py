@@ -7,7 +7,7 @@ stage's. T load steps, N interface nodes, I interfaces.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -148,11 +148,12 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     offsets = bounds_of([len(c) for c in shown])
     start = {i.index: a for i, a in zip(chosen, offsets)}
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
-    own_node = corner[:, 1] < 0
+    own_node, mine = corner[:, 1] < 0, np.flatnonzero(pairs.mine)
+    to, taken, halved, ends = place[own_node], mine[own_node], mine[~own_node], corner[~own_node].T
 
-    def at_shown(values: Sequence[np.ndarray], *shape: int, kind: type = float) -> np.ndarray:
-        """(N, …) of values at all nodes of each interface."""
-        return joined([x[c] for x, c in zip(values, shown)], (0, *shape)).astype(kind, copy=False)
+    def at_shown(values: Iterable[np.ndarray], kind: type = float) -> np.ndarray:
+        """(N,) of values at all nodes of each interface."""
+        return joined([x[c] for x, c in zip(values, shown)]).astype(kind, copy=False)
 
     apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
@@ -164,19 +165,19 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         at = geometry_shown(scene, chosen)
         acting, every[t] = at.acting, at.area
         jumps, forces, statuses, own_values = _stages(here, iterated, pair, t)
-        jumps, forces = (x.transpose(0, 2, 1)[:, here.mine] for x in (jumps, forces))
+        jumps, forces = (x.transpose(0, 2, 1) for x in (jumps, forces))
         jump = np.zeros_like(force[t])
-        jump[:, place[own_node]], force[t, place[own_node]] = jumps[:, own_node], forces[:, own_node]
-        for result, found in [(status, statuses), *((own[name], x) for name, x in own_values.items() if name in own)]:
-            result[t, place[own_node]] = found[:, here.mine][:, own_node]
-        for end in corner[~own_node].T:  # what acts in the middle of an edge acts on its ends, half on each
-            np.add.at(force, (t, end), 0.5 * forces[:, ~own_node])
+        jump[:, to], force[t, to], status[t, to] = jumps[:, taken], forces[:, taken], statuses[:, taken]
+        for name in own.keys() & own_values.keys():
+            own[name][t, to] = own_values[name][:, taken]
+        for end in ends:  # what acts in the middle of an edge acts on its ends, half on each
+            np.add.at(force, (t, end), 0.5 * forces[:, halved])
         (opening, slip[t]), (push, shear) = _parted(jump, acting), _parted(force[t], acting)
         size = np.where(at.area > 0, at.area, np.inf)
         traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (at.length * size), apart[t] + at.length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
-            moved[:, place[own_node]] = shift[t, :, : len(here)].transpose(0, 2, 1)[:, here.mine][:, own_node]
+            moved[:, to] = shift[t].transpose(0, 2, 1)[:, taken]
             along, across = _parted(moved, acting)
             shifts[:, t] = at.length * along, np.linalg.norm(across, axis=2)
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
@@ -217,9 +218,9 @@ def _stages(pairs: Pairs, iterated: Iterated, pair: Pair | None, t: slice) -> tu
     if pair is None:
         at = pairs.traces(*(x[t] for x in iterated.fields.extended))
         return at.jump, at.force, iterated.local.status[t], {name: x[t] for name, x in iterated.local.own.items()}
-    first, answers = slice(0, len(pairs)), pair.answers[t]  # those of perfect interfaces come last
-    return (pair.jump[t][:, :, first], pair.forces[t][:, :, first], np.array([a.status[first] for a in answers]),
-            {name: np.array([a.own[name][first] for a in answers]) for name in answers[0].own})
+    answers = pair.answers[t]  # of more points: those of perfect interfaces come last
+    return (pair.jump[t], pair.forces[t], np.array([a.status for a in answers]),
+            {name: np.array([a.own[name] for a in answers]) for name in answers[0].own})
 
 
 def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:

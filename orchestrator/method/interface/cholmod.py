@@ -28,36 +28,46 @@ SUPERNODAL, LOWER, LONG, REAL, DOUBLE, SYSTEM = 2, -1, 2, 1, 0, 0  # constants o
 _ALONE = Lock()  # held by the thread that is in the library
 
 
+_KINDS = {"double": c_double, "int": c_int, "size_t": c_size_t, "void*": c_void_p}
+
+
+def _fields(declared: str) -> list[tuple[str, type]]:
+    """Return the fields of a structure as C declares them, ``double a, b[2]; int c``."""
+    found = []
+    for line in declared.split(";"):
+        kind, names = line.split(maxsplit=1)
+        for name, _, count in (one.strip(" ]\n").partition("[") for one in names.split(",")):
+            found.append((name, _KINDS[kind] * int(count) if count else _KINDS[kind]))
+    return found
+
+
 class _Method(ctypes.Structure):
-    _fields_ = [("statistics", c_double * 2), ("dense", c_double * 2), ("separator", c_double * 5), ("small", c_size_t * 5),
-                ("switches", c_int * 5), ("ordering", c_int), ("other", c_size_t * 4)]
+    _fields_ = _fields("double statistics[2], dense[2], separator[5]; size_t small[5]; int switches[5], ordering; size_t other[4]")
+
+
+_KINDS["method"] = _Method
 
 
 class _Settings(ctypes.Structure):
     """The head of ``cholmod_common``, as far as it is asked or set."""
 
-    _fields_ = [("bound", c_double), ("grow0", c_double), ("grow1", c_double), ("grow2", c_size_t), ("rank", c_size_t),
-                ("switch", c_double), ("supernodal", c_int), ("final", c_int * 6), ("zeros", c_double * 3),
-                ("relaxed", c_size_t * 3), ("zomplex", c_int), ("upper", c_int), ("quick_return", c_int), ("binary", c_int),
-                ("print", c_int), ("precise", c_int), ("try_catch", c_int), ("handler", c_void_p), ("methods", c_int),
-                ("current", c_int), ("selected", c_int), ("method", _Method * 10), ("postorder", c_int)]
+    _fields_ = _fields("""double bound, grow0, grow1; size_t grow2, rank; double switch; int supernodal, final[6];
+        double zeros[3]; size_t relaxed[3]; int zomplex, upper, quick_return, binary, print, precise, try_catch;
+        void* handler; int methods, current, selected; method method[10]; int postorder""")
 
 
 class _Sparse(ctypes.Structure):
-    _fields_ = [("rows", c_size_t), ("columns", c_size_t), ("entries", c_size_t), ("p", c_void_p), ("i", c_void_p), ("nz", c_void_p),
-                ("x", c_void_p), ("z", c_void_p), ("part", c_int), ("index", c_int), ("kind", c_int), ("real", c_int),
-                ("sorted", c_int), ("packed", c_int)]
+    _fields_ = _fields("size_t rows, columns, entries; void* p, i, nz, x, z; int part, index, kind, real, sorted, packed")
 
 
 class _Dense(ctypes.Structure):
-    _fields_ = [("rows", c_size_t), ("columns", c_size_t), ("entries", c_size_t), ("stride", c_size_t), ("x", c_void_p),
-                ("z", c_void_p), ("kind", c_int), ("real", c_int)]
+    _fields_ = _fields("size_t rows, columns, entries, stride; void* x, z; int kind, real")
 
 
 class _Factor(ctypes.Structure):
     """The head of ``cholmod_factor``: the first column whose pivot is not positive, or n."""
 
-    _fields_ = [("n", c_size_t), ("minor", c_size_t)]
+    _fields_ = _fields("size_t n, minor")
 
 
 @cache
@@ -67,24 +77,13 @@ def library() -> ctypes.CDLL | None:
         name = f"libcholmod.{version}.dylib" if sys.platform == "darwin" else f"libcholmod.so.{version}"
         for place in (str(Path(sys.prefix, "lib", name)), name):
             try:
-                found = _declared(ctypes.CDLL(place))
+                found = ctypes.CDLL(place)
+                found.cholmod_l_analyze.restype = POINTER(_Factor)
+                if _as_expected(found):
+                    return found
             except (OSError, AttributeError):
                 continue
-            if _as_expected(found):
-                return found
     return None
-
-
-def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
-    room, sparse, dense, factor = c_void_p, POINTER(_Sparse), POINTER(_Dense), POINTER(_Factor)
-    for name, result, arguments in (
-            ("start", c_int, [room]), ("finish", c_int, [room]), ("analyze", factor, [sparse, room]),
-            ("factorize", c_int, [sparse, factor, room]), ("free_factor", c_int, [POINTER(factor), room]),
-            ("free_dense", c_int, [POINTER(dense), room]),
-            ("solve2", c_int, [c_int, factor, dense, c_void_p, POINTER(dense), c_void_p, POINTER(dense), POINTER(dense), room])):
-        function = getattr(found, f"cholmod_l_{name}")
-        function.restype, function.argtypes = result, arguments
-    return found
 
 
 def _as_expected(found: ctypes.CDLL) -> bool:
