@@ -8,6 +8,7 @@ the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import scipy.sparse as sp
@@ -40,7 +41,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         where, chosen = scene.points(i), lawful_nodes(i)
         at = geometry_of(where, i, i.shares)
         share = at.area[chosen]
-        own.append(_parameters(i, chosen, at.length[chosen], share))
+        own.append([law.parameters(chosen, at.length[chosen], share) for law in (i.law, *i.law_at_steps)])
         rows.append(_numbers(space.transfer, i, chosen))
         normal.append(at.acting[chosen])
         area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))  # pressures of what carries nothing are zero
@@ -58,14 +59,10 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:
     """(p, 3) int, which flat points of the scene the components of an interface's points are, −1 for none."""
-    start = transfer.bounds[interface.index]
-    if interface.mortar is not None:
-        live = interface.mortar.live
-        number = start + np.cumsum(live).reshape(live.shape) - 1
-        return np.where(interface.mortar.carrying[:, None] & live, number, -1)
-    number = np.full(interface.free.shape, -1)
-    number[interface.free] = start + np.arange(interface.free.sum())
-    return number[chosen]
+    mortar = interface.mortar
+    live = interface.free if mortar is None else mortar.live
+    number = np.where(live, transfer.bounds[interface.index] + np.cumsum(live).reshape(live.shape) - 1, -1)
+    return number[chosen] if mortar is None else np.where(mortar.carrying[:, None], number, -1)
 
 
 def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Interface], transfer: Transfer,
@@ -111,34 +108,26 @@ def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface
     return each * np.minimum(1.0, rigidity * points.area / points.stiff_n)
 
 
-def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[dict]) -> list[Run]:
-    """The interfaces' points joined, law after law; ``own`` has the laws' parameters, interface by interface."""
-    laws, runs, start = [type(i.law) for i in interfaces], [], 0
-    for end, law in enumerate(laws, 1):
-        if end == len(laws) or laws[end] is not law:
-            part = slice(int(bounds[start]), int(bounds[end]))
-            constant, stepped = ([values[k] for values in own[start:end]] for k in (0, 1))
-            joined = {name: np.concatenate([values[name] for values in constant], axis=-1) for name in constant[0]}
-            moving = {name: _over_steps([(values.get(name), same[name]) for values, same in zip(stepped, constant)])
-                      for name in constant[0] if any(name in values for values in stepped)}
-            numbers = np.repeat([i.index for i in interfaces[start:end]], np.diff(bounds[start:end + 1]))
-            runs.append(Run(law, part, replace(points.some(part), own=joined, stepped=moving, interface=numbers)))
-            start = end
+def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[list[dict]]) -> list[Run]:
+    """The interfaces' points joined, law after law.
+
+    own : interface by interface the parameters of its law, then those of each load step, if they differ
+    """
+    runs = []
+    for law, group in groupby(zip(interfaces, bounds[:-1], bounds[1:], own), key=lambda each: type(each[0].law)):
+        some, starts, ends, given = zip(*group)
+        part = slice(int(starts[0]), int(ends[-1]))
+        each = [_side_by_side([one[t] if t < len(one) else one[0] for one in given]) for t in range(max(map(len, given)))]
+        steps = {name: np.stack([values[name] for values in each[1:]]) for name in (each[0] if each[1:] else ())}
+        stepped = {name: x for name, x in steps.items() if (x != x[:1]).any()}
+        numbers = np.repeat([i.index for i in some], np.subtract(ends, starts))
+        runs.append(Run(law, part, replace(points.some(part), own=each[0], stepped=stepped, interface=numbers)))
     return runs
 
 
-def _parameters(interface: Interface, *at: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """The parameters of an interface's law at its points, and those that differ between load steps at all of them (T, …, P)."""
-    each = [law.parameters(*at) for law in interface.law_at_steps]
-    stepped = {name: np.stack([values[name] for values in each]) for name in (each[0] if each else ())}
-    return interface.law.parameters(*at), {name: v for name, v in stepped.items() if (v != v[:1]).any()}
-
-
-def _over_steps(parts: list[tuple[np.ndarray | None, np.ndarray]]) -> np.ndarray:
-    """(T, …, P) of interfaces one after the other; what does not differ between load steps (…, P) is the same at all."""
-    steps = next(len(values) for values, _ in parts if values is not None)
-    return np.concatenate([np.broadcast_to(same, (steps, *same.shape)) if values is None else values
-                           for values, same in parts], axis=-1)
+def _side_by_side(given: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Parameters of interfaces one after the other."""
+    return {name: np.concatenate([values[name] for values in given], axis=-1) for name in given[0]}
 
 
 def lawful_nodes(interface: Interface) -> np.ndarray:
