@@ -70,13 +70,13 @@ class Elimination:
         self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]
         self.owner = np.empty(count, dtype=int)
         self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
-        enter = self.layout.enter
+        enter, front = self.layout.enter, np.repeat(np.arange(len(rank)), np.diff(self.layout.enters))
+        mine = rank[front] == team.rank
         self.entered = np.zeros(len(enter), dtype=bool)
-        self.entered[enter[:, 0]] = np.repeat(rank == team.rank, np.diff(self.layout.enters))
+        self.entered[enter[mine, 0]] = True
         enter[:, 0] = np.cumsum(self.entered)[enter[:, 0]] - 1  # of those that this rank has
-        front = np.repeat(np.arange(len(rank)), np.diff(self.layout.enters))
         self._enters = np.empty(self.entered.sum(), int)  # front that each of them enters
-        self._enters[enter[rank[front] == team.rank, 0]] = front[rank[front] == team.rank]
+        self._enters[enter[mine, 0]] = front[mine]
         self._work: np.ndarray | None = None
 
     def _left(self, front: int) -> slice:
