@@ -52,14 +52,6 @@ class Assembly:
         self.count = len(wanted[rank])
         self.sums = _of_some(self.sums, np.repeat(4 * wanted[rank], 4) + np.tile(np.arange(4), self.count))
 
-    def __call__(self, slopes: np.ndarray) -> np.ndarray:
-        """(k, size, size) sums, of the blocks that enter fronts of this rank.
-
-        slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
-        """
-        size = self.pattern.size
-        return (self.sums @ self._wanted(slopes).reshape(-1, size**2)).reshape(-1, size, size)
-
     def _wanted(self, slopes: np.ndarray) -> np.ndarray:
         """Those that enter this rank's fronts, of those that this rank counts."""
         rank = self.team.rank
@@ -101,8 +93,12 @@ class Assembly:
         return result
 
     def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """The same with the bodies' own blocks (bodies, size, size)."""
-        result, (place, bodies) = self(slopes), self.pattern.own
+        """(k, size, size) sums, of the blocks that enter fronts of this rank, with the bodies' ``own`` (bodies, size, size).
+
+        slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
+        """
+        size, (place, bodies) = self.pattern.size, self.pattern.own
+        result = (self.sums @ self._wanted(slopes).reshape(-1, size**2)).reshape(-1, size, size)
         result[place] += own[bodies]
         return result
 

@@ -158,20 +158,20 @@ def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int], 
     number = np.array([of.get(index, -1) for index in fields.index.tolist()], dtype=int)[fields.interface_of_node]
     own, shape_of = [_Points(face, fields, np.flatnonzero(number == k)) for k, face in enumerate(faces)], (len(faces), fields.steps)
     (sums,), ends = team.both([np.reshape([points.sums(slips) for points in own], (*shape_of, 12))], np.ravel([p.ends() for p in own]))
-    normal, bears, whole, capacity, places, sticks = np.split(sums, [1, 4, 7, 8, 11], axis=2)
+    normal, capacity, sticks, bears, whole, places = (sums[..., of] for of in (0, 7, 11, slice(1, 4), slice(4, 7), slice(8, 11)))
     capacity = np.where(capacity > ROUNDING * capacity.max(initial=0.0), capacity, 0.0)  # what rounding leaves of an open face holds nothing
     least = np.where(capacity > 0, capacity, np.inf)
-    centres = [at if face.flat else np.tile(face.through, (fields.steps, 1)) for face, at in zip(faces, places / least)]
+    centres = [at if face.flat else np.tile(face.through, (fields.steps, 1)) for face, at in zip(faces, places / least[..., None])]
     turning, = team.sum(np.reshape([points.turning(centre) for points, centre in zip(own, centres)], (*shape_of, 2)))
     for k, (face, (high, low)) in enumerate(zip(faces, np.reshape(ends, (-1, 2, 3)))):
         carried, used = np.zeros((2, fields.steps))
         if face.flat or face.kind == "round":
             carried = np.linalg.norm(whole[k], axis=1) if face.flat else np.abs(whole[k] @ face.axis)
             # a point that bears all resists no turn
-            pivot = capacity[k, :, 0] * (PIVOT * (high + low).max() + ROUNDING * np.abs([high, low]).max())
+            pivot = capacity[k] * (PIVOT * (high + low).max() + ROUNDING * np.abs([high, low]).max())
             moment, most = np.abs(turning[k, :, 0]), turning[k, :, 1]
-            used = np.hypot(carried / least[k, :, 0], moment / np.where((most > pivot) & (pivot > 0), most, np.inf))
-        sticking = sticks[k, :, 0] / least[k, :, 0]
-        face.carries = {"normal": normal[k, :, 0], "bears": np.linalg.norm(bears[k], axis=1), "carried": carried,
-                        "capacity": capacity[k, :, 0], "used": used, "sticking": sticking,
-                        "slipping": (capacity[k, :, 0] > 0) & (sticking < STICKS) & (used > USED)}
+            used = np.hypot(carried / least[k], moment / np.where((most > pivot) & (pivot > 0), most, np.inf))
+        sticking = sticks[k] / least[k]
+        face.carries = {"normal": normal[k], "bears": np.linalg.norm(bears[k], axis=1), "carried": carried,
+                        "capacity": capacity[k], "used": used, "sticking": sticking,
+                        "slipping": (capacity[k] > 0) & (sticking < STICKS) & (used > USED)}

@@ -48,33 +48,27 @@ def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields
     own : this rank's subdomains; sides : per subdomain (steps, n_E, 3) displacement, of these at least
     fields, interfaces : this rank's, and what they are of
     """
-    meeting = [i for i in scene.interfaces if i.tool is not None]
-    tools = {i.tool.name: i.tool for i in meeting}
-    if not tools:
-        return []
-    moved, touched = {}, {name: set() for name in tools}
-    for i in meeting:
-        if len(i.cells):
-            touched[i.tool.name].add(int(scene.mesh.volume[i.cells[0, 0]]))
-        if (e := i.subdomains[1]) in own and i.tool.name not in moved:
-            motions = motions_about(scene.mesh.nodes[scene.subdomains[e].nodes], i.tool.driven.about, 1.0).reshape(-1, 6)
-            moved[i.tool.name] = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
+    tools = {i.tool.name: i.tool for i in scene.interfaces if i.tool is not None}
+    return [_placed(scene, own, sides, fields, interfaces, tool, team) for tool in tools.values()]
+
+
+def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields, interfaces: Sequence[Interface],
+            tool: Rigid, team: Team) -> Placed:
+    """One of them."""
+    meeting = {i.index: i for i in scene.interfaces if i.tool is not None and i.tool.name == tool.name}
+    touched, moved = {int(scene.mesh.volume[i.cells[0, 0]]) for i in meeting.values() if len(i.cells)}, None
+    if (e := next((e for i in meeting.values() if (e := i.subdomains[1]) in own), None)) is not None:
+        motions = motions_about(scene.mesh.nodes[scene.subdomains[e].nodes], tool.driven.about, 1.0).reshape(-1, 6)
+        moved = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
     told = team.all_gather((moved, touched))
-    moved = {name: np.where(tool.driven.prescribed, tool.driven.moves, next(m[name] for m, _ in told if name in m)) for name, tool in tools.items()}
-    touched = {name: sorted(set().union(*(t[name] for _, t in told))) for name in tools}
-    amiss, turned = dict.fromkeys(tools, 0.0), {name: np.zeros((2, scene.steps)) for name in tools}
-    for i, (_, at) in zip(interfaces, fields.each()):
-        if i.tool is not None:
-            one, two = _amiss(scene, i, moved[i.tool.name], sides, fields, at)
-            amiss[i.tool.name], turned[i.tool.name] = max(amiss[i.tool.name], one), turned[i.tool.name] + two
-    passed = {name: _passed(scene, own, tool, touched[name], moved[name], sides) for name, tool in tools.items()}
-    every, found = team.all_gather((amiss, turned, passed)), []
-    for name, tool in tools.items():
-        aside, whole = sum(t[name] for _, t, _ in every)
-        deepest = max((p[name] for *_, p in every if p[name] is not None), key=lambda at: at[0], default=None)
-        found.append(Placed(tool, moved[name], sorted({scene.mesh.volumes[v] for v in touched[name]}), max(a[name] for a, *_ in every),
-                            peak(ratio(aside, whole)), deepest))
-    return found
+    moved = np.where(tool.driven.prescribed, tool.driven.moves, next(m for m, _ in told if m is not None))
+    touched = sorted(set().union(*(t for _, t in told)))
+    each = [_amiss(scene, i, moved, sides, fields, at) for i, (_, at) in zip(interfaces, fields.each()) if i.index in meeting]
+    amiss, turned = max((one for one, _ in each), default=0.0), sum((two for _, two in each), np.zeros((2, scene.steps)))
+    every = team.all_gather((amiss, turned, _passed(scene, own, tool, touched, moved, sides)))
+    deepest = max((at for *_, at in every if at is not None), key=lambda at: at[0], default=None)
+    return Placed(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}), max(a for a, *_ in every),
+                  peak(ratio(*sum(t for _, t, _ in every))), deepest)
 
 
 def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.ndarray], fields: InterfaceFields,

@@ -146,8 +146,9 @@ class _Cones:
         self.cost = np.r_[np.zeros(self.moving), works / scale, reach.limit[given] / scale]
         self.rows, self.cones = [], []
         if bonds:
-            self._add(sp.vstack([sp.csr_array((b.data, b.indices, b.indptr), shape=(b.shape[0], len(self.cost))) for b in bonds]),
-                      [clarabel.ZeroConeT(sum(b.shape[0] for b in bonds))])
+            for b in bonds:
+                b.resize(b.shape[0], len(self.cost))
+            self._add(sp.vstack(bonds), [clarabel.ZeroConeT(sum(b.shape[0] for b in bonds))])
         one_sided, pushes = -reach.side[:, None] * along, reach.side != 0
         smooth = np.flatnonzero(pushes & (reach.friction == 0))
         self._add(self._matrix(one_sided[smooth], smooth), [clarabel.NonnegativeConeT(len(smooth))] if len(smooth) else [])
