@@ -18,6 +18,7 @@ from orchestrator.compiled import compiled, SUMS
 
 PRODUCT = get_cython_function_address("scipy.linalg.cython_blas", "dgemm")  # the one that scipy brings
 REAL = 8  # bytes of a number
+loop = numba.njit(nogil=True, fastmath=SUMS)  # of what compiled loops call
 
 
 @intrinsic
@@ -111,7 +112,7 @@ def backward(fronts, factors, x):
                 own[i] -= _times_each(L[i, q:], own[q:])
 
 
-@numba.njit(nogil=True, fastmath=SUMS, inline="always")
+@loop
 def _times_each(row, other):
     total = 0.0
     for j in range(len(row)):

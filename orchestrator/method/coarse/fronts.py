@@ -12,11 +12,10 @@ imported where it is used: it takes the compiler along.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-from orchestrator.compiled import SUMS, compiled
-from orchestrator.method.coarse.front_solves import REAL, gemm
+from orchestrator.compiled import compiled
+from orchestrator.method.coarse.front_solves import REAL, gemm, loop
 
 @compiled
 def eliminate(start, stop, product, blocks, layout, room, runs):
@@ -41,7 +40,7 @@ def eliminate(start, stop, product, blocks, layout, room, runs):
             _left(f, product, layout, own, beside, work, joined)
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _entered(f, blocks, layout, own, work, right, runs):
     """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates.
 
@@ -74,7 +73,7 @@ def _entered(f, blocks, layout, own, work, right, runs):
                     _added(right, m * to, work, of, runs, split, count)
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _across(f, p, product, layout, own, beside, right):
     """Invert a band's square, multiply what is beside it by that, and take its part out of the rows
     below that are still to be eliminated, or left."""
@@ -100,7 +99,7 @@ def _across(f, p, product, layout, own, beside, right):
             gemm(product, (rest, m, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_U + REAL * m * p, m), (at_right + REAL * m * q, m))
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _left(f, product, layout, own, beside, work, runs):
     """What a front leaves."""
     _, sizes, places, _, _, _, children, child, rests, _, within = layout
@@ -120,7 +119,7 @@ def _left(f, product, layout, own, beside, work, runs):
                     _added(work, places[f, 2] + m * to, work, places[c, 2] + m_c * (size * u + r), runs, split, count)
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _copied(given, result):
     """result = given, row after row: numba's own is slow."""
     for i in range(len(given)):
@@ -129,7 +128,7 @@ def _copied(given, result):
             row[j] = of[j]
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _runs(within, size, own, runs):
     """Runs of neighbours in the parent: where to, where from, how long. What is eliminated there comes first, the rest counts
     from its own first row. How many of the first, and of all."""
@@ -146,7 +145,7 @@ def _runs(within, size, own, runs):
     return split, count
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
+@loop
 def _added(result, to, given, of, runs, first, last):
     """result += given, run after run, from where ``to`` and ``of`` are on. A view of each would take longer than what is done on it,
     and indices without a sign are never counted from the end."""

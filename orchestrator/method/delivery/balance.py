@@ -31,11 +31,11 @@ from orchestrator.method.delivery.interface_fields import (
     InterfaceFields, geometry_shown, own_interfaces)
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.linear.loading import bodies_of
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import size_of
-from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import areas, node_normals
-from orchestrator.scene.interface import Interface, ends_of
+from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Scene
 
@@ -177,8 +177,7 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
     taken : what supports take besides, see ``lawful``
     """
     scene = d.scene
-    perfect = ends_of(i for i in scene.interfaces if i.law.perfect)
-    count, body = components(*perfect.T, len(scene.subdomains))
+    count, body = bodies_of(scene, lambda law: law.perfect)
     nodes = scene.mesh.nodes
     ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3)) * np.array([[-1], [1]])
     centre, extent = ends.mean(axis=0), size_of(ends)

@@ -22,6 +22,7 @@ from orchestrator.method.delivery.reach import reach
 from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.linear.loading import bodies_of
 from orchestrator.method.stopping.certificate import Certified
 from orchestrator.method.stopping.law_residuals import LawResiduals, LengthScale
 from orchestrator.parallel.team import Team
@@ -41,8 +42,7 @@ LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, 
 def held_bodies(scene: Scene, interfaces: InterfaceFields, team: Team) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step; on rank 0, of all ranks'
     interfaces, elsewhere none."""
-    joined = ends_of(i for i in scene.interfaces if i.law.joins)
-    bodies, body = components(*joined.T, len(scene.subdomains))
+    bodies, body = bodies_of(scene, lambda law: law.joins)
     fixed, supports = np.zeros(bodies, bool), supports_of(scene)
     fixed[body[supports.count > 0]] = True
     ends = body[interfaces.subdomains]

@@ -7,6 +7,7 @@ are lifted with them: f_d − NᵀkN u_lift.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
+from orchestrator.laws.base import Law
 from orchestrator.method.interface.rows import Blocks, dots, peak
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -169,6 +171,12 @@ def apply_loads(scene: Scene, direction: SearchDirection, node_counts: list[int]
     return Loading(forces, lifts, known, boundary, carried, working, energy, alone, apart, 2.0 if lifted_any else 1.0)
 
 
+def bodies_of(scene: Scene, joins: Callable[[Law], bool]) -> tuple[int, np.ndarray]:
+    """Return how many bodies the subdomains are that laws join, and (subdomains,) int, the body of each."""
+    joined = ends_of(i for i in scene.interfaces if joins(i.law))
+    return components(*joined.T, len(scene.subdomains))
+
+
 @dataclass(frozen=True)
 class Carried:
     """The rigid motion that comes closest to what is prescribed on each body, of all that joining laws hold together."""
@@ -179,8 +187,7 @@ class Carried:
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Carried:
         """Of a scene; of a rank's part of one, whose ``rank_of`` its subdomains are, together with all others."""
-        joined = ends_of(i for i in scene.interfaces if i.law.joins)
-        body = components(*joined.T, len(scene.subdomains))[1]
+        _, body = bodies_of(scene, lambda law: law.joins)
         own, moved = [s for s in scene.subdomains if rank_of[s.index] == team.rank], np.zeros(body.max() + 1)
         for s in own:
             moved[body[s.index]] += s.prescribed.any()

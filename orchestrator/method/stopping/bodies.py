@@ -8,9 +8,8 @@ import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.linear.loading import bodies_of
 from orchestrator.scene.conditions.rigid import motions_about, RIGID
-from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.interface import ends_of
 
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
 
@@ -32,8 +31,7 @@ class Bodies:
     def __init__(self, d: Decomposition, joins: Callable[[Law], bool]):
         self.team, self.boundary = d.space.team, d.space.boundary
         subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
-        joined = ends_of(i for i in d.scene.interfaces if joins(i.law))
-        self.count, self.body = components(*joined.T, len(subdomains))
+        self.count, self.body = bodies_of(d.scene, joins)
         self.own = self.body[d.space.subdomains]
         self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]
         low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)

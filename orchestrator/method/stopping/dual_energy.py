@@ -98,6 +98,10 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
     steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(RELATIVE_TAIL, enough.share)
     softness, ask = (None, softness) if callable(softness) else (softness, None)
+
+    def told(energy: np.ndarray, above: bool = False) -> Dual:
+        return Dual(energy, sweeps, x, r, h, p, q, rz_old, above)
+
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(np.where(of.spread(going), r, 0.0))
         rz = np.maximum(of.sums(r * z), 0.0)
@@ -108,7 +112,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             most = total + left
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
-                return Dual(most, sweeps, x, r, h, p, q, rz_old, True)
+                return told(most, True)
         p, q = (z, r.copy()) if p is None else (new + of.spread(ratio(rz, rz_old)) * old for new, old in ((z, p), (r, q)))
         s_p = q - stage.direction.robin(p)
         alpha = ratio(rz, of.sums(p * s_p))
@@ -117,7 +121,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
         steps.append(float(gained.sum()))
         if beyond(total + rest):
-            return Dual(total, sweeps, x, r, h, p, q, rz_old)
+            return told(total)
         tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), enough.negligible)
         taken.append((alpha, rz))
         kept = np.where(going, SLOW * alpha * rz if softness is None else kept - alpha * rz, kept)
@@ -130,8 +134,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
             total = total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0)
-            return Dual(total, sweeps, x, r, h, p, q, rz_old, softness is not None)
-    return Dual(np.full(len(h), np.inf), MAX_STEPS, x, r, h, p, q, rz_old)
+            return told(total, softness is not None)
+    return told(np.full(len(h), np.inf))
 
 
 def _reach(softness: np.ndarray, before: np.ndarray | None, alpha: np.ndarray, rz: np.ndarray, rz_old: np.ndarray) -> np.ndarray:
