@@ -73,7 +73,7 @@ def works(d: Decomposition, iterated: Iterated, parts: Parts) -> tuple[np.ndarra
     """The two external works and the size of the terms that they sum, each (T,) force × length."""
     fields, steps = iterated.fields, d.scene.steps
     forces = d.space.loads(fields.f)
-    inner = d.loading.energy_of(d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, forces)
+    inner = d.loading.energy_of(d.space.loads(d.stage.robin_of(fields)), fields.u, forces)
     outer, size = np.zeros((2, steps))
     for s, rim, part, trace in zip(d.own, d.made.rims, d.space.boundary, d.made.traces):
         u = parts[s.index].reshape(steps, -1)

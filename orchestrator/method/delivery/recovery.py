@@ -34,7 +34,7 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[Parts, 
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
     parts: Parts = [None] * len(d.scene.subdomains)
-    answers = answered(d, d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), d.loading.forces)
+    answers = answered(d, d.space.loads(d.stage.robin_of(fields)), d.loading.forces)
     for s, lift, answer, rigid in zip(d.own, d.loading.lift, answers, repositioned(d, bound)):
         parts[s.index] = (lift + answer + rigid).reshape(d.steps, -1, 3)
     return continuous(d, bound, parts), parts

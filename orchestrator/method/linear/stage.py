@@ -52,7 +52,6 @@ class Admissible:
     w: np.ndarray  # (T, D) traces of displacement and interface forces
     f: np.ndarray
     space: TraceSpace  # numbering
-    robin: np.ndarray | None = field(default=None, init=False, repr=False)  # (T, D) s − G α, where it is known already
     # (T, D + G) traces of displacement at which springs of stabilisation carry nothing; None: those of the load step before
     anchor: np.ndarray | None = field(default=None, init=False, repr=False)
 
@@ -133,25 +132,21 @@ class LinearStage:
         if self.nonlinear is None:
             return fields
         u = fields.u.copy()
-        self.nonlinear(u, self.space.loads(self.robin_force(fields.s, fields.alpha)), commit=True)
+        self.nonlinear(u, self.space.loads(self.robin_of(fields)), commit=True)
         return self.complete(fields.s, u, fields.alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
-        w, robin = self.trace(u), self.robin_force(s, alpha)
-        fields = Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space)
-        fields.robin = robin
-        return fields
+        w = self.trace(u)
+        return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
         return self.space.trace(u, self.loading.known)
 
     def robin_of(self, fields: Admissible) -> np.ndarray:
-        """(T, D) s − G α of fields, formed once."""
-        if fields.robin is None:
-            fields.robin = self.robin_force(fields.s, fields.alpha)
-        return fields.robin
+        """(T, D) s − G α of fields."""
+        return self.robin_force(fields.s, fields.alpha)
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""

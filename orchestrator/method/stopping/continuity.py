@@ -47,7 +47,7 @@ class Continuity:
         """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None where there are none."""
         mean = self.means(u)
         if self.tied:
-            mean = mean - self._joined(self.jump(mean, known)[:, self.points])
+            mean = mean - self._joined.held(self.space.transfer.jump(self.traces(mean, known))[:, self.points])[0]
         return self.of_means(mean) - u
 
     def means(self, u: np.ndarray) -> np.ndarray:
@@ -65,10 +65,6 @@ class Continuity:
     def traces(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
         """(T, D + G) of means (T, classes) and prescribed traces (T, D)."""
         return self.space.everywhere(self.of_means(mean), known)
-
-    def jump(self, mean: np.ndarray, known: np.ndarray | None) -> np.ndarray:
-        """(T, Q) of means (T, classes) and prescribed traces (T, D)."""
-        return self.space.transfer.jump(self.traces(mean, known))
 
     @cached_property
     def rows(self) -> sp.csr_array:
@@ -161,12 +157,9 @@ class Constraint:
         result[:, self.mine] = own
         return self.team.sum(result)[0]
 
-    def __call__(self, lack: np.ndarray) -> np.ndarray:
-        """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T, r'), this rank's."""
-        return self.held(lack)[0]
-
     def held(self, lack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and the forces (T, r') of this rank's rows that take it."""
+        """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T, r'), this rank's;
+        and the forces (T, r') of its rows that take it."""
         left = self._of_all(lack)
         total = np.zeros_like(left)
         for _ in range(REFINED):
