@@ -107,25 +107,16 @@ class LinearStage:
 
         A zero state needs none: the loads' part is known.
         """
-        u, w, kw = (x.copy() for x in self._of_loads)
+        u, forces = self.loading.boundary.copy(), self.space.loads(s)
         if s.any():
-            for mine, theirs in zip((u, w, kw), self.blackbox.answered(self.space.loads(s))):
-                mine += theirs
+            u += self.solve(forces)
         if self.nonlinear is not None:
-            self.nonlinear(u, self.space.loads(s))
-            w = self.trace(u)
-            kw = self.direction.times(w)
+            self.nonlinear(u, forces)
         if self.macro is None:
-            return Admissible(s, u, np.zeros((len(s), 0)), w, s - kw, self.space)
-        alpha = self.macro.multiplier(w, s - kw)
-        u -= self.macro.displacement(alpha)
-        return self.complete(s, u, alpha)
-
-    @cached_property
-    def _of_loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u (T, B), w and k w (T, D) of the loads alone."""
-        w = self.trace(self.loading.boundary)
-        return self.loading.boundary, w, self.direction.times(w)
+            return self.complete(s, u, np.zeros((len(s), 0)))
+        w = self.trace(u)
+        alpha = self.macro.multiplier(w, s - self.direction.times(w))
+        return self.complete(s, u - self.macro.displacement(alpha), alpha)
 
     def ended(self, fields: Admissible) -> Admissible:
         """The fields that end a load step, asked for and committed where matter is nonlinear, under the forces of these."""
