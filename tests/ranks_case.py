@@ -322,6 +322,13 @@ def lattice(n: int) -> tuple[np.ndarray, int]:
     return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
 
 
+def values(pattern: BlockPattern, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Sums of pairs' blocks, and of the bodies' own."""
+    result = pattern.summed(pairs)
+    result[pattern.diagonal] += own
+    return result
+
+
 def eliminate(team: Team) -> None:
     """Interfaces of a lattice are dealt to ranks: all have some of the fronts, and the same bits of one process's solution."""
     ends, bodies = lattice(5)
@@ -332,7 +339,7 @@ def eliminate(team: Team) -> None:
     mine = slice(counts[: team.rank].sum(), counts[: team.rank + 1].sum())
     found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
     whole = BlockPattern(ends, bodies, SIZE)
-    assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
+    assert np.abs(found - whole.factors(values(whole, slopes, own), 0.1).solve(right)).max() < 1e-12
     assert all(len(made.pattern.elimination.shared.own(rank)) for rank in range(team.size))
     assert len(set(team.all_gather(found.tobytes()))) == 1
     with patch("orchestrator.method.coarse.elimination.WORTH", 0.0):  # rigid motions alone
@@ -340,7 +347,7 @@ def eliminate(team: Team) -> None:
         found = made.pattern.factors(made.values(slopes[mine], own), 0.1).solve(right)
         whole = BlockPattern(ends, bodies, SIZE, rigid=1)
         assert whole.first == 1 and len(set(team.all_gather(found.tobytes()))) == 1
-        assert np.abs(found - whole.factors(whole.values(slopes, own), 0.1).solve(right)).max() < 1e-12
+        assert np.abs(found - whole.factors(values(whole, slopes, own), 0.1).solve(right)).max() < 1e-12
 
 
 if __name__ == "__main__":

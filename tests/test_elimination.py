@@ -5,7 +5,7 @@ import threading
 
 import numpy as np
 import pytest
-from ranks_case import SIZE, lattice
+from ranks_case import SIZE, lattice, values as summed
 
 from orchestrator.method.coarse import elimination, layout, rigid_first
 from orchestrator.method.coarse.elimination import Elimination
@@ -22,7 +22,7 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     pattern = BlockPattern(ends, bodies, SIZE)
     # neither symmetric nor definite
     pairs, own = rng.normal(size=(len(ends), 2 * SIZE, 2 * SIZE)), 9 * rng.normal(size=(bodies, SIZE, SIZE))
-    values = pattern.values(pairs.reshape(-1, 2, SIZE, 2, SIZE).swapaxes(2, 3), own)
+    values = summed(pattern, pairs.reshape(-1, 2, SIZE, 2, SIZE).swapaxes(2, 3), own)
     dense = pattern.matrix(values, 0.25).toarray()
     expected = 0.25 * np.eye(SIZE * bodies)
     for e, block in enumerate(own):

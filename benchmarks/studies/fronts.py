@@ -59,7 +59,9 @@ def main(bodies: int, mumps: bool, affine: bool) -> None:
         told |= {f"{name}: factorise": taken(team, lambda: made.pattern.factors(values, 0.0)),
                  f"{name}: solve": taken(team, lambda: factors.solve(right))}
     if mumps:
-        whole = made.pattern.matrix(made.pattern.values(slopes, own), 0.0)
+        values = made.pattern.summed(slopes)
+        values[made.pattern.diagonal] += own
+        whole = made.pattern.matrix(values, 0.0)
         factorise, solve = by_mumps(team, whole.tocsr(), right.ravel(), size)
         told |= {"MUMPS: factorise": taken(team, factorise), "MUMPS: solve": taken(team, solve)}
     if team.rank == 0:

@@ -35,7 +35,7 @@ class Elimination:
 
     indptr, indices : the pattern, block row after block row, symmetric, with the diagonal
     size : rows of a block; those that are eliminated, which are the first ``rigid`` alone where that saves much
-    order : (bodies,) int, in which they are eliminated
+    order : (bodies,) int, in which they are eliminated; place : (bodies,) int, where each is in it
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie, those that are this rank's
     shared : which are whose
@@ -54,8 +54,7 @@ class Elimination:
         self.size = size
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         self.fronts = np.array([(len(columns), len(rest)) for columns, rest, _ in groups], dtype=int).reshape(-1, 2)
-        place = np.empty(count, dtype=int)
-        place[self.order] = np.arange(count)
+        self.place = place = np.argsort(self.order)
         rests = [np.sort(place[np.array(sorted(rest), dtype=int)]) for _, rest, _ in groups]
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
@@ -137,12 +136,6 @@ class Elimination:
         kept = stale[order]
         return SideBySide(order[kept], bounds_of(kept)[bounds], ranks)
 
-    def ordered(self, x: np.ndarray) -> np.ndarray:
-        """(bodies, size) of numbers in the order of elimination."""
-        result = np.empty(x.shape)
-        result[self.order] = x
-        return result
-
     def _hand_up(self) -> None:
         """What the subtrees of other ranks leave, to rank 0."""
         work, team, none = self._work, self.team, [np.empty(0)]
@@ -179,7 +172,7 @@ class Factors:
             if team.rank == 0:
                 for work in (forward, backward):
                     work(np.arange(len(of.fronts)), given, x)
-            return team.spread(of.ordered(x))
+            return team.spread(x[of.place])
         mine, above, top, others = of.shared.own(team.rank), of.shared.above, of.above, of.owner[of.order] != team.rank
         x[others] = 0.0
         forward(mine, given, x)
@@ -190,7 +183,7 @@ class Factors:
         x[top] = team.spread(x[top])
         backward(mine, given, x)
         x[others] = 0.0
-        return of.ordered(team.sum(x)[0])
+        return team.sum(x)[0][of.place]
 
 
 def grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:
@@ -198,10 +191,7 @@ def grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tu
 
     A child is joined with its parent where that costs fewer operations more than a front of its own costs calls.
     """
-    count = len(order)
-    place = np.empty(count, dtype=int)
-    place[order] = np.arange(count)
-    children: list[list] = [[] for _ in range(count)]
+    place, children = np.argsort(order), [[] for _ in order]
     roots = []
     for k, body in enumerate(order):
         columns, kept = [int(body)], []

@@ -1,7 +1,7 @@
 """Newton's matrices of the coarse contact problem: where their blocks go, and what solves with them.
 
     pattern = BlockPattern(ends, bodies, size)
-    pattern.factors(pattern.values(pairs, own), shift).solve(right)
+    pattern.factors(pattern.summed(pairs), shift).solve(right)
 
 Places and the order of elimination are found once; what remains of an assembly are sums of blocks.
 """
@@ -54,15 +54,11 @@ class BlockPattern:
         """
         return (self.sums @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
 
-    def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """The same with the bodies' own blocks (bodies, size, size)."""
-        result = self.summed(pairs)
-        result[self.diagonal] += own
-        return result
-
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        return _matrix(_shifted(values, self.diagonal, shift), self.indices, self.indptr, self.bodies)
+        shifted = values.copy()
+        shifted[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
+        return _matrix(shifted, self.indices, self.indptr, self.bodies)
 
     def factors(self, values: np.ndarray, shift: float, stale: np.ndarray | None = None) -> Factors | RigidFirst:
         """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it.
@@ -113,13 +109,6 @@ class BlockPattern:
     def first(self) -> int:
         """Rows of a block that are eliminated."""
         return self.elimination.size
-
-
-def _shifted(values: np.ndarray, diagonal: np.ndarray, shift: float) -> np.ndarray:
-    """Blocks with a shift of the matrix's diagonal, which is in some (b,) of them."""
-    result = values.copy()
-    result[diagonal] += (shift * np.eye(values.shape[1])).astype(values.dtype)
-    return result
 
 
 def _matrix(blocks: np.ndarray, indices: np.ndarray, indptr: np.ndarray, count: int) -> sp.bsr_array:

@@ -100,8 +100,7 @@ def places(number: np.ndarray, team: Team) -> tuple[np.ndarray, np.ndarray]:
     """(n,) int, where a rank's numbers are among those of all ranks, rank by rank, and (ranks,) how many each is the first to have."""
     everyone = team.all_gather(number)
     unique, first = np.unique(np.concatenate(everyone), return_index=True)
-    place = np.empty(len(unique), dtype=int)
-    place[np.argsort(first)] = np.arange(len(unique))
+    place = np.argsort(np.argsort(first))
     ends = np.cumsum([len(one) for one in everyone])
     return place[np.searchsorted(unique, number)], np.bincount(np.searchsorted(ends, first, side="right"), minlength=team.size)
 
