@@ -16,7 +16,7 @@ A factor for each interface gained nothing over the one for all, and lost an ass
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -52,7 +52,7 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Seq
     sides : per subdomain, its (interface, side) pairs
     guarded : what answers for them
     blackbox : what bodies with other soles are loaded into
-    Returns as ``fit``
+    Returns direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
     Raises BlackBoxError: from the code
     """
     direction = guarded.direction
@@ -61,51 +61,35 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Seq
     anywhere, = team.max(opens.any())
     if not anywhere or not method.sole.fit or method.coarse == "none" or method.sole.contact != "springs":
         return direction, 1.0, 0
+    # not worth it to look again where every answer costs a factorisation
+    again = not team.max(any(not blackbox.traits(s.code).keeps_models for s in own))[0]
 
-    def load(factors: np.ndarray) -> None:
+    def loaded(scale: float) -> GuardedTraces:
+        factors = np.where(opens, scale, 1.0)
         changed = stiffened(soles, factors)
         blackbox.load([extended_model(scene, s, sides[s.index], changed) for s in own])
+        return GuardedTraces(blackbox, direction.scaled(factors), guarded.names)
 
-    def answering(other: SearchDirection) -> GuardedTraces:
-        return guarded if other is direction else GuardedTraces(blackbox, other, guarded.names)
-
-    quick = not team.max(any(not blackbox.traits(s.code).keeps_models for s in own))[0]
-    return fit(scene, direction, answering, opens, load, quick)
-
-
-def fit(scene: Scene, direction: SearchDirection, guarded: Callable[[SearchDirection], GuardedTraces], wanted: np.ndarray,
-        load: Callable[[np.ndarray], None], again: bool) -> tuple[SearchDirection, float, int]:
-    """Soles that suit the bodies behind them.
-
-    direction : of the soles as they are loaded
-    guarded : direction → the black box with these
-    wanted : (interfaces of the scene,) bool, whose soles may change
-    load : (interfaces,) factors on the soles' moduli → None; bodies are loaded with these
-    again : whether to look again at soles that have been changed: not worth it where every answer costs a factorisation
-    Returns direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
-    """
-    scale, directions, found, sweeps = 1.0, {1.0: direction}, {}, 0  # by factor, the latest last
+    scale, known, found, sweeps = 1.0, {1.0: guarded}, {}, 0  # by factor, the latest last
     while True:
-        found[scale] = np.log(_off(scene, guarded(directions[scale]), wanted))
+        found[scale] = np.log(_off(scene, known[scale], opens))
         sweeps += STEPS
-        best = min(found, key=lambda known: abs(found[known]))
+        best = min(found, key=lambda one: abs(found[one]))
         if best != scale:  # what is measured does not follow the soles: it is no guide
-            load(np.where(wanted, best, 1.0))
-            return directions[best], best, sweeps
+            return loaded(best).direction, best, sweeps
         if abs(found[scale]) <= np.log(FLAT if len(found) == 1 else NEAR) or len(found) > LOADS:
-            return directions[scale], scale, sweeps
+            break
         slope = SLOPE
         if len(found) > 1:
             before = [*found][-2]
             slope = np.clip((found[scale] - found[before]) / np.log(scale / before), STEEPEST, FLATTEST)
         following = NOTCH ** round((np.log(scale) - found[scale] / slope) / np.log(NOTCH))
-        if following in directions:
-            return directions[scale], scale, sweeps
-        scale, factors = following, np.where(wanted, following, 1.0)
-        load(factors)
-        directions[scale] = direction.scaled(factors)
+        if following in known:
+            break
+        scale, known[following] = following, loaded(following)
         if not again:
-            return directions[scale], scale, sweeps
+            break
+    return known[scale].direction, scale, sweeps
 
 
 def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:

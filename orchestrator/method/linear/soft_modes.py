@@ -26,6 +26,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.interface.rows import digest
 from orchestrator.method.linear.macro_basis import as_given
 from orchestrator.method.interface.search_direction import Nearest, SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -101,7 +102,7 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox, chosen: np.ndarra
     own = [e for e, part in enumerate(space.boundary) if chosen[space.subdomains[e]] and part.stop > part.start]
     alike: dict[bytes, tuple[list[int], _Krylov]] = {}  # members, and the one space of all of them
     for e, k in zip(own, direction.robin_blocks(own)):
-        key = b"".join(x.tobytes() for x in (k.indptr, k.indices, k.data))
+        key = digest(k.indptr, k.indices, k.data)
         if key not in alike:
             size = k.shape[0]
             alike[key] = [], _Krylov(k, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))), wanted)
