@@ -58,6 +58,28 @@ def gemm(typing, routine, shape, scales, a, b, c):
     return signature, generate
 
 
+@loop
+def multiply(product, alpha, A, B, beta, C):
+    """C ← α A B + β C of matrices whose rows lie together; ``product``: address of BLAS's."""
+    a, b, c = (np.int64(A.ctypes.data), A.strides[0] // REAL), (np.int64(B.ctypes.data), B.strides[0] // REAL), (
+        np.int64(C.ctypes.data), C.strides[0] // REAL)
+    gemm(product, (len(A), B.shape[1], len(B)), (alpha, beta), a, b, c)
+
+
+@loop
+def columns_of(f, layout, own):
+    """L of a front, what is in the columns that it eliminates."""
+    (a, m), start = layout[1][f], layout[2][f, 0]
+    return own[start : start + (a + m) * a].reshape(a + m, a)
+
+
+@loop
+def beside_of(f, layout, beside):
+    """U of a front, what is beside these."""
+    (a, m), start = layout[1][f], layout[2][f, 1]
+    return beside[start : start + a * m].reshape(a, m)
+
+
 @compiled
 def forward(fronts, factors, x):
     """Eliminate from right-hand sides x (bodies, size), in the order of elimination, what is in fronts, one after the other.
@@ -65,11 +87,10 @@ def forward(fronts, factors, x):
     factors : ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """
     layout, own_parts, _ = factors
-    band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    band, sizes, _, starts, _, _, _, _, rests, rest, _ = layout
     size, flat, z = x.shape[1], x.reshape(-1), np.empty(band)
     for f in fronts:
-        a, m = sizes[f]
-        L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
+        (a, _), L = sizes[f], columns_of(f, layout, own_parts)
         own = flat[size * starts[f] : size * starts[f] + a]
         for p in range(0, a, band):
             q = min(p + band, a)
@@ -92,14 +113,12 @@ def forward(fronts, factors, x):
 def backward(fronts, factors, x):
     """Replace what ``forward`` has left by the solution, the last of the fronts first."""
     layout, own_parts, beside = factors
-    band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    band, sizes, _, starts, _, _, _, _, rests, rest, _ = layout
     size, flat = x.shape[1], x.reshape(-1)
     seen = np.empty(len(flat))
     for k in range(len(fronts) - 1, -1, -1):
         f = fronts[k]
-        a, m = sizes[f]
-        L = own_parts[places[f, 0] : places[f, 0] + a * a].reshape(a, a)
-        U = beside[places[f, 1] : places[f, 1] + a * m].reshape(a, m)
+        (a, m), L, U = sizes[f], columns_of(f, layout, own_parts), beside_of(f, layout, beside)
         own, others = flat[size * starts[f] : size * starts[f] + a], seen[:m]
         for u in range(rests[f], rests[f + 1]):
             for c in range(size):

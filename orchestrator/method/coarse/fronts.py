@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.compiled import compiled
-from orchestrator.method.coarse.front_solves import REAL, gemm, loop
+from orchestrator.method.coarse.front_solves import beside_of, columns_of, loop, multiply
 
 @compiled
 def eliminate(start, stop, product, blocks, layout, room, runs):
@@ -49,8 +49,8 @@ def _entered(f, blocks, layout, own, work, right, runs):
     """
     _, sizes, places, _, enters, enter, children, child, rests, _, within = layout
     size, (a, m) = blocks.shape[1], sizes[f]
-    L, R = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a), right[: a * m].reshape(a, m)
-    for flat in (own[places[f, 0] : places[f, 0] + (a + m) * a], right[: a * m]):
+    L, R = columns_of(f, layout, own), right[: a * m].reshape(a, m)
+    for flat in (L.reshape(-1), R.reshape(-1)):
         for i in range(len(flat)):
             flat[i] = 0.0
     for k in range(enters[f], enters[f + 1]):
@@ -77,26 +77,22 @@ def _entered(f, blocks, layout, own, work, right, runs):
 def _across(f, p, product, layout, own, beside, right):
     """Invert a band's square, multiply what is beside it by that, and take its part out of the rows
     below that are still to be eliminated, or left."""
-    band, sizes, places = layout[0], layout[1], layout[2]
-    a, m = sizes[f]
-    L = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
-    at_L, at_U = np.int64(own.ctypes.data) + REAL * places[f, 0], np.int64(beside.ctypes.data) + REAL * places[f, 1]
-    at_right, q = np.int64(right.ctypes.data), min(p + band, a)
+    a, m = layout[1][f]
+    L, U, R = columns_of(f, layout, own), beside_of(f, layout, beside), right[: a * m].reshape(a, m)
+    q = min(p + layout[0], a)
     w, rest = q - p, a - q
-    P = right[a * m : a * m + w * w].reshape(w, w)  # what is made here may be gone before its address has been used
+    P = right[a * m : a * m + w * w].reshape(w, w)
     _copied(np.linalg.inv(L[p:q, p:q]), P)
     _copied(P, L[p:q, p:q])
-    at_P = np.int64(P.ctypes.data)
     if m:
-        gemm(product, (w, m, w), (1.0, 0.0), (at_P, w), (at_right + REAL * m * p, m), (at_U + REAL * m * p, m))
+        multiply(product, 1.0, P, R[p:q], 0.0, U[p:q])
     if rest:
         others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
         _copied(L[p:q, q:], others)
-        at_beside, at_rows = at_L + REAL * (a * p + q), at_L + REAL * a * q
-        gemm(product, (w, rest, w), (1.0, 0.0), (at_P, w), (np.int64(others.ctypes.data), rest), (at_beside, a))
-        gemm(product, (rest + m, rest, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_beside, a), (at_rows + REAL * q, a))
+        multiply(product, 1.0, P, others, 0.0, L[p:q, q:])
+        multiply(product, -1.0, L[q:, p:q], L[p:q, q:], 1.0, L[q:, q:])
         if m:
-            gemm(product, (rest, m, w), (-1.0, 1.0), (at_rows + REAL * p, a), (at_U + REAL * m * p, m), (at_right + REAL * m * q, m))
+            multiply(product, -1.0, L[q:a, p:q], U[p:q], 1.0, R[q:])
 
 
 @loop
@@ -104,9 +100,8 @@ def _left(f, product, layout, own, beside, work, runs):
     """What a front leaves."""
     _, sizes, places, _, _, _, children, child, rests, _, within = layout
     a, m = sizes[f]
-    at_L, at_U, at_S = (np.int64(own.ctypes.data) + REAL * (places[f, 0] + a * a), np.int64(beside.ctypes.data) + REAL * places[f, 1],
-                        np.int64(work.ctypes.data) + REAL * places[f, 2])
-    gemm(product, (m, m, a), (-1.0, 0.0), (at_L, a), (at_U, m), (at_S, m))
+    S = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m)
+    multiply(product, -1.0, columns_of(f, layout, own)[a:], beside_of(f, layout, beside), 0.0, S)
     for k in range(children[f], children[f + 1]):
         c = child[k]
         m_c, first = sizes[c, 1], rests[c]
