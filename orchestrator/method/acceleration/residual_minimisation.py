@@ -9,10 +9,12 @@ is GMRES for affine F, with the last m directions it is Anderson's acceleration 
     s* ← s* + Δs γ,  r* ← r* + Δr γ,  γ = −Δrᵀr*
     next evaluation at s* + β r*
 
-Orthogonalised twice, all at once each time: that leaves what rounding leaves (Giraud, Langou, Rozložník & van den Eshof, Numer. Math. 101,
-2005), and takes three messages among ranks whatever the number of directions.
+Orthogonalised twice, all at once each time: that leaves what rounding leaves (Giraud, Langou,
+Rozložník & van den Eshof, Numer. Math. 101, 2005), and takes three messages among ranks whatever
+the number of directions.
 
-References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schultz, ibid. 20 (1983).
+References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schultz, ibid. 20
+(1983).
 """
 
 from __future__ import annotations
@@ -63,7 +65,8 @@ class ResidualMinimisation(Acceleration):
             self.r, self.point = r, point
         else:
             dr, dp = r - self.r, [a - b for a, b in zip(point, self.point)]
-            size, scale, *steps = self.team.sum(dots(dr, dr), dots(self.r, self.r), *self._along(dr))
+            size, scale, *steps = self.team.sum(
+                dots(dr, dr), dots(self.r, self.r), *self._along(dr))
             self._without(dr, steps)
             if steps:
                 more = self.team.sum(*self._along(dr))  # what rounding has left

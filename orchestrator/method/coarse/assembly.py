@@ -93,7 +93,8 @@ class Assembly:
         return result
 
     def values(self, slopes: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """(k, size, size) sums, of the blocks that enter fronts of this rank, with the bodies' ``own`` (bodies, size, size).
+        """(k, size, size) sums, of the blocks that enter fronts of this rank, with the bodies'
+        ``own`` (bodies, size, size).
 
         slopes : (counted, 2, 2, size, size) of the interfaces that this rank counts
         """

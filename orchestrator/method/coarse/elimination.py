@@ -69,7 +69,8 @@ class Elimination:
         self._handed = [[self._left(f) for f in tops if rank[f] == r] for r in range(team.size)]
         self.owner = np.empty(count, dtype=int)
         self.owner[self.order] = np.repeat(rank, self.fronts[:, 0])
-        enter, front = self.layout.enter, np.repeat(np.arange(len(rank)), np.diff(self.layout.enters))
+        enter = self.layout.enter
+        front = np.repeat(np.arange(len(rank)), np.diff(self.layout.enters))
         mine = rank[front] == team.rank
         self.entered = np.zeros(len(enter), dtype=bool)
         self.entered[enter[mine, 0]] = True

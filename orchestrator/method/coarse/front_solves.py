@@ -61,9 +61,10 @@ def gemm(typing, routine, shape, scales, a, b, c):
 @loop
 def multiply(product, alpha, A, B, beta, C):
     """C ← α A B + β C of matrices whose rows lie together; ``product``: address of BLAS's."""
-    a, b, c = (np.int64(A.ctypes.data), A.strides[0] // REAL), (np.int64(B.ctypes.data), B.strides[0] // REAL), (
-        np.int64(C.ctypes.data), C.strides[0] // REAL)
-    gemm(product, (len(A), B.shape[1], len(B)), (alpha, beta), a, b, c)
+    gemm(product, (len(A), B.shape[1], len(B)), (alpha, beta),
+         (np.int64(A.ctypes.data), A.strides[0] // REAL),
+         (np.int64(B.ctypes.data), B.strides[0] // REAL),
+         (np.int64(C.ctypes.data), C.strides[0] // REAL))
 
 
 @loop

@@ -122,7 +122,8 @@ class PairFields:
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
         against = np.empty((3, len(self.chosen)))
-        in_parts(moved, len(self.ends), self._of, self.both(y), weight, against, part=self.part(len(self.chosen)))
+        in_parts(moved, len(self.ends), self._of, self.both(y), weight, against,
+                 part=self.part(len(self.chosen)))
         return self.predicted(np.zeros_like(against), y), against
 
     def both(self, y: np.ndarray) -> np.ndarray:

@@ -52,7 +52,8 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Seq
     sides : per subdomain, its (interface, side) pairs
     guarded : what answers for them
     blackbox : what bodies with other soles are loaded into
-    Returns direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
+    Returns direction of the soles that are loaded in the end; their factor; back-substitutions per
+    subdomain
     Raises BlackBoxError: from the code
     """
     direction = guarded.direction

@@ -158,10 +158,12 @@ def carry(faces: Sequence[Face], fields: InterfaceFields, slips: Sequence[int], 
     number = np.array([of.get(index, -1) for index in fields.index.tolist()], dtype=int)[fields.interface_of_node]
     own, shape_of = [_Points(face, fields, np.flatnonzero(number == k)) for k, face in enumerate(faces)], (len(faces), fields.steps)
     (sums,), ends = team.both([np.reshape([points.sums(slips) for points in own], (*shape_of, 12))], np.ravel([p.ends() for p in own]))
-    normal, capacity, sticks, bears, whole, places = (sums[..., of] for of in (0, 7, 11, slice(1, 4), slice(4, 7), slice(8, 11)))
+    normal, capacity, sticks = (sums[..., of] for of in (0, 7, 11))
+    bears, whole, places = sums[..., 1:4], sums[..., 4:7], sums[..., 8:11]
     capacity = np.where(capacity > ROUNDING * capacity.max(initial=0.0), capacity, 0.0)  # what rounding leaves of an open face holds nothing
     least = np.where(capacity > 0, capacity, np.inf)
-    centres = [at if face.flat else np.tile(face.through, (fields.steps, 1)) for face, at in zip(faces, places / least[..., None])]
+    centres = [at if face.flat else np.tile(face.through, (fields.steps, 1))
+               for face, at in zip(faces, places / least[..., None])]
     turning, = team.sum(np.reshape([points.turning(centre) for points, centre in zip(own, centres)], (*shape_of, 2)))
     for k, (face, (high, low)) in enumerate(zip(faces, np.reshape(ends, (-1, 2, 3)))):
         carried, used = np.zeros((2, fields.steps))

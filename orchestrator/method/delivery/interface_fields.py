@@ -167,7 +167,8 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         jumps, forces, statuses, own_values = _stages(here, iterated, pair, t)
         jumps, forces = (x.transpose(0, 2, 1) for x in (jumps, forces))
         jump = np.zeros_like(force[t])
-        jump[:, to], force[t, to], status[t, to] = jumps[:, taken], forces[:, taken], statuses[:, taken]
+        jump[:, to], force[t, to] = jumps[:, taken], forces[:, taken]
+        status[t, to] = statuses[:, taken]
         for name in own.keys() & own_values.keys():
             own[name][t, to] = own_values[name][:, taken]
         for end in ends:  # what acts in the middle of an edge acts on its ends, half on each

@@ -40,19 +40,21 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[Parts, 
     return continuous(d, bound, parts), parts
 
 
-def answered(d: Decomposition, boundary: np.ndarray, inside: Sequence[np.ndarray] | None = None) -> list[np.ndarray]:
-    """Return per own subdomain (T, 3 n_E) what bodies on their soles answer to boundary forces (T, B), and to others
-    ``inside``, (T, 3 n_E) each."""
+def answered(d: Decomposition, boundary: np.ndarray,
+             inside: Sequence[np.ndarray] | None = None) -> list[np.ndarray]:
+    """Return per own subdomain (T, 3 n_E) what bodies on their soles answer to boundary forces
+    (T, B), and to others ``inside``, (T, 3 n_E) each."""
     requests = {}
-    for e, (trace, part, count) in enumerate(zip(d.made.traces, d.space.boundary, d.made.node_counts)):
-        forces = np.zeros((d.steps, 3 * count))
+    for e, (trace, part) in enumerate(zip(d.made.traces, d.space.boundary)):
+        forces = np.zeros((d.steps, 3 * d.made.node_counts[e]))
         if inside is not None:
             forces[:, : inside[e].shape[1]] = inside[e]
         forces[:, trace] += boundary[:, part]
         if forces.any():
             requests[e] = forces
     answers = d.blackbox.fields(requests)
-    return [answers[e][:, : s.fixed.size] if e in answers else np.zeros((d.steps, s.fixed.size)) for e, s in enumerate(d.own)]
+    return [answers[e][:, : s.fixed.size] if e in answers else np.zeros((d.steps, s.fixed.size))
+            for e, s in enumerate(d.own)]
 
 
 def repositioned(d: Decomposition, bound: Bound) -> list[np.ndarray]:

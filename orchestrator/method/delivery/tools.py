@@ -52,23 +52,27 @@ def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields
     return [_placed(scene, own, sides, fields, interfaces, tool, team) for tool in tools.values()]
 
 
-def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields, interfaces: Sequence[Interface],
-            tool: Rigid, team: Team) -> Placed:
+def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields,
+            interfaces: Sequence[Interface], tool: Rigid, team: Team) -> Placed:
     """One of them."""
-    meeting = {i.index: i for i in scene.interfaces if i.tool is not None and i.tool.name == tool.name}
-    touched, moved = {int(scene.mesh.volume[i.cells[0, 0]]) for i in meeting.values() if len(i.cells)}, None
-    if (e := next((e for i in meeting.values() if (e := i.subdomains[1]) in own), None)) is not None:
-        motions = motions_about(scene.mesh.nodes[scene.subdomains[e].nodes], tool.driven.about, 1.0).reshape(-1, 6)
+    meeting = [i for i in scene.interfaces if i.tool is not None and i.tool.name == tool.name]
+    touched, moved = {int(scene.mesh.volume[i.cells[0, 0]]) for i in meeting if len(i.cells)}, None
+    for e in [i.subdomains[1] for i in meeting if i.subdomains[1] in own][:1]:
+        nodes = scene.mesh.nodes[scene.subdomains[e].nodes]
+        motions = motions_about(nodes, tool.driven.about, 1.0).reshape(-1, 6)
         moved = np.linalg.lstsq(motions, sides[e].reshape(len(sides[e]), -1).T, rcond=None)[0].T
     told = team.all_gather((moved, touched))
-    moved = np.where(tool.driven.prescribed, tool.driven.moves, next(m for m, _ in told if m is not None))
-    touched = sorted(set().union(*(t for _, t in told)))
-    each = [_amiss(scene, i, moved, sides, fields, at) for i, (_, at) in zip(interfaces, fields.each()) if i.index in meeting]
-    amiss, turned = max((one for one, _ in each), default=0.0), sum((two for _, two in each), np.zeros((2, scene.steps)))
+    moved = next(m for m, _ in told if m is not None)
+    moved = np.where(tool.driven.prescribed, tool.driven.moves, moved)
+    touched, meet = sorted(set().union(*(t for _, t in told))), {i.index for i in meeting}
+    each = [_amiss(scene, i, moved, sides, fields, at)
+            for i, (_, at) in zip(interfaces, fields.each()) if i.index in meet]
+    amiss = max((one for one, _ in each), default=0.0)
+    turned = sum((two for _, two in each), np.zeros((2, scene.steps)))
     every = team.all_gather((amiss, turned, _passed(scene, own, tool, touched, moved, sides)))
     deepest = max((at for *_, at in every if at is not None), key=lambda at: at[0], default=None)
-    return Placed(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}), max(a for a, *_ in every),
-                  peak(ratio(*sum(t for _, t, _ in every))), deepest)
+    return Placed(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}),
+                  max(a for a, *_ in every), peak(ratio(*sum(t for _, t, _ in every))), deepest)
 
 
 def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.ndarray], fields: InterfaceFields,

@@ -42,7 +42,8 @@ def _fields(declared: str) -> list[tuple[str, type]]:
 
 
 class _Method(ctypes.Structure):
-    _fields_ = _fields("double statistics[2], dense[2], separator[5]; size_t small[5]; int switches[5], ordering; size_t other[4]")
+    _fields_ = _fields("""double statistics[2], dense[2], separator[5]; size_t small[5];
+        int switches[5], ordering; size_t other[4]""")
 
 
 _KINDS["method"] = _Method
@@ -51,13 +52,15 @@ _KINDS["method"] = _Method
 class _Settings(ctypes.Structure):
     """The head of ``cholmod_common``, as far as it is asked or set."""
 
-    _fields_ = _fields("""double bound, grow0, grow1; size_t grow2, rank; double switch; int supernodal, final[6];
-        double zeros[3]; size_t relaxed[3]; int zomplex, upper, quick_return, binary, print, precise, try_catch;
-        void* handler; int methods, current, selected; method method[10]; int postorder""")
+    _fields_ = _fields("""double bound, grow0, grow1; size_t grow2, rank; double switch;
+        int supernodal, final[6]; double zeros[3]; size_t relaxed[3];
+        int zomplex, upper, quick_return, binary, print, precise, try_catch; void* handler;
+        int methods, current, selected; method method[10]; int postorder""")
 
 
 class _Sparse(ctypes.Structure):
-    _fields_ = _fields("size_t rows, columns, entries; void* p, i, nz, x, z; int part, index, kind, real, sorted, packed")
+    _fields_ = _fields("""size_t rows, columns, entries; void* p, i, nz, x, z;
+        int part, index, kind, real, sorted, packed""")
 
 
 class _Dense(ctypes.Structure):

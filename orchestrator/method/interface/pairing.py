@@ -41,7 +41,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         where, chosen = scene.points(i), lawful_nodes(i)
         at = geometry_of(where, i, i.shares)
         share = at.area[chosen]
-        own.append([law.parameters(chosen, at.length[chosen], share) for law in (i.law, *i.law_at_steps)])
+        own.append([law.parameters(chosen, at.length[chosen], share)
+                    for law in (i.law, *i.law_at_steps)])
         rows.append(_numbers(space.transfer, i, chosen))
         normal.append(at.acting[chosen])
         area.append(np.where(share > 0, share, share.max(initial=0.0) or 1.0))  # pressures of what carries nothing are zero
@@ -53,15 +54,16 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
-    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation, np.arange(scene.steps),
-                 np.zeros((3, bounds[-1])))
+    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws,
+                 stabilisation, np.arange(scene.steps), np.zeros((3, bounds[-1])))
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:
     """(p, 3) int, which flat points of the scene the components of an interface's points are, −1 for none."""
     mortar = interface.mortar
     live = interface.free if mortar is None else mortar.live
-    number = np.where(live, transfer.bounds[interface.index] + np.cumsum(live).reshape(live.shape) - 1, -1)
+    number = transfer.bounds[interface.index] + np.cumsum(live).reshape(live.shape) - 1
+    number = np.where(live, number, -1)
     return number[chosen] if mortar is None else np.where(mortar.carrying[:, None], number, -1)
 
 
@@ -108,20 +110,24 @@ def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface
     return each * np.minimum(1.0, rigidity * points.area / points.stiff_n)
 
 
-def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[list[dict]]) -> list[Run]:
+def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points,
+          own: list[list[dict]]) -> list[Run]:
     """The interfaces' points joined, law after law.
 
-    own : interface by interface the parameters of its law, then those of each load step, if they differ
+    own : interface by interface the parameters of its law, then those of each load step, if they
+        differ
     """
-    runs = []
-    for law, group in groupby(zip(interfaces, bounds[:-1], bounds[1:], own), key=lambda each: type(each[0].law)):
+    runs, each = [], zip(interfaces, bounds[:-1], bounds[1:], own)
+    for law, group in groupby(each, key=lambda one: type(one[0].law)):
         some, starts, ends, given = zip(*group)
         part = slice(int(starts[0]), int(ends[-1]))
-        each = [_side_by_side([one[t] if t < len(one) else one[0] for one in given]) for t in range(max(map(len, given)))]
-        steps = {name: np.stack([values[name] for values in each[1:]]) for name in (each[0] if each[1:] else ())}
-        stepped = {name: x for name, x in steps.items() if (x != x[:1]).any()}
+        constant, *steps = (_side_by_side([one[t] if t < len(one) else one[0] for one in given])
+                            for t in range(max(map(len, given))))
+        stepped = {name: np.stack([values[name] for values in steps]) for name in constant if steps}
+        stepped = {name: x for name, x in stepped.items() if (x != x[:1]).any()}
         numbers = np.repeat([i.index for i in some], np.subtract(ends, starts))
-        runs.append(Run(law, part, replace(points.some(part), own=each[0], stepped=stepped, interface=numbers)))
+        runs.append(Run(law, part, replace(points.some(part), own=constant, stepped=stepped,
+                                           interface=numbers)))
     return runs
 
 

@@ -40,9 +40,11 @@ def peak(x: np.ndarray) -> float:
     return float(np.abs(x).max(initial=0.0))
 
 
-def ratio(top: np.ndarray | float, bottom: np.ndarray, there: np.ndarray | bool = True) -> np.ndarray:
+def ratio(top: np.ndarray | float, bottom: np.ndarray,
+          there: np.ndarray | bool = True) -> np.ndarray:
     """Return quotients where ``bottom`` is positive, and they are wanted; elsewhere 0."""
-    return np.divide(top, bottom, out=np.zeros(np.broadcast_shapes(np.shape(top), bottom.shape)), where=(bottom > 0) & there)
+    result = np.zeros(np.broadcast_shapes(np.shape(top), bottom.shape))
+    return np.divide(top, bottom, out=result, where=(bottom > 0) & there)
 
 
 def bounds_of(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
@@ -69,10 +71,12 @@ def orthonormal(gram: np.ndarray, beside: float = 0.0) -> np.ndarray:
 
 
 def eigenvalue(product: Callable[[np.ndarray], np.ndarray], size: int, end: str) -> float:
-    """Return the largest ("LA") or least ("SA") eigenvalue of a symmetric matrix (size, size), to a hundredth, by its products."""
+    """Return the largest ("LA") or least ("SA") eigenvalue of a symmetric matrix (size, size), to a
+    hundredth, by its products."""
     start = np.random.default_rng(0).standard_normal(size)
     operator = sla.LinearOperator((size, size), matvec=product, dtype=float)
-    return float(sla.eigsh(operator, k=1, which=end, tol=1e-2, v0=start, return_eigenvectors=False)[0])
+    return float(sla.eigsh(operator, k=1, which=end, tol=1e-2, v0=start,
+                           return_eigenvectors=False)[0])
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:

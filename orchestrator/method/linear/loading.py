@@ -172,7 +172,8 @@ def apply_loads(scene: Scene, direction: SearchDirection, node_counts: list[int]
 
 
 def bodies_of(scene: Scene, joins: Callable[[Law], bool]) -> tuple[int, np.ndarray]:
-    """Return how many bodies the subdomains are that laws join, and (subdomains,) int, the body of each."""
+    """Return how many bodies the subdomains are that laws join, and (subdomains,) int, the body of
+    each."""
     joined = ends_of(i for i in scene.interfaces if joins(i.law))
     return components(*joined.T, len(scene.subdomains))
 

@@ -129,7 +129,8 @@ class LinearStage:
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
         w = self.trace(u)
-        return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
+        f = self.robin_force(s, alpha) - self.direction.times(w)
+        return Admissible(s, u, alpha, w, f, self.space)
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""

@@ -154,7 +154,8 @@ class _Cones:
         self._add(self._matrix(one_sided[smooth], smooth), [clarabel.NonnegativeConeT(len(smooth))] if len(smooth) else [])
         rough, count = np.flatnonzero(pushes & (reach.friction > 0)), np.arange(len(given))
         rubbed = reach.friction[rough, None, None] * across[rough]
-        self._add(self._stacked(one_sided[rough], rubbed, rough), [clarabel.SecondOrderConeT(4)] * len(rough))
+        self._add(self._stacked(one_sided[rough], rubbed, rough),
+                  [clarabel.SecondOrderConeT(4)] * len(rough))
         size = sp.csr_array((np.ones(len(given)), (4 * count, self.moving + len(works) + count)),
                             shape=(4 * len(given), len(self.cost)))
         limited = self._stacked(np.zeros((len(given), self.columns.shape[1])), across[given], given)

@@ -47,7 +47,8 @@ class Continuity:
         """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None where there are none."""
         mean = self.means(u)
         if self.tied:
-            mean = mean - self._joined.held(self.space.transfer.jump(self.traces(mean, known))[:, self.points])[0]
+            jump = self.space.transfer.jump(self.traces(mean, known))
+            mean = mean - self._joined.held(jump[:, self.points])[0]
         return self.of_means(mean) - u
 
     def means(self, u: np.ndarray) -> np.ndarray:
