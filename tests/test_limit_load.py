@@ -173,6 +173,19 @@ def test_a_run_that_obeys_the_laws_to_its_tolerance_is_no_balance_where_a_light_
     assert found.stop_reason == "limit load" and [m["body"] for m in found.summary["limit_load"][0]["motions"]] == ["box"]
 
 
+def test_a_jammed_wedge_on_which_nothing_acts_any_more_stays(tmp_path):
+    """No forces at all balance it as well, but no way leads there: load steps one by one say what stays."""
+    made = wedge(tmp_path, 0.0, 1) | {"blackbox": IN_PROCESS, "method": {"tolerance": {"law": 1e-6}}}
+    one_by_one = {**made, "method": {**made["method"], "increment": 1}}
+    pressed, alone = (
+        solve(config, build_scene(config)) for config in map(config_from, (made, one_by_one)))
+    assert pressed.converged and pressed.summary["status_counts"]["open"] == [0, 0, 0]
+    kept = np.abs(alone.energy[1:])
+    assert (kept > 0.1 * alone.energy[0]).all()
+    assert np.abs(pressed.energy[1:] - kept).max() <= 1e-4 * kept.max()
+    assert [found["why"] for found in pressed.summary["load_path"]] == ["a body is let go"]
+
+
 @pytest.mark.long
 def test_a_jammed_wedge_that_is_let_go_and_pulled_stays(tmp_path):
     """Solved together the load steps settle with the wedge out, where no way leads: they are solved again one by one, and again where a

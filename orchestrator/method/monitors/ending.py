@@ -4,6 +4,7 @@
 - ``diverged``: the residual is not finite, or displacements have grown beyond all that a convergent run shows
 - ``stagnated at rounding``: the residual is down at rounding level and has not halved for ``STALL`` stages
 - ``limit load``: no forces that the laws allow balance the loads, see ``limit_load``
+- ``a body is let go``: it may be jammed, and iterations are too few to solve load steps one by one
 - ``held by stabilisation alone``: all has settled, but springs carry more than the tolerance, however weak they are
 - ``error bound stands still``: the laws hold much better than was asked, see ``energy_error``
 - ``max_iterations``: as many as were allowed

@@ -12,6 +12,10 @@ It counts once weaker springs have shown the same: what springs carry where bodi
 nothing settles, as bodies fly off, pressures are those of the last load that was carried, and it counts once bodies have been far for
 ``PATIENCE`` iterations. Of load steps that are solved together it shows no more than that they are to be solved one by one (``increments``).
 
+A body that is pressed at one of these load steps and by nothing at the next may be jammed: where
+nothing acts no forces at all obey every law, whether or not a way leads there. That is for load
+steps one by one to say as well.
+
 What supports prescribe always goes on, but bodies may make way for it that no force of the laws holds: what is pressed there carries
 nothing, and springs alone say where it goes. Where solves of the coarse contact problem find no rest that is looked for, and told. It ends a
 run that still finds none after ``OFTEN`` iterations, or where its iterations end.
@@ -32,7 +36,7 @@ from orchestrator.method.halving import LEAST
 from orchestrator.method.monitors.ending import HELD, ROUNDING
 from orchestrator.method.stopping.limit_load import BodyMotion, LimitLoad, LimitLoads
 
-LIMIT = "limit load"
+LIMIT, LET_GO = "limit load", "a body is let go"
 PATIENCE = 20  # iterations that a body is far away in, before which it may come back
 OFTEN = 50  # iterations after which it is looked for whatever is seen: most runs have ended by then
 
@@ -73,13 +77,17 @@ class LimitLoadMonitor(Monitor):
         if now.problem.following is not None and pairs.transfer is not self.meeting:
             self.meeting, self.known, self.way = pairs.transfer, {}, {}
         value = verdict.told["target"][1]
+        if (verdict.met and now.problem.path_dependent
+                and self.loads.let_go(now.problem, now.local.lawful, value)):
+            return Verdict(False, LET_GO, led=True)
         held = now.held
         still = now.measures.residual <= ROUNDING and not verdict.met
         ends = verdict.met or held or now.last or still
         lost = far = np.flatnonzero((verdict.lengths.excess > 1).any(axis=0))
         self.far = self.far + 1 if len(far) else 0
         if ends or now.number % OFTEN == 0:
-            lost = [t for t in range(now.problem.steps) if still or self.missing(now, t) > value]
+            lost = [t for t, force in enumerate(now.local.lawful) if still
+                    or self.loads.missing(now.problem.local, pairs.numbers[t], force).max() > value]
         self.limits = [found for t in lost if (found := self.at_any_pressure(now, t)) is not None]
         if held and not self.limits:
             self.limits = self.at_pressures(now, lost)
@@ -87,7 +95,7 @@ class LimitLoadMonitor(Monitor):
                 self.limits = []
                 return Verdict(False, HELD, led=True)
         if not self.limits and not verdict.met and self.far >= PATIENCE:
-            self.limits = self.at_settled_pressures(now, far)
+            self.limits = self.at_friction(now, far, 1)
             if self.limits:
                 return Verdict(False, LIMIT, led=self.changing(self.limits[0]))
         told, restless = self.restless(now)
@@ -118,33 +126,27 @@ class LimitLoadMonitor(Monitor):
             self.way[number] = self.loads.making_way(now.problem, t)
         return self.way[number]
 
-    def missing(self, now: Evaluation, t: int) -> float:
-        """How far the laws' forces leave a body from balance at a load step, over what acts on it."""
-        local = now.problem.local
-        return float(self.loads.missing(local.pairs, local.before, local.pairs.numbers[t], now.local.lawful[t]).max())
-
     def at_any_pressure(self, now: Evaluation, t: int) -> LimitLoad | None:
         """The limit load of a load step, whatever the pressures."""
         local = now.problem.local
         number = float(local.pairs.numbers[t])
         if number not in self.known:
-            self.known[number] = self.loads(local.pairs, local.before, number)
+            self.known[number] = self.loads(local, number)
         return self.known[number]
 
     def at_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
         """The limit loads of load steps with the friction of the pressures that are there, if stiffer springs have shown such as well."""
-        local, springs = now.problem.local, now.problem.springs
-        found = [limit for t in steps if (limit := self.loads(
-            local.pairs, local.before, local.pairs.numbers[t], (now.local.lawful[t], now.local.jump[t])))]
+        springs, found = now.problem.springs, self.at_friction(now, steps)
         again, self.shown = bool(found) and springs < self.shown, max(springs, self.shown) if found else 0.0
         return found if again else []
 
-    def at_settled_pressures(self, now: Evaluation, steps: Sequence[int]) -> list[LimitLoad]:
-        """The limit loads of load steps with the friction of the pressures that the load before has ended with."""
-        local = now.problem.local
-        before = [self.settled if t == 0 else (now.local.lawful[t - 1], now.local.jump[t - 1]) for t in steps]
-        return [limit for t, state in zip(steps, before) if state and (limit := self.loads(
-            local.pairs, local.before, local.pairs.numbers[t], state))]
+    def at_friction(self, now: Evaluation, steps: Sequence[int], back: int = 0) -> list[LimitLoad]:
+        """The limit loads of load steps with the friction of the pressures that the load so many steps
+        ``back`` has ended with; 0: of those that are there."""
+        here, local = now.local, now.problem.local
+        states = [self.settled if t < back else (here.lawful[t - back], here.jump[t - back]) for t in steps]
+        return [limit for t, state in zip(steps, states)
+                if state and (limit := self.loads(local, local.pairs.numbers[t], state))]
 
     def changing(self, limit: LimitLoad) -> bool:
         """Whether what has been carried since has changed the share of a load step that is, by more than halving it tells."""

@@ -17,15 +17,16 @@ import numpy as np
 from orchestrator.errors import SHOWN, some
 from orchestrator.laws.points import Carries, norm
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.linear.loading import partway
+from orchestrator.method.local_stage import LawStage
 from orchestrator.method.stopping.bodies import Bodies, RIGID
 from orchestrator.method.stopping.carrying_points import Reach
 from orchestrator.method.stopping.cone_problem import failing, Motion, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
 from orchestrator.scene.interface import ends_of
 
+State = tuple[np.ndarray, np.ndarray] | None  # forces and jumps (3, P)
 ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
 RIGIDLY = 1e-6  # of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits
 TAKES_PART = 1e-2  # of the farthest body's way, from which a body is named
@@ -116,15 +117,16 @@ class LimitLoads:
         """Whether any body can move."""
         return bool(self.bodies.loose.any())
 
-    def reach(self, pairs: Pairs, before: History, number: float, state: tuple[np.ndarray, np.ndarray] | None = None) -> Reach:
+    def reach(self, local: LawStage, number: float, state: State = None) -> Reach:
         """What this rank's points may carry at a load step of the scene; parameters as of ``__call__``."""
+        pairs = local.pairs
         first, second = (side(self.everywhere).transpose(2, 1, 0) for side in (pairs.transfer.first, pairs.transfer.second))
         J = np.concatenate([-first, second], axis=2)
         ends = self.bodies.body[ends_of(pairs.interfaces)]
         counts = np.diff(pairs.bounds)
         ends, group = np.repeat(ends, counts, axis=0), np.repeat([i.index for i in pairs.interfaces], counts).astype(int)
         parts = [Reach.of(J[:0], ends[:0], group[:0], np.zeros((3, 0)), Carries.anything(0))]
-        for at, carries in pairs.carries(before, number):
+        for at, carries in pairs.carries(local.before, number):
             parts.append(Reach.of(J[at], ends[at], group[at], pairs.points.normal[:, at], carries))
         reach = Reach.joined(parts).some(pairs.mine)
         if state is None:
@@ -133,16 +135,15 @@ class LimitLoads:
         way = 2 * DISPLACEMENT * self.bodies.size[reach.ends].max(axis=1)
         return reach.at_pressures(np.maximum(push, 0.0), reach.apart + opened, way)
 
-    def __call__(self, pairs: Pairs, before: History, number: float,
-                 state: tuple[np.ndarray, np.ndarray] | None = None) -> LimitLoad | None:
+    def __call__(self, local: LawStage, number: float, state: State = None) -> LimitLoad | None:
         """The limit load of a load step ``number`` of the scene, from 0, or a part of one; None where there are forces that balance all.
 
-        pairs : those that are not perfect, as they meet now; before : what the load steps before have left
+        local : pairs that are not perfect, as they meet now, and what the load steps before have left
         state : forces and jumps (3, P) whose friction and whose gaps count, see ``Reach.at_pressures``; None: any pressure, and no gap
         """
         loads, whole = self._at(number), math.ceil(number)
         earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
-        found = self._of_all(self.reach(pairs, before, number, state),
+        found = self._of_all(self.reach(local, number, state),
                              lambda reach: failing(reach, loads, earlier, self.noise))
         return found and self._told(found, number, state is not None)
 
@@ -158,7 +159,7 @@ class LimitLoads:
         if acts or strained > RIGIDLY * most:
             return None
         given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine] / (most or 1.0)
-        reach = self.reach(local.pairs, local.before, number)
+        reach = self.reach(local, number)
         reach = replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2))
         found = self._of_all(reach, lambda reach: unresisted(reach, self.bodies.count))
         return None if found is None else replace(self._told(Motion(found, 0.0), number, False), prescribed=True)
@@ -173,17 +174,25 @@ class LimitLoads:
         step = math.ceil(number)
         return partway(self.loads, step, 1 - (step - number))
 
-    def missing(self, pairs: Pairs, before: History, number: float, force: np.ndarray) -> np.ndarray:
+    def missing(self, local: LawStage, number: float, force: np.ndarray) -> np.ndarray:
         """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all forces on the body, in magnitude."""
-        reach, size = self.reach(pairs, before, number), norm(force)[pairs.mine]
+        reach, force = self.reach(local, number), force[:, local.pairs.mine]
         left, carried = np.zeros((self.bodies.count, RIGID)), np.zeros(self.bodies.count)
         for k, columns in enumerate((slice(0, RIGID), slice(RIGID, 2 * RIGID))):
-            np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force[:, pairs.mine]))
-            np.add.at(carried, reach.ends[:, k], size)
+            np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force))
+            np.add.at(carried, reach.ends[:, k], norm(force))
         left, carried = self.team.sum(left, carried)
         lost, most = (np.linalg.norm(x, axis=1) for x in (self._at(number) - left, self._at(number)))
-        most = np.maximum(most, carried)
-        return ratio(lost, most, lost > self.noise)
+        return ratio(lost, np.maximum(most, carried), lost > self.noise)
+
+    def let_go(self, d: Decomposition, force: np.ndarray, share: float) -> bool:
+        """Return whether a body that can move is pressed at one load step, by forces (T, 3, P), and
+        at the next one by less than a share of these."""
+        f, size = d.local.pairs.transfer.opposed(force), np.zeros((len(force), self.bodies.count))
+        for body, part in zip(self.bodies.own, d.space.parts):
+            size[:, body] += np.linalg.norm(f[:, part], axis=1)
+        size, = self.team.sum(size[:, self.bodies.loose.any(axis=(1, 2))])
+        return bool((size[1:] < share * size[:-1]).any())
 
     def _told(self, found: Motion, number: float, pressures: bool) -> LimitLoad:
         """In words and numbers."""
