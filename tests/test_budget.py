@@ -57,9 +57,12 @@ def test_the_package_keeps_to_its_budget():
 
 
 def test_limits_only_fall():
-    """The working copy beside the last commit, and each version beside the one before it."""
+    """The working copy beside the last commit, and each version beside the one before it, back to a commit
+    of its own that says why they had to rise: its subject begins with "Budget raised"."""
     name = LIMITS.relative_to(ROOT).as_posix()
-    revisions = git("log", "--format=%H", "--", name).split()
+    found = [line.split(" ", 1) for line in git("log", "--format=%H %s", "--", name).splitlines()]
+    raised = [subject.startswith("Budget raised") for _, subject in found]
+    revisions = [revision for revision, _ in found[: raised.index(True) + 1 if True in raised else None]]
     versions = [LIMITS.read_text(encoding="utf-8"),
                 *(git("show", f"{revision}:{name}") for revision in revisions)]
     risen = []

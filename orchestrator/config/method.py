@@ -150,7 +150,7 @@ class Method(Part):
     memory: AutoCount = Field("auto", description=(
         "depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact"))
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
-        "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine, or its "
+        "the coarse contact problem: where interfaces are not perfect every body moves in its affine, or its "
         "rigid, fields under the true laws, after every linear stage; it removes the plateau of the fixed point. "
         "auto: affine, slender bodies in modes of their own"))
     contact: Contact = Field(Contact(), description="what keeps bodies in place that contact alone holds")

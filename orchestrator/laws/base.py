@@ -7,7 +7,7 @@ whose points are joined: these methods are static and find the parameters in ``P
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -111,6 +111,7 @@ class Law:
     statuses : what its pairs can do
     measures : of its residuals
     pairwise : it answers pair by pair, whatever other pairs of its interface do
+    loops : the ``force`` that ``contact_loops`` computes, where it is this law's
     convex : its force is the slope of a convex energy of the jump, load step by load step: the energy error is guaranteed
     prices : it has a ``duality_gap``, and directions in which it gives way are free in what the error is measured with
     slips : what it holds across the normal may slip for a price, as Coulomb's law has it, with a parameter ``friction``
@@ -158,6 +159,7 @@ class Law:
     perfect: ClassVar[bool] = False
     as_one: ClassVar[bool] = False
     pairwise: ClassVar[bool] = True
+    loops: ClassVar[Callable[..., Answer] | None] = None
     axial: ClassVar[bool] = False
     joins: bool = False
     on_ground: ClassVar[bool] = False

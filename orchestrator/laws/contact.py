@@ -160,6 +160,8 @@ class Contact(Law):
         in_parts(slopes, len(active), *given, active, slope, part=WORTH)
         return Answer(force, status, active, slope)
 
+    loops = force
+
     @staticmethod
     def lagged(points: Points, force: np.ndarray) -> Points:
         """The points with friction of at most what μ allows under these forces: Tresca's law, which is convex."""

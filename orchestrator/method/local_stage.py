@@ -196,7 +196,7 @@ class LawStage:
         w, f = fields.extended
         at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
-        nodes, met = self._meeting(w, f, anchors)
+        nodes, met = self.meeting(w, f, anchors)
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
@@ -206,7 +206,7 @@ class LawStage:
             answer = pairs.force(F[t], before, pairs.numbers[t])
             force[t], jump[t] = pairs.settled(answer.force, F[t], anchor)
             if nodes is not None:
-                jump[t][:, self.groups.chosen] = together
+                jump[t][:, self.groups.chosen], nodes.before = together, nodes.after
             lawful[t], status[t] = answer.force, answer.status
             before = History(jump[t], answer.own)
             own.append(answer.own)
@@ -232,7 +232,7 @@ class LawStage:
         """Pairs that share nodes of bodies; None where none do."""
         return self._groups()
 
-    def _meeting(self, w: np.ndarray, f: np.ndarray, anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
+    def meeting(self, w: np.ndarray, f: np.ndarray, anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
         """This rank's groups at traces (T, D + G), None where there are none, and whether any rank has some; all ask together."""
         nodes = None if self.groups is None else NodeStage(self.groups, self.pairs, w, f, self.before, anchors)
         square, count = self.direction.space.team.sum(np.zeros((2, len(w))) if nodes is None else nodes.left)[0]

@@ -143,6 +143,8 @@ class _SetUp:
             stage = LinearStage(space, direction, macro, loading, guarded)
             coarse, sweeps = self._coarse(stage, pairs)
         spent += sweeps
+        if coarse is not None:
+            coarse.start_from(local)
         made = Made(self.traces, counts, rims, modes, self.carried, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
         if certified:

@@ -12,7 +12,9 @@ and y makes the forces agree with the laws on these fields, load step after load
     ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
-which ``problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
+A few linearised steps (``linear_step``) do in nearly all iterations. The nonlinear problem is
+solved (``problem``) in the first one, where steps do not bring ρ to a tenth, and where a loose
+body travels. U is made orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
@@ -22,10 +24,12 @@ from copy import copy
 
 import numpy as np
 
+from orchestrator.method.coarse.linear_step import LinearSteps, NodeStep
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.coarse.responses import Responses, per_body
 from orchestrator.method.interface.pairs import History, Pairs
+from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local_stage import LawStage
@@ -45,6 +49,11 @@ FIELDS = {"rigid": _RIGID, **dict.fromkeys(("auto", "affine"), np.hstack([_RIGID
 # Longest move of a loose body in one Newton step, over the largest displacement at the start, where no springs stabilise contacts. How far
 # others go their supports say.
 REACH = 0.3
+# A loose body is on its way to a place that linear steps do not find where it goes so many times
+# as far as all others, and so
+# far over the largest displacement, or has done so for so many iterations without going half as
+# far.
+TRAVELS, FAR, PATIENCE = 10.0, 1e-2, 5
 
 
 class CoarseCorrection:
@@ -63,7 +72,6 @@ class CoarseCorrection:
     def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str, modes: Mapping[int, np.ndarray] | None = None,
                  anew: bool = False):
         self.stage, self.pairs, self.anew = stage, pairs, anew
-        self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.bodies, self.parts = len(scene.subdomains), space.parts
         response = Responses.of(stage, *self._fields(scene, FIELDS[kind], modes or {}))
@@ -77,7 +85,8 @@ class CoarseCorrection:
         self.problem = self._problem(pairs)
         self.prescribed, = space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in space.subdomains))
         self.radius: float | None = None
-        self.loose = loose_bodies(scene)
+        self.loose, self.begun, self._steps = loose_bodies(scene), False, None
+        self.since: dict[int, tuple[int, float]] = {}
 
     @property
     def sweeps(self) -> int:
@@ -102,6 +111,7 @@ class CoarseCorrection:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
         steps = self.pairs.at_steps_of(local.pairs)
         self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))  # perfect ones come last
+        self.local, self.begun, self.since = local, False, {}
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
@@ -128,12 +138,24 @@ class CoarseCorrection:
         result.start_from(local)
         return result
 
+    @property
+    def steps(self) -> LinearSteps:
+        """The linear steps with the local stage's groups; all ranks ask together."""
+        groups, bodies = self.local.groups, self.problem.bodies
+        if self._steps is None or self._steps.bodies is not bodies or self._steps.groups is not groups:
+            self._steps = LinearSteps.of(bodies, groups, self.response)
+        return self._steps
+
     def _solved(self, fields: Admissible) -> tuple[np.ndarray, np.ndarray]:
         """(T, bodies, n) y, and the y where springs that begin anew carry nothing."""
-        y, from_y = np.zeros((2, len(fields.s), self.bodies, self.sweeps))
-        resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
-        before, at = self.predict.before, self.pairs.traces(*fields.extended)
-        F0, radius = at.predicted(), None if self.radius is None else np.where(self.loose, self.radius, np.inf)
+        resultant, at = self._of_all(self._resultants(fields.f)).swapaxes(0, 1), self.pairs.traces(*fields.extended)
+        F0 = at.predicted()
+        y = self._linear(fields, at, F0, resultant) if self.begun else None
+        self.begun = True
+        if y is not None:
+            return y, y
+        y, from_y = np.zeros((2, *resultant.shape))
+        before, radius = self.predict.before, None if self.radius is None else np.where(self.loose, self.radius, np.inf)
         for t, number in enumerate(self.predict.pairs.numbers):
             given = t, number, F0[t], resultant[t], before
             if self.anew:
@@ -143,6 +165,39 @@ class CoarseCorrection:
             answer = self.pairs.force(F, before, number)
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y, from_y
+
+    def _linear(self, fields: Admissible, at: PointTraces, F0: np.ndarray, resultant: np.ndarray) -> np.ndarray | None:
+        """(T, bodies, n) y of linear steps; None where they do not do in some load step."""
+        before, local, y = self.predict.before, self.local, np.zeros(resultant.shape)
+        nodes, _ = local.meeting(*fields.extended, at.jump[:, :, : len(local.pairs)] if self.anew else None)
+        travels, most = False, self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0]
+        for t, number in enumerate(self.predict.pairs.numbers):
+            anchor = at.jump[t] if self.anew else before.jump
+            step = NodeStep(self.steps, t, number, F0[t], resultant[t], before, anchor, nodes)
+            taken = step.taken()
+            if not taken:
+                return None
+            self.problem.newton_steps += taken
+            self.problem.ended(t, "tolerance", np.linalg.norm(step.rho), step.start)
+            y[t], before = step.y, step.after
+            travels |= self._travels(t, step.y, most)
+            if nodes is not None:
+                nodes.before = nodes.after
+        return None if travels else y
+
+    def _travels(self, t: int, y: np.ndarray, most: float) -> bool:
+        """Whether a loose body goes on in fields y (bodies, n) while all others come to rest.
+
+        most : largest displacement there is
+        """
+        far = self.problem.farthest * np.linalg.norm(y, axis=1)
+        moved, others = (far[which].max(initial=0.0) for which in (self.loose, ~self.loose))
+        waited, before = self.since.get(t, (0, np.inf))
+        if moved <= 0.5 * before:
+            waited, before = 0, moved
+        travels = moved > TRAVELS * others and (waited >= PATIENCE or moved > FAR * most)
+        self.since[t] = (0, moved) if travels else (waited + 1, before)
+        return bool(travels)
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:
@@ -154,12 +209,12 @@ class CoarseCorrection:
 
     def state(self) -> dict[str, object]:
         """What a resumed run has to know."""
-        return {"radius": self.radius, **self.problem.state()}
+        return {"radius": self.radius, "begun": self.begun, "since": dict(self.since), **self.problem.state()}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
         self.problem.restore(state)
-        self.radius = state["radius"]
+        self.radius, self.begun, self.since = state["radius"], state["begun"], dict(state["since"])
 
     def _fields(self, scene: Scene, allowed: np.ndarray, modes: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """(m, D) fields, and (own bodies, m, n) combinations of them that each may move in.

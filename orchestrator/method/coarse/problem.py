@@ -78,7 +78,7 @@ class CoarseProblem:
         """
         at = LoadStep(self.bodies, number, F0, resultant, before)
         run, end = self._newton(at, np.zeros((self.fields.count, self.fields.size)), self.goal, self.most, radius)
-        self._ended(step, end, run.size, run.start)
+        self.ended(step, end, run.size, run.start)
         return run.y, at.forces(run.y)
 
     def rest(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
@@ -102,10 +102,10 @@ class CoarseProblem:
                 break
             pairs = bodies.fields.pairs
             stays = pairs.settled(pairs.force(F, before, number).force, F, anchor)[1]
-        self._ended(step, end, size, start)
+        self.ended(step, end, size, start)
         return y, F, anchor, yj
 
-    def _ended(self, step: int, end: str, size: float, start: float) -> None:
+    def ended(self, step: int, end: str, size: float, start: float) -> None:
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
 

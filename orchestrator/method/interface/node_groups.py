@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.answering import LawPoints
+from orchestrator.method.interface.node_contact import ContactGroups
 from orchestrator.method.interface.node_points import labelled, NodePoints, nodewise
 from orchestrator.method.interface.node_visits import completed, places, Visits
 from orchestrator.method.interface.pairs import Pairs
@@ -82,6 +83,11 @@ class NodeGroups:
     def Bt(self) -> sp.csr_array:
         """(3m, 3R) the transpose of B, at this rank's nodes."""
         return sp.csr_array(self.B.T[: len(self.copies)])
+
+    @cached_property
+    def contact(self) -> ContactGroups:
+        """Groups that compiled loops answer."""
+        return ContactGroups.of(self.laws, self.group, self.felt)
 
     @cached_property
     def back(self) -> sp.csr_array:

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.method.interface.answering import History, LawPoints
+from orchestrator.method.interface.node_contact import ContactGroups
 from orchestrator.method.interface.node_groups import pointwise
 from orchestrator.method.interface.rows import rows_of
 
@@ -96,13 +97,19 @@ class Question:
         return result
 
 
-def solved(question: Question, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def solved(question: Question, q: np.ndarray, contact: ContactGroups) -> tuple[np.ndarray, np.ndarray]:
     """Return forces (3, R) that obey the laws, from those given on, and what is left of ‖r‖ (n,)."""
-    q, size = _newton(question, q)
-    open_ = size > question.enough
-    if open_.any():
-        at, few = question.some(open_)
-        q[:, at], size[open_] = _renewed(few, q[:, at])
+    q, size = q.copy(), np.empty(len(question.enough))
+    if len(contact.order):
+        effort = SHIFTS, np.array([1.0, *LENGTHS]), LESS
+        q[:, contact.order], size[contact.quick] = contact.answered(question, q, effort, (ROUNDS, REPEATS, PATIENCE))
+    if len(contact.order) < q.shape[1]:
+        at, few = question.some(~contact.quick)
+        q[:, at], size[~contact.quick] = _newton(few, q[:, at])
+        open_ = ~contact.quick & (size > question.enough)
+        if open_.any():
+            at, few = question.some(open_)
+            q[:, at], size[open_] = _renewed(few, q[:, at])
     return q, size
 
 

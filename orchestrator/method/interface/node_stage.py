@@ -29,6 +29,7 @@ class NodeStage:
     left : (2, T) sum of the squares of what this rank's nodes lack, and how many components these are
     rms : (T,) of all ranks; whoever asks for answers gives it first
     left_over : groups whose laws did not come to hold, in all load steps so far
+    question, after : what was asked last, and what that leaves to the next load step
     """
 
     def __init__(self, groups: NodeGroups, pairs: Pairs, w: np.ndarray, f: np.ndarray, before: History,
@@ -47,25 +48,26 @@ class NodeStage:
         """(T, 3m) f_b + Bᵀ q of this rank's nodes, q (T, 3, R)."""
         return self.groups.reached * (self.f_b + times(self.groups.Bt, q.reshape(len(q), -1)))
 
-    def predicted(self, t: int) -> tuple[np.ndarray, np.ndarray]:
+    def predicted(self, t: int, moved: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return F (3, r), at which the laws of each of the rank's pairs alone answer what all answer together, and jumps.
 
-        t : of the load steps here, one after the other
+        t : of the load steps here, one after the other; who asks passes ``after`` on to ``before``
+        moved : (3, R) by which b is another than that of the traces
         """
         groups, before = self.groups, self.before
         anchor = before.jump if self.anchors is None else self.anchors[t]
-        number, start = self.numbers[t], groups.laws.masked(groups.laws.points.stiffness(self.b[t]))
+        number, start = self.numbers[t], groups.laws.masked(groups.laws.points.stiffness(self.b[t] + moved))
         least = ROUNDING * float(np.abs(self.q[t]).max(initial=0.0))
         enough = max(ENOUGH * self.rms[t], least) * np.sqrt(groups.members)
-        question = Question(groups.laws, groups.group, groups.felt, before, anchor, number, start, enough)
-        q, size = solved(question, self.q[t])
+        self.question = question = Question(groups.laws, groups.group, groups.felt, before, anchor, number, start, enough)
+        q, size = solved(question, self.q[t], groups.contact)
         self.left_over += int((size > enough).sum())
         F = question.predicted(q)
         answer = groups.laws.force(F, before, number)
         self.q[t] = q = groups.laws.settled(answer.force, F, anchor)[0]
         # not (F − f̂)/keq: where q is near the answer only, jumps around a node of three bodies would add up to something
-        self.before = History(groups.laws.compliance(question.predicted(q) - q), answer.own)
-        return F[:, : len(groups.chosen)], self.before.jump[:, : len(groups.chosen)]
+        self.after = History(groups.laws.compliance(question.predicted(q) - q), answer.own)
+        return F[:, : len(groups.chosen)], self.after.jump[:, : len(groups.chosen)]
 
     def shared(self, diagonal: np.ndarray, f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return traces of the groups (n,) int, and there forces f (T, n) and moves ŵ − w (T, n).

@@ -161,7 +161,8 @@ class Transfer:
         return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
 
     def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
-        return times(G, x.reshape(-1, self.total)).reshape(*x.shape[:-1], *self.one.shape)
+        rows = x.reshape(x[..., 0].size if self.total else 0, self.total)
+        return times(G, rows).reshape(*x.shape[:-1], *self.one.shape)
 
     def _turned(self, G: sp.csr_array, q: np.ndarray) -> np.ndarray:
         leading = q.shape[: q.ndim - self.one.ndim]

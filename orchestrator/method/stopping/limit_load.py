@@ -186,13 +186,15 @@ class LimitLoads:
         return ratio(lost, np.maximum(most, carried), lost > self.noise)
 
     def let_go(self, d: Decomposition, force: np.ndarray, share: float) -> bool:
-        """Return whether a body that can move is pressed at one load step, by forces (T, 3, P), and
-        at the next one by less than a share of these."""
+        """Return whether a body that can move is loaded and pressed at one load step, by forces
+        (T, 3, P), and at the next one loaded and pressed by less than a share of these."""
         f, size = d.local.pairs.transfer.opposed(force), np.zeros((len(force), self.bodies.count))
         for body, part in zip(self.bodies.own, d.space.parts):
             size[:, body] += np.linalg.norm(f[:, part], axis=1)
-        size, = self.team.sum(size[:, self.bodies.loose.any(axis=(1, 2))])
-        return bool((size[1:] < share * size[:-1]).any())
+        loads = np.linalg.norm([self._at(number) for number in d.local.pairs.numbers], axis=2)
+        size, = self.team.sum(size)
+        gone = (size[1:] < share * size[:-1]) & (loads[1:] < share * loads[:-1])
+        return bool(gone[:, self.bodies.loose.any(axis=(1, 2))].any())
 
     def _told(self, found: Motion, number: float, pressures: bool) -> LimitLoad:
         """In words and numbers."""

@@ -198,6 +198,7 @@ CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "max_iterations": [how_far, halving, settings, matter, shape, contact],
     "diverged": [halving, settings, runaway, contact, code],
     "limit load": [limit, halving],
+    "a body is let go": [how_far, halving],
     "held by stabilisation alone": [springs, halving],
     "stagnated at rounding": [rounding, settings, matter, code],
     "error bound stands still": [standing],

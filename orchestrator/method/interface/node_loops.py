@@ -1,0 +1,239 @@
+"""Groups of a few points in contact, compiled: Newton's method and renewed limits of friction, as
+``node_newton`` has them, and what the coarse problem's fields change.
+
+A group is worked on to its end before the next one, by dense matrices: r = q − law(q + keq (b − S
+q)) has three numbers a point. To be imported where it is used: it takes the compiler along.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from orchestrator.compiled import SUMS, compiled
+from orchestrator.laws import contact_loops
+from orchestrator.laws.contact_loops import OPENS
+
+fast = numba.njit(nogil=True, fastmath=SUMS)
+forces, slopes = fast(contact_loops.forces.function), fast(contact_loops.slopes.function)
+
+
+@fast
+def left(a, b, felt, given, most, q, F, force, status, r):
+    """Write F, f̂ and r (3, R) of the points from a to b; ‖r‖."""
+    points, start, past, rest, springs, free = given
+    m, square = b - a, 0.0
+    for c in range(3):
+        for j in range(m):
+            total, row = start[c, a + j], felt[c * m + j]
+            for d in range(3):
+                for k in range(m):
+                    total += row[d * m + k] * q[d, a + k]
+            F[c, a + j] = total
+    forces(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, force, status)
+    for c in range(3):
+        for p in range(a, b):
+            if free[c, p]:
+                force[c, p] += springs[p] * (F[c, p] - rest[c, p] - force[c, p])
+            else:
+                force[c, p] = 0.0
+            r[c, p] = q[c, p] - force[c, p]
+            square += r[c, p] ** 2
+    return np.sqrt(square)
+
+
+@fast
+def slopes_of(a, b, given, most, F, status, slope, everyone):
+    """Write A (3, 3, R) of the points from a to b at F."""
+    points, _, past, _, springs, free = given
+    slopes(a, b, (points[0], points[1], points[2], points[3], points[4], most), F, past, everyone, slope)
+    for p in range(a, b):
+        for c in range(3):
+            for d in range(3):
+                value = 0.0 if status[p] == OPENS else slope[c, d, p]
+                value += springs[p] * ((1.0 if c == d else 0.0) - value)
+                slope[c, d, p] = value if free[c, p] and free[d, p] else 0.0
+
+
+@fast
+def eliminated(J, n, columns):
+    """Put J⁻¹ R into the place of R, of (J, R) in one array (n, n + columns), rows exchanged;
+    whether there is one.
+    """
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(J[i, k]) > abs(J[best, k]):
+                best = i
+        if not abs(J[best, k]) > 0.0:
+            return False
+        if best != k:
+            for j in range(k, n + columns):
+                J[k, j], J[best, j] = J[best, j], J[k, j]
+        for i in range(k + 1, n):
+            share = J[i, k] / J[k, k]
+            if share != 0.0:
+                for j in range(k + 1, n + columns):
+                    J[i, j] -= share * J[k, j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            share = J[i, k]
+            for j in range(n, n + columns):
+                J[i, j] -= share * J[k, j]
+        for j in range(n, n + columns):
+            J[i, j] /= J[i, i]
+    return True
+
+
+@fast
+def jacobian(a, b, felt, slope, shift, J):
+    """Write J = 1 − (1 − δ) A (1 − keq S) of the points from a to b."""
+    m = b - a
+    for c in range(3):
+        for j in range(m):
+            row = J[c * m + j]
+            for k in range(3 * m):
+                total = 0.0
+                for d in range(3):
+                    total += slope[c, d, a + j] * felt[d * m + j, k]
+                row[k] = -(1.0 - shift) * total
+            row[c * m + j] += 1.0
+
+
+@fast
+def newton(a, b, felt, given, most, enough, rounds, effort, q, room):
+    """Improve q (3, R) at the points from a to b, in so many rounds; ‖r‖ there, with F, f̂ and r
+    in the room.
+    """
+    shifts, lengths, less = effort
+    F, force, status, r, here, slope, everyone, step, best, J = room
+    m = b - a
+    n, size, number, failures = 3 * m, np.inf, 0, 0
+    for c in range(3):
+        for p in range(a, b):
+            best[c, p] = q[c, p]
+    while True:
+        found = left(a, b, felt, given, most, q, F, force, status, r)
+        saved = found < (1.0 - less * lengths[number]) * size
+        if saved:
+            size, failures = found, 0
+            if rounds > 0:
+                slopes_of(a, b, given, most, F, status, slope, everyone)
+            for c in range(3):
+                for p in range(a, b):
+                    best[c, p], here[c, p] = q[c, p], r[c, p]
+        else:
+            number += 1
+            failures += number == len(lengths)
+        if saved or number == len(lengths):
+            if size <= enough or rounds == 0:
+                break
+            rounds, number = rounds - 1, 0
+            jacobian(a, b, felt, slope, shifts[failures % len(shifts)], J)
+            for k in range(n):
+                J[k, n] = here[k // m, a + k % m]
+            there = eliminated(J, n, 1)  # exactly singular: no step, and another shift
+            for k in range(n):
+                step[k // m, a + k % m] = J[k, n] if there else 0.0
+        for c in range(3):
+            for p in range(a, b):
+                q[c, p] = best[c, p] - lengths[number] * step[c, p]
+    for c in range(3):
+        for p in range(a, b):
+            q[c, p] = best[c, p]
+    return size
+
+
+@compiled
+def answered(start, stop, groups, given, enough, effort, tries, q, size):
+    """Improve q (3, R), and write ‖r‖ (n,), of the groups from start to stop.
+
+    groups : (n + 1,) int, where each one's points begin; (n,) int, where its matrix 1 − keq S
+        begins in (·,)
+    given : of the points normal, stiff_n, stiff_t, gap and friction; keq b, jumps before, keq
+        times the jumps at which
+        springs carry nothing, ε, and which components are free
+    enough : (n,) what may be left of ‖r‖
+    effort : shifts, lengths and what a step has to save
+    tries : Newton steps, renewed limits of friction, and of these how many in a row that save
+        nothing
+    """
+    bounds, places, matrices = groups
+    (rounds, repeats, patience), count, most = tries, q.shape[1], 0
+    for g in range(start, stop):
+        most = max(most, bounds[g + 1] - bounds[g])
+    F, force, r, here, step, best, kept = (np.empty((3, count)), np.empty((3, count)), np.empty((3, count)),
+                                           np.empty((3, count)), np.empty((3, count)), np.empty((3, count)),
+                                           np.empty((3, count)))
+    room = (F, force, np.empty(count, np.int64), r, here, np.empty((3, 3, count)), np.arange(count), step, best,
+            np.empty((3 * most, 3 * most + 1)))
+    limits, normal, friction = np.empty(count), given[0][0], given[0][4]
+    for g in range(start, stop):
+        a, b = bounds[g], bounds[g + 1]
+        n, least, waited, goal = 3 * (b - a), np.inf, 0, enough[g]
+        felt = matrices[places[g] : places[g] + n * n].reshape(n, n)
+        for k in range(2 * repeats + 2):  # Newton's method, with limits of friction but at first, and in turns what is left
+            even = k % 2 == 0
+            lagged = even and k > 0
+            found = newton(a, b, felt, given, limits if lagged else limits[:0], 0.1 * goal if lagged else goal,
+                           rounds if even else 0, effort, q, room)
+            if not lagged:
+                waited = 0 if found < least else waited + 1
+                if found < least:
+                    least = found
+                    for c in range(3):
+                        for p in range(a, b):
+                            kept[c, p] = q[c, p]
+                if least <= goal or waited >= patience + 1:
+                    break
+            if not even:
+                for p in range(a, b):
+                    push = force[0, p] * normal[0, p] + force[1, p] * normal[1, p] + force[2, p] * normal[2, p]
+                    limits[p] = friction[p] * max(-push, 0.0)
+        size[g] = least
+        for c in range(3):
+            for p in range(a, b):
+                q[c, p] = kept[c, p]
+
+
+@compiled
+def added(start, stop, groups, bodies, fields, laws, shift, result):
+    """result (·, n, n) += Tᵀ X D of the groups from start to stop, X = J⁻¹ A keq, in blocks of
+    their bodies.
+
+    groups : as ``node_loops.answered`` takes them
+    bodies : (k + 1,) int, where the bodies of each group begin; (Q, 2) int, which of them a
+        point's two are; (·,) int,
+        where the block of two of them is in ``result``, row after row, and (k,) where those of
+        each group begin
+    fields : T and D (Q, 3, 2, n); laws : A and keq (3, 3, Q)
+    """
+    (bounds, places, matrices), (first, local, spots, begins), (T, D), (slope, stiff) = groups, bodies, fields, laws
+    size = T.shape[3]
+    for g in range(start, stop):
+        a, b, count = bounds[g], bounds[g + 1], first[g + 1] - first[g]
+        m, width = b - a, count * size
+        n = 3 * m
+        J, carried = np.zeros((n, n + width)), np.zeros((width, n))
+        jacobian(a, b, matrices[places[g] : places[g] + n * n].reshape(n, n), slope, shift, J)
+        for j in range(m):
+            for side in range(2):
+                here = local[a + j, side] * size
+                for c in range(3):
+                    for f in range(size):
+                        carried[here + f, c * m + j] += T[a + j, c, side, f]
+                    for e in range(3):
+                        share = 0.0
+                        for d in range(3):
+                            share += slope[c, d, a + j] * stiff[d, e, a + j]
+                        for f in range(size):
+                            J[c * m + j, n + here + f] += share * D[a + j, e, side, f]
+        if not eliminated(J, n, width):
+            continue
+        product = np.dot(carried, np.ascontiguousarray(J[:, n:]))
+        for i in range(count):
+            for k in range(count):
+                spot = spots[begins[g] + i * count + k]
+                for f in range(size):
+                    for h in range(size):
+                        result[spot, f, h] += product[i * size + f, k * size + h]
