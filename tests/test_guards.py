@@ -6,7 +6,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
-import gmsh
 import meshio
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ import scipy.sparse as sp
 from contact_case import contact
 from in_process import IN_PROCESS
 from method_case import box_of, config, prepared
+from public.helpers import groove
 from rounded_traces import traces_of
 
 from orchestrator.config.load import config_from
@@ -257,23 +257,9 @@ def test_normals_that_lean_are_found_out(profile, tmp_path, monkeypatch):
 def test_normals_that_lean_are_found_out_where_coarse_facets_join_faces(tmp_path, monkeypatch):
     """A groove in a quarter of a shaft: a torus between two cylinders, each a CAD face."""
     monkeypatch.setattr(Surfaces, "upright", leaning)
-    quarter = {"angle": np.pi / 2}
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    solid = gmsh.model.occ
-    for name in ("shaft", "hub"):
-        gmsh.model.add(name)
-        inner = solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 12, **quarter))],
-                          [(3, solid.addTorus(0, 0, 7, 14, 5))])[0]
-        if name == "hub":
-            solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 20, **quarter))], inner)
-        solid.synchronize()
-        gmsh.write(str(tmp_path / f"{name}.step"))
-    gmsh.finalize()
     solution = solve(config_from({
         "name": "groove", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-        "parts": [{"name": name, "mesh": {"step": str(tmp_path / f"{name}.step"), "h": h}}
-                  for name, h in (("shaft", 7), ("hub", 8))],
+        "parts": groove(tmp_path),
         "interfaces": [{"between": ["hub", "shaft"], "law": "contact", "friction": 0, "gap": -0.02}],
         "boundary": [{"on": {"plane": "z", "at": z}, "part": part, "displacement": [0, 0, 0]}
                      for part, z in (("shaft", 0), ("hub", 14))],

@@ -28,7 +28,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.laws.points import Answer, BONDED
+from orchestrator.laws.points import BONDED
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.node_groups import NodeGroups
 from orchestrator.method.interface.node_stage import NodeStage

@@ -14,6 +14,7 @@ from itertools import product
 from pathlib import Path
 from unittest.mock import patch
 
+import gmsh
 import meshio
 import numpy as np
 import orchestrator
@@ -123,3 +124,27 @@ def run(path: Path, out: Path, *changes: str, code: int = 0, flags: Sequence[str
     done = call("run", path, "--output", out, "--quiet", *flags, *settings)
     assert done.code == code, (done.code, done.out, done.err)
     return json.loads((out / "summary.json").read_text())
+
+
+def groove(folder: Path, bore: float = 0.0) -> list[dict]:
+    """Parts of a quarter of a shaft with a groove, in its hub: a torus between two cylinders, each a CAD face.
+
+    bore : radius of a hole through the shaft; 0: none
+    """
+    quarter = {"angle": np.pi / 2}
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    solid = gmsh.model.occ
+    for name in ("shaft", "hub"):
+        gmsh.model.add(name)
+        inner = solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 12, **quarter))],
+                          [(3, solid.addTorus(0, 0, 7, 14, 5))])[0]
+        if name == "shaft" and bore:
+            solid.cut(inner, [(3, solid.addCylinder(0, 0, 0, 0, 0, 14, bore))])
+        if name == "hub":
+            solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 20, **quarter))], inner)
+        solid.synchronize()
+        gmsh.write(str(folder / f"{name}.step"))
+    gmsh.finalize()
+    return [{"name": name, "mesh": {"step": str(folder / f"{name}.step"), "h": h}}
+            for name, h in (("shaft", 7), ("hub", 8))]

@@ -2,10 +2,9 @@
 
 from itertools import product
 
-import gmsh
 import numpy as np
 import pytest
-from helpers import HELD, STEEL, box, bricks, on, rollers, solved, stopped, written
+from helpers import HELD, STEEL, box, bricks, groove, on, rollers, solved, stopped, written
 
 PRESSURE = 500.0
 SMOOTH = {"law": "contact", "friction": 0.0}
@@ -193,26 +192,10 @@ def test_round_fits_without_friction_carry_no_torque(around, code, tmp_path):
 
 def test_a_groove_between_faces_turns_freely(tmp_path):
     """Coarse facets hide where a torus ends and a cylinder begins; each has its own normals."""
-    quarter = {"angle": np.pi / 2}
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    solid = gmsh.model.occ
-    for name in ("shaft", "hub"):
-        gmsh.model.add(name)
-        inner = solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 12, **quarter))],
-                          [(3, solid.addTorus(0, 0, 7, 14, 5))])[0]
-        if name == "shaft":
-            solid.cut(inner, [(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 5))])
-        else:
-            solid.cut([(3, solid.addCylinder(0, 0, 0, 0, 0, 14, 20, **quarter))], inner)
-        solid.synchronize()
-        gmsh.write(str(tmp_path / f"{name}.step"))
-    gmsh.finalize()
     turned = {"rotate": {"axis": "z", "degrees": 0.1, "about": [0, 0, 0]}}
     bore = {"box": [[-0.1, -0.1, -0.1], [5.1, 5.1, 14.1]]}
     found = solved({"name": "groove", "subdomains": "groups", "materials": [STEEL],
-                    "parts": [{"name": name, "mesh": {"step": str(tmp_path / f"{name}.step"), "h": h}}
-                              for name, h in (("shaft", 7), ("hub", 8))],
+                    "parts": groove(tmp_path, bore=5),
                     "interfaces": [{"between": ["hub", "shaft"], **SMOOTH, "gap": -0.02}],
                     "boundary": [{"on": bore, "part": "shaft", "displacement": HELD},
                                  {"on": on("z", 14), "part": "hub", "motion": turned}],

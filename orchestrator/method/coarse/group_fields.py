@@ -19,7 +19,7 @@ from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.load_step import Bodies
 from orchestrator.method.coarse.responses import Responses
 from orchestrator.method.interface.node_groups import NodeGroups, pointwise, stiffness
-from orchestrator.method.interface.rows import rows_of, times
+from orchestrator.method.interface.rows import bounds_of, rows_of, times
 
 SHIFT = 1e-6  # δ: with friction J may be singular
 
@@ -33,6 +33,7 @@ class GroupFields:
     ends : (R, 2) int, the two bodies of each point, the lower first
     T : (R, 3, 2, n) fields of these, zero at points that other ranks add up
     pairs : (I, 2) int, pairs of bodies that have blocks: those of the rank's interfaces come first
+    count : bodies of all ranks
     """
 
     groups: NodeGroups
@@ -41,15 +42,17 @@ class GroupFields:
     ends: np.ndarray
     T: np.ndarray
     pairs: np.ndarray
+    count: int
 
     @classmethod
     def of(cls, groups: NodeGroups, bodies: Bodies, response: Responses) -> GroupFields:
         """Return the fields; all ranks ask together."""
-        fields, size, count = bodies.fields, groups.sums.shape[1], len(groups.copies)
+        fields, size = bodies.fields, groups.sums.shape[1]
         own = times(groups.sums, response.W[:, :size]) / groups.copies - times(groups.C, times(groups.sums, response.F[:, :size]))
-        body = np.zeros(count)
-        body[sp.coo_array(groups.sums).coords[0]] = response.space.owner[sp.coo_array(groups.sums).coords[1]]
-        own = np.vstack([own, body])
+        nodes, traces = groups.sums.tocoo().coords
+        owner = np.zeros(len(groups.copies))
+        owner[nodes] = response.space.owner[traces]
+        own = np.vstack([own, owner])
         *Z, owner = np.hstack([own, *groups.nodes(own)])
         owner, B = owner.astype(int), groups.B.tocoo()
         R = B.shape[0] // 3
@@ -65,15 +68,14 @@ class GroupFields:
         turned = np.flatnonzero(here[:, 0] > here[:, 1])
         T[turned] = T[turned][:, :, ::-1]
         T[: len(chosen)][~bodies.theirs[chosen]] = 0.0
-        met = np.unique(np.column_stack([np.repeat(groups.group, 2), ends.ravel()]), axis=0)
-        first, total = np.unique(met[:, 0], return_index=True, return_counts=True)[1:]
-        rows, columns = _each_two(first, total)
-        both = np.sort(np.column_stack([met[rows, 1], met[columns, 1]]), axis=1)
+        first, body, _ = _bodies_of(groups.group, ends, fields.count)
+        rows, columns = _each_two(first)
+        both = np.sort(np.column_stack([body[rows], body[columns]]), axis=1)
         here = fields.ends[bodies.counted]
         known = fields.count * here.min(axis=1, initial=fields.count) + here.max(axis=1, initial=-1)
         extra = np.unique(both[both[:, 0] < both[:, 1]], axis=0)
         extra = extra[~np.isin(extra @ [fields.count, 1], known)]
-        return cls(groups, np.array(Z), owner, ends, T, np.concatenate([here, extra]))
+        return cls(groups, np.array(Z), owner, ends, T, np.concatenate([here, extra]), fields.count)
 
     def moved(self, y: np.ndarray) -> np.ndarray:
         """Return db (3, R) of fields y (bodies, n)."""
@@ -96,62 +98,90 @@ class GroupFields:
     @cached_property
     def _blocks(self) -> tuple[np.ndarray, ...]:
         """Where the bodies of each group begin (n + 1,), which of them a point's two are (R, 2),
-        where the block of two of
-        them is (·,), and where those of each group begin (n,)."""
-        N = int(max(self.ends.max(initial=0), self.pairs.max(initial=0))) + 1
-        keys, local = np.unique(self.groups.group[:, None] * N + self.ends, return_inverse=True)
-        group, body = np.divmod(keys, N)
-        first = np.searchsorted(group, np.arange(group.max(initial=-1) + 2))
-        local = local.reshape(-1, 2) - first[self.groups.group][:, None]
-        rows, columns = _each_two(first[:-1], np.diff(first))
+        where the block of two of them is (·,), and where those of each group begin (n,)."""
+        N = self.count
+        first, body, local = _bodies_of(self.groups.group, self.ends, N)
+        rows, columns = _each_two(first)
         a, b = body[rows], body[columns]
-        low, high = self.pairs.min(axis=1), self.pairs.max(axis=1)
-        order = np.argsort(low * N + high, kind="stable")
+        numbers = self.pairs.min(axis=1) * N + self.pairs.max(axis=1)
+        order = np.argsort(numbers, kind="stable")
         home = np.zeros(N, int)
         home[self.pairs.ravel()[::-1]] = np.repeat(np.arange(len(self.pairs)), 2)[::-1]
-        known = (low * N + high)[order]
-        pair = order[np.minimum(np.searchsorted(known, np.minimum(a, b) * N + np.maximum(a, b)), len(known) - 1)]
-        pair = np.where(a == b, home[a], pair)
+        wanted = np.searchsorted(numbers[order], np.minimum(a, b) * N + np.maximum(a, b))
+        pair = np.where(a == b, home[a], order[np.minimum(wanted, len(order) - 1)])
         spots = 4 * pair + 2 * (self.pairs[pair, 0] != a) + (self.pairs[pair, 0] != b)
-        return first, local, spots, np.cumsum(np.diff(first) ** 2) - np.diff(first) ** 2
+        return first, local, spots, bounds_of(np.diff(first) ** 2)[:-1]
+
+    @cached_property
+    def _stiff(self) -> np.ndarray:
+        """(3, 3, R) keq."""
+        return stiffness(self.groups.laws)
+
+    @cached_property
+    def _quick(self) -> tuple[tuple, ...]:
+        """Groups that compiled loops answer, their bodies, and the fields at their points, as the loop takes them."""
+        quick, (first, local, spots, begins) = self.groups.contact, self._blocks
+        at, which = quick.order, np.flatnonzero(quick.quick)
+        return ((quick.bounds, quick.places, quick.matrices),
+                (bounds_of(np.diff(first)[which]), local[at], spots, begins[which]), (self.T[at], self.D[at]))
+
+    @cached_property
+    def _others(self) -> tuple[np.ndarray, sp.csr_array, np.ndarray]:
+        """Points (Q,) int of the other groups, 1 − keq S of these, and D (Q, 3, b, n) for each body of their group."""
+        at, (first, local, _, _) = np.flatnonzero(~self.groups.contact.quick[self.groups.group]), self._blocks
+        dofs, each = rows_of(at, len(self.ends)), np.diff(first)[self.groups.group[at]]
+        D = np.zeros((len(at), 3, each.max(initial=0), self.T.shape[3]))
+        for side in range(2):
+            D[np.arange(len(at)), :, local[at, side]] += self.D[at, :, side]
+        return at, self.groups.felt[dofs][:, dofs], D
 
     def add(self, slope: np.ndarray, result: np.ndarray) -> None:
         """Add Tᵀ X D to blocks (I, 2, 2, n, n) of ``pairs``; slope : (3, 3, R) A."""
         from orchestrator.method.interface.node_loops import added
 
-        quick, stiff, blocks = self.groups.contact, stiffness(self.groups.laws), result.reshape(-1, *result.shape[3:])
-        first, local, spots, begins = self._blocks
-        if len(quick.order):
-            at, which = quick.order, np.flatnonzero(quick.quick)
-            bounds = np.concatenate([[0], np.cumsum(np.diff(first)[which])])
-            in_parts(added, len(which), (quick.bounds, quick.places, quick.matrices), (bounds, local[at], spots, begins[which]),
-                     (self.T[at], self.D[at]), (slope[:, :, at].copy(), stiff[:, :, at].copy()), SHIFT, blocks, part=len(which))
-        others = np.flatnonzero(~quick.quick[self.groups.group])
-        if not len(others):
-            return
-        dofs, number = rows_of(others, len(self.ends)), self.groups.group[others]
-        felt = self.groups.felt[dofs][:, dofs]
-        J = sp.eye_array(len(dofs)) - pointwise((1 - SHIFT) * slope[:, :, others]) @ felt
-        each, size = int(np.diff(first)[number].max()), self.T.shape[3]
-        D = np.zeros((len(others), 3, each, size))
-        for side in range(2):
-            D[np.arange(len(others)), :, local[others, side]] += self.D[others, :, side]
-        right = np.einsum("cdp,dep,pebf->cpbf", slope[:, :, others], stiff[:, :, others], D, optimize=True)
-        XD = sla.splu(sp.csc_array(J)).solve(right.reshape(len(dofs), -1)).reshape(3, len(others), each, size)
-        product = np.einsum("pcsf,cpbh->psbfh", self.T[others], XD, optimize=True)
+        blocks, at = result.reshape(-1, *result.shape[3:]), self.groups.contact.order
+        if len(at):
+            groups, bodies, fields = self._quick
+            in_parts(added, len(groups[1]), groups, bodies, fields,
+                     (slope[:, :, at].copy(), self._stiff[:, :, at].copy()), SHIFT, blocks, part=len(groups[1]))
+        if len(at) < len(self.ends):
+            self._add_others(slope, blocks)
+
+    def _add_others(self, slope: np.ndarray, blocks: np.ndarray) -> None:
+        """The same of groups that no loop answers; blocks (·, n, n)."""
+        (at, felt, D), (first, local, spots, begins) = self._others, self._blocks
+        slope, number = slope[:, :, at], self.groups.group[at]
+        J = sp.eye_array(3 * len(at)) - pointwise((1 - SHIFT) * slope) @ felt
+        right = np.einsum("cdp,dep,pebf->cpbf", slope, self._stiff[:, :, at], D, optimize=True)
+        XD = sla.splu(sp.csc_array(J)).solve(right.reshape(3 * len(at), -1)).reshape(right.shape)
+        product = np.einsum("pcsf,cpbh->psbfh", self.T[at], XD, optimize=True)
         count = np.diff(first)[number]
         for side in range(2):
-            for body in range(each):
+            for body in range(D.shape[2]):
                 there = np.flatnonzero(body < count)
-                spot = spots[begins[number[there]] + local[others[there], side] * count[there] + body]
-                np.add.at(blocks, spot, product[there, side, body])
+                spot = begins[number[there]] + local[at[there], side] * count[there] + body
+                np.add.at(blocks, spots[spot], product[there, side, body])
 
 
-def _each_two(first: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns (Σ count²,) int of all pairs of a group's own entries, which begin
-    at ``first``.
+def _bodies_of(group: np.ndarray, ends: np.ndarray, count: int) -> tuple[np.ndarray, ...]:
+    """Return where the bodies of each group begin (n + 1,), which they are (·,), and which of
+    their group's a point's two are (R, 2).
+
+    group : (R,) int, each point's; ends : (R, 2) int, of ``count`` bodies
     """
+    keys, local = np.unique(group[:, None] * count + ends, return_inverse=True)
+    own, body = np.divmod(keys, count)
+    first = np.searchsorted(own, np.arange(own.max(initial=-1) + 2))
+    return first, body, local.reshape(-1, 2) - first[group][:, None]
+
+
+def _each_two(first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and columns (Σ count²,) int of all pairs of a group's own entries.
+
+    first : (n + 1,) int, where those of each group begin
+    """
+    first, count = first[:-1], np.diff(first)
     square = count**2
-    within = np.arange(square.sum()) - np.repeat(np.cumsum(square) - square, square)
+    within = np.arange(square.sum()) - np.repeat(bounds_of(square)[:-1], square)
     first, count = np.repeat(first, square), np.repeat(count, square)
     return first + within // count, first + within % count

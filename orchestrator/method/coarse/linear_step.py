@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.assembly import Assembly
 from orchestrator.method.coarse.group_fields import GroupFields
 from orchestrator.method.coarse.load_step import Bodies
@@ -106,14 +105,14 @@ class NodeStep:
         fields, grouped, assembly = self.of.bodies.fields, self.of.grouped, self.of.assembly
         answer = fields.pairs.force(self.F, self.before, self.number, derivative=True)
         every = np.arange(self.F.shape[1])
-        slopes = fields.slopes(replace(answer, active=every, derivative=_sprung(answer, fields.pairs.free)), self.of.alone)
+        slopes = fields.slopes(replace(answer, active=every, derivative=fields.pairs.slopes(answer, SPRINGS)), self.of.alone)
         slopes = slopes[self.of.bodies.counted]
         if grouped is not None:
             result = np.zeros((len(grouped.pairs), *slopes.shape[1:]))
             result[: len(slopes)] = slopes
             laws, asked = grouped.groups.laws, self.nodes.question
             answer = laws.force(asked.predicted(self.nodes.q[self.t]), asked.before, self.number, derivative=True)
-            grouped.add(_sprung(answer, laws.free), result)
+            grouped.add(laws.slopes(answer, SPRINGS), result)
             slopes = result
         return assembly.values(-slopes.astype(fields.all_L.dtype), self.of.bodies.K0)
 
@@ -133,11 +132,3 @@ class NodeStep:
             if size <= max(ENOUGH * self.start, self.least):
                 return number
         return 0
-
-
-def _sprung(answer: Answer, free: np.ndarray) -> np.ndarray:
-    """(3, 3, P) slopes of laws with springs, zero where components are prescribed."""
-    result = np.zeros((3, 3, free.shape[1]))
-    result[:, :, answer.active] = (1 - SPRINGS) * answer.derivative
-    result[range(3), range(3)] += SPRINGS
-    return np.where(free[:, None] & free, result, 0.0)

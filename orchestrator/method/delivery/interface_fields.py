@@ -150,11 +150,6 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     own_node, mine = corner[:, 1] < 0, np.flatnonzero(pairs.mine)
     to, taken, halved, ends = place[own_node], mine[own_node], mine[~own_node], corner[~own_node].T
-
-    def at_shown(values: Iterable[np.ndarray], kind: type = float) -> np.ndarray:
-        """(N,) of values at all nodes of each interface."""
-        return joined([x[c] for x, c in zip(values, shown)]).astype(kind, copy=False)
-
     apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
     force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
     gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
@@ -186,16 +181,24 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
             if i.mortar is not None:
                 spread = status, gap, slip, pressure, traction, *own.values(), *(() if shifts is None else shifts)
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
-    nodes, others = (at_shown([x[k] for x in (_nodes(scene, i) for i in chosen)], kind=int) for k in (0, 1))
+    distance = _at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen], shown)
+    pairs_of = [_nodes(scene, i) for i in chosen]
+    nodes, others = (_at_shown([x[k] for x in pairs_of], shown).astype(int, copy=False)
+                     for k in (0, 1))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         ends_of(chosen), offsets, nodes, others,
         joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]),
-        at.normal, at.area, at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen]), gap, slip, pressure, traction, status,
+        at.normal, at.area, distance.astype(float, copy=False), gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
         *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
         np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
+
+
+def _at_shown(values: Iterable[np.ndarray], shown: Iterable[np.ndarray]) -> np.ndarray:
+    """(N,) of values at the nodes shown of each interface."""
+    return joined([x[c] for x, c in zip(values, shown)])
 
 
 def geometry_shown(scene: Scene, chosen: Sequence[Interface]) -> Geometry:

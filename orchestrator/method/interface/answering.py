@@ -124,6 +124,14 @@ class Answering:
         """(…, 3, P) the jumps that forces (…, 3, P) are worth, force / keq."""
         return self.masked(self.points.compliance(force))
 
+    def slopes(self, answer: Answer, springs: np.ndarray | float) -> np.ndarray:
+        """(3, 3, P) (1 − ε) ∂f̂/∂F + ε of springs ε (P,), zero where components are prescribed."""
+        result = np.zeros((3, 3, self.free.shape[1]))
+        result[:, :, answer.active] = answer.derivative
+        result *= 1 - springs
+        result[range(3), range(3)] += springs
+        return np.where(self.free[:, None] & self.free, result, 0.0)
+
     def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d₀), where anything is stabilised, and d = (F − f̂)/keq.
 

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
 from orchestrator.method.interface.answering import LawPoints
+from orchestrator.method.interface.rows import bounds_of
 
 FEW = 40  # points of a group, beyond which a sparse matrix is worth more than a compiled loop
 WORTH = 1 << 8  # groups, which take several times as long as to hand them out to a thread
@@ -46,15 +47,15 @@ class ContactGroups:
         order = np.argsort(group, kind="stable")
         order = order[quick[group[order]]]
         members = members[quick]
-        bounds, ends = np.concatenate([[0], np.cumsum(members)]), np.cumsum((3 * members) ** 2)
+        bounds, starts = bounds_of(members), bounds_of((3 * members) ** 2)
         place, number = np.zeros(R, int), np.cumsum(quick) - 1
         place[order] = np.arange(len(order)) - np.repeat(bounds[:-1], members)
         entries = felt.tocoo()
         i, j = (x.astype(int) for x in entries.coords)
         here = quick[group[i % R]]
         (c, p), (d, q), which = np.divmod(i[here], R), np.divmod(j[here], R), number[group[i[here] % R]]
-        m, places = members[which], ends - (3 * members) ** 2
-        matrices = np.zeros(ends[-1] if len(ends) else 0)
+        m, places = members[which], starts[:-1]
+        matrices = np.zeros(starts[-1])
         matrices[places[which] + (c * m + place[p]) * 3 * m + d * m + place[q]] = entries.data[here]
         return cls(quick, order, bounds, places, matrices)
 

@@ -73,12 +73,7 @@ class Question:
         """Return r (3, R), A (3, 3, R) and ‖r‖ (n,)."""
         laws, F = self.laws, self.predicted(q)
         answer = laws.force(F, self.before, self.number, derivative=True)
-        slope = np.zeros((3, 3, F.shape[1]))
-        slope[:, :, answer.active] = answer.derivative
-        if laws.stabilisation is not None:
-            slope *= 1 - laws.stabilisation
-            slope[range(3), range(3)] += laws.stabilisation
-            slope = np.where(laws.free[:, None] & laws.free[None], slope, 0.0)
+        slope = laws.slopes(answer, 0.0 if laws.stabilisation is None else laws.stabilisation)
         r = q - laws.settled(answer.force, F, self.anchor)[0]
         return r, slope, self.size(r)
 

@@ -3,6 +3,9 @@
 S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black box applies, and
 serves as the preconditioner, so that S p = (S + k) p − k p, of which the first term follows by recurrence. Bodies do not feel each other:
 those of which what is left counts no longer are not asked again, and few slender ones are all that remain.
+
+The iterates approach from below; their geometric tail is added, and for its own error the accuracy that they are stopped at. With
+stiff soles a² and b² are large and almost cancelled by the cross term: the accuracy of the sum counts.
 """
 
 from __future__ import annotations
@@ -75,10 +78,7 @@ class Dual(NamedTuple):
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False,
                 softness: np.ndarray | Callable[[], np.ndarray] | None = None, begun: Dual | None = None) -> Dual:
-    """hᵀS⁺h over all subdomains.
-
-    The iterates approach from below; their geometric tail is added, and for its own error the accuracy that they are stopped at. With
-    stiff soles a² and b² are large and almost cancelled by the cross term: the accuracy of the sum counts. Infinite if it is not reached.
+    """hᵀS⁺h over all subdomains; infinite if it is not reached.
 
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
@@ -133,8 +133,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         if ready and (softness is None or sweeps >= LONGER * ready):
             idle, = space.team.sum(np.where(going, 0.0, kept).sum(axis=1))
             tail = tail * gained / max(steps[-1], np.finfo(float).tiny) + idle
-            total = total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0)
-            return told(total, softness is not None)
+            return told(total + tail + RELATIVE_TAIL * np.maximum(total + rest, 0.0), softness is not None)
     return told(np.full(len(h), np.inf))
 
 
