@@ -9,6 +9,7 @@ from yaml_case import call
 from orchestrator import InputError
 from orchestrator.config.load import load_config
 from orchestrator.config.mesh import Mesh as Section
+from orchestrator.results.summary.lines import summary_rows
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.scene.fits import bolts
 from orchestrator.scene.mesh.sources import make_mesh
@@ -54,21 +55,48 @@ def test_sizes_by_curvature_on_faces_and_names(tmp_path):
         make_mesh(section(**keys, refine=[{"on": "upper", "h": 1.0}]))
 
 
-def test_shanks_that_bear_are_told_above_the_tolerance():
-    def told(bears):
-        bore = {"name": "bolt | plate (bore)", "kind": "bore", "bears": bears, "normal": bears, "capacity": bears, "used": [0.0, 0.0],
-                "slips": None}
-        plane = {**bore, "name": "a | b", "kind": "plane", "normal": [1e4, 1e4], "capacity": [2e3, 2e3], "used": [0.1, 0.6]}
-        return verdict({"converged": True, "tolerance": 1e-4, "contact_faces": [plane, bore]})
+def face(name: str, kind: str = "plane", normal=(1e4, 1e4), used=(0.1, 0.6), slips=None) -> dict:
+    """Return a face of a summary with a friction of 0.2."""
+    capacity = [0.2 * force for force in normal]
+    return {"name": name, "kind": kind, "normal": list(normal), "capacity": capacity, "used": list(used), "slips": slips,
+            "carried": [share * most for share, most in zip(used, capacity)], "bears": list(normal)}
 
-    assert told([0.0, 0.5])[-1] == "no shank bears in its hole"
-    assert told([0.0, 50.0])[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
-    assert told([0.0, 0.0])[0] == "nothing slips: of what friction can hold at most 60% is used, by a | b at load step 2"
+
+def told(*faces: dict, **more: object) -> list[str]:
+    return verdict({"converged": True, "tolerance": 1e-4, "contact_faces": faces, **more})
+
+
+def test_shanks_that_bear_are_told_above_the_tolerance():
+    def of(*bears):
+        return told(face("a | b"), face("bolt | plate (bore)", "bore", bears, (0.0, 0.0)))
+
+    assert of(0.0, 0.5)[-1] == "no shank bears in its hole"
+    assert of(0.0, 50.0)[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
+    assert of(0.0, 0.0)[0] == "a | b holds: at most 60% of its friction is used (1,200 of 2,000, load step 2)"
+
+
+def test_plates_are_told_before_heads_and_what_is_not_pressed_yet_holds_nothing():
+    """Bolts that are tightened in a second round move in the first: their heads have not slipped."""
+    late = [face(f"bolt_{k} | a (head)", "head", (13.0, 8000.0), (0.98, 0.01 * k)) for k in range(1, 7)]
+    said = told(*late, face("a | b", used=(0.005, 0.004)))
+    assert [line.split(":")[0] for line in said] == [
+        "a | b holds", "bolt_1 | a (head) holds", "5 more heads hold; nearest to slipping is bolt_6 | a (head)"]
+    assert said[-1].endswith("at most 6% of its friction is used (96 of 1,600, load step 2)")
+
+
+def test_faces_that_nothing_presses_any_more_part():
+    assert told(face("a | b", normal=(10.0, 1e4, 3.0), used=(0.9, 0.1, 0.2))) == [
+        "a | b parts at load step 3: nothing presses it any more"]
+
+
+def test_what_rounding_leaves_of_a_bolts_shear_is_nothing():
+    bolt = {"name": "m10", "force": [8e3], "shear": [1.4e-12], "bending": [3e-10], "state": ["locked"], "shortening": [0.01]}
+    rows = dict(summary_rows({"converged": True, "bolts": [bolt]}))
+    assert rows["bolts"] == "m10: axial 8000, shear 0, bending 0, locked"
 
 
 def test_a_face_that_slips_and_could_hold_more_is_told_with_how_much():
     """On a slope just below the angle of friction a block slips a little everywhere, aslant, and goes nowhere."""
-    plane = {"name": "a | b", "kind": "plane", "normal": [1.0], "capacity": [0.3], "used": [0.983],
-             "slips": {"step": 1, "on": None, "before": None, "load": None, "at": None}}
+    slips = {"step": 1, "on": None, "before": None, "load": None, "at": None}
     for used, rest in ((0.983, ", with 98% of what friction can hold"), (0.9999, "")):
-        assert verdict({"converged": True, "contact_faces": [{**plane, "used": [used]}]}) == [f"a | b slips from load step 1{rest}"]
+        assert told(face("a | b", normal=(1.0,), used=(used,), slips=slips)) == [f"a | b slips from load step 1{rest}"]

@@ -46,7 +46,7 @@ def test_verdict_and_advice_are_told_whole_at_any_width(width):
 
 def test_verdict_first_then_answers_then_errors_then_cost():
     labels = [label for label, _ in summary_rows(case.summary(workers=2, **MANY), brief=True)]
-    assert labels == ["run", "result", "what to do", "reactions", "loads", "probes", "iterations", "error bound", "true error", "warning",
+    assert labels == ["run", "result", "what to do", "reactions", "loads", "probes", "error bound", "true error", "warning",
                       "size", "time"]
     every = [label for label, _ in summary_rows(case.summary(workers=2, **MANY))]
     assert [label for label in every if label in labels] == labels and "stages" in every

@@ -42,44 +42,65 @@ class Line:
 
 
 LINES = (
-    Line("run", "{name}"), Line("result", "{ended}‹ ({why})›"), Line("verdict", verdict), Line("what to do", "{}", "advice"),
-    Line("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}‹ of {peak_stress[part]}›"
-         "‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh it grows as h^-{peak_stress[grows]:.2f}, "
-         "h the size of elements there, without limit›"),
-    Line("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}‹ of {peak_displacement[part]}›"
-         "‹, load step {peak_displacement[load_step]} of {many}›)"),
-    Line("reactions", lambda summary: sentences.forces(summary, "support")), Line("loads", lambda summary: sentences.forces(summary, "load")),
-    Line("bolts", "{name}: {force:.5g}{unit[force]}, {state}, shortened by {shortening:.4g}{unit[length]}"
-         "‹; shear {shear:.4g}{unit[force]}, bending {bending:.4g}{unit[moment]}›", "bolts"),
+    Line("run", "{name}"),
+    Line("result", "{ended}‹ ({why})›"),
+    Line("verdict", verdict),
+    Line("what to do", "{}", "advice"),
+    Line("bolts", "{name}: axial {force:.5g}{unit[force]}‹, shear {shear:.4g}{unit[force]}, "
+        "bending {bending:.4g}{unit[moment]}›, {state}",
+        "bolts"),
+    Line("tightening", "{name}: shortened by {shortening:.4g}{unit[length]}", "bolts", False),
+    Line("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}"
+        "‹ of {peak_stress[part]}›‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh "
+        "it grows as h^-{peak_stress[grows]:.2f}, h the size of elements there, without limit›"),
+    Line("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}"
+        "‹ of {peak_displacement[part]}›‹, load step {peak_displacement[load_step]} of {many}›)"),
+    Line("reactions", lambda summary: sentences.forces(summary, "support")),
+    Line("loads", lambda summary: sentences.forces(summary, "load")),
     Line("interfaces", sentences.statuses),
     Line("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
     Line("probes", sentences.probes),
-    Line("iterations", "{iterations:,}‹, {sweeps[total]:.4g} sweeps›"),
-    Line("error bound", "{error_bound:.2e}  ({kind}‹, {error_factor:.3g} times what it is with limits of friction that are known›, "
-         "relative, energy norm)"),
+    Line("error bound",
+        "{error_bound:.2e}  ({kind}‹, {error_factor:.3g} times what it is with limits of "
+        "friction that are known›, relative, energy norm)"),
     Line("acceleration", "{acceleration}", brief=False),
-    Line("law residual", "{residuals[law_residual]:.2e}  (equilibrium and interface laws, the largest relative residual)"),
-    Line("own errors", sentences.own_errors), Line("no balance", sentences.unbalanced),
-    Line("places", sentences.places, brief=False), Line("not held", sentences.not_held),
+    Line("law residual",
+        "{residuals[law_residual]:.2e}  (equilibrium and interface laws, the largest "
+        "relative residual)"),
+    Line("own errors", sentences.own_errors),
+    Line("no balance", sentences.unbalanced),
+    Line("places", sentences.places, brief=False),
+    Line("not held", sentences.not_held),
     Line("stabilised", sentences.stabilised, brief=False),
-    Line("backward", "exact for surfaces shifted by at most {backward[normal]:.1e}{unit[length]} along the normal, "
-         "{backward[tangential]:.1e}{unit[length]} across it", brief=False),
+    Line("backward",
+        "exact for surfaces shifted by at most {backward[normal]:.1e}{unit[length]} along the "
+        "normal, {backward[tangential]:.1e}{unit[length]} across it",
+        brief=False),
     Line("true error", "{true_error:.2e}  (against the undecomposed solution)"),
-    Line("mesh's error", "{discretisation_error:.2e}  (estimated discretisation error, relative, energy norm)"
-         "‹; tolerance {auto:.2e}, {fraction:g} of it›"),
-    Line("accuracy", "{accuracy[reached]:.2%} reached‹, {accuracy[asked]:.2%} asked›, energy norm, of mesh and iterations together; the "
-         "last mesh of {mesh[elements]:,} elements; the mesh's error is {mesh[checked]}"),
+    Line("mesh's error",
+        "{discretisation_error:.2e}  (estimated discretisation error, relative, energy norm)"
+        "‹; tolerance {auto:.2e}, {fraction:g} of it›"),
+    Line("accuracy",
+        "{accuracy[reached]:.2%} reached‹, {accuracy[asked]:.2%} asked›, energy norm, of mesh and "
+        "iterations together; the last mesh of {mesh[elements]:,} elements; the mesh's error is {mesh[checked]}"),
     Line("off by", sentences.off_by),
     Line("load path", "{sentence}", "load_path", False),
-    Line("nonlinear", "{subdomains}: load steps one after the other, {answers:,} answers from the last committed one; no error bound is "
-         "claimed, residuals are; off: {off}", "nonlinear", False),
+    Line("nonlinear",
+        "{subdomains}: load steps one after the other, {answers:,} answers from the last committed "
+        "one; no error bound is claimed, residuals are; off: {off}",
+        "nonlinear",
+        False),
     Line("warning", "{}", "warnings"),
-    Line("size", sentences.size), Line("element", "{element}", brief=False),
-    Line("time", "{timing[total]:.2f} s"), Line("stages", sentences.stages, brief=False),
+    Line("size", sentences.size),
+    Line("time", "{timing[total]:.2f} s"),
+    Line("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step", brief=False),
+    Line("element", "{element}", brief=False),
+    Line("stages", sentences.stages, brief=False),
     Line("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
     Line("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests", brief=False),
     Line("skipped", "{saved}  ({skip})", "skipped", False),
-    Line("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False))
+    Line("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False),
+)
 
 
 class _Fields(Formatter):
@@ -112,24 +133,63 @@ def filled(template: str, fields: Mapping[str, object], *told: object) -> str:
 
 
 def _view(summary: Mapping[str, object]) -> dict[str, object]:
-    """What templates read: a summary as it is written, with units and what is told by several keys."""
-    found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {"config": summary.get("config") or {}}
-    reason, asked = found.get("stop_reason"), (found["config"].get("method") or {}).get("tolerance") or {}
+    """What templates read: a summary as it is written, with units and what several keys tell."""
+    found = {key: jsonable(value) for key, value in summary.items() if key != "config"} | {
+        "config": summary.get("config") or {}
+    }
+    reason, asked = (
+        found.get("stop_reason"),
+        (found["config"].get("method") or {}).get("tolerance") or {},
+    )
     last = found["accuracy"]["meshes"][-1] if found.get("accuracy") else None
-    return found | {"unit": units_of(summary), "many": steps if (steps := found.get("load_steps") or 1) > 1 else None,
-        "ended": "converged" if found.get("converged") else "NOT converged", "why": None if reason == "converged" else reason,
-        "kind": found.get("error_kind") or "guaranteed", "fraction": asked.get("fraction"),
-        "tools": [tool if any(tool["rotation"][-1]) else tool | {"rotation": None} for tool in found.get("tools") or ()],
+    return found | {
+        "unit": units_of(summary),
+        "many": steps if (steps := found.get("load_steps") or 1) > 1 else None,
+        "ended": "converged" if found.get("converged") else "NOT converged",
+        "why": None if reason == "converged" else reason,
+        "kind": found.get("error_kind") or "guaranteed",
+        "fraction": asked.get("fraction"),
+        "tools": [
+            tool if any(tool["rotation"][-1]) else tool | {"rotation": None}
+            for tool in found.get("tools") or ()
+        ],
         "auto": found.get("tolerance") if asked.get("error") == "auto" else None,
-        "mesh": last and last | {"checked": "an estimate that nothing has checked" if last["told"] is None
-                                 else "measured against the mesh before"}}
+        "bolts": [
+            bolt
+            | {
+                key: [
+                    0.0
+                    if x is None or abs(x) <= sentences.ROUNDED * abs(force)
+                    else x  # of rounding
+                    for x, force in zip(bolt[key], bolt["force"])
+                ]
+                for key in ("shear", "bending")
+                if bolt.get(key)
+            }
+            for bolt in found.get("bolts") or ()
+        ],
+        "mesh": last
+        and last
+        | {
+            "checked": "an estimate that nothing has checked"
+            if last["told"] is None
+            else "measured against the mesh before"
+        },
+    }
 
 
 def _last(entry: object) -> dict[str, object]:
     """An entry, of lists over the load steps the last."""
-    return {} if isinstance(entry, str) else {
-        key: value[-1] if isinstance(value, list) and value and not isinstance(value[0], str) or key == "state" else value
-        for key, value in entry.items()}
+    return (
+        {}
+        if isinstance(entry, str)
+        else {
+            key: value[-1]
+            if isinstance(value, list) and value and not isinstance(value[0], str) or key == "state"
+            else value
+            for key, value in entry.items()
+        }
+    )
 
 
 def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tuple[str, str]]:
@@ -139,12 +199,16 @@ def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tup
     """
     view, rows = _view(summary), []
     for line in LINES:
-        if brief and (not line.brief or line.label == "law residual" and view.get("error_bound") is not None):
+        if brief and (
+            not line.brief or line.label == "law residual" and view.get("error_bound") is not None
+        ):
             continue
         if line.each:
             entries = view.get(line.each) or ()
-            texts = [filled(line.told, _last(entry) | {"unit": view["unit"]}, entry)
-                     for entry in ([entries] if isinstance(entries, Mapping) else entries)]
+            texts = [
+                filled(line.told, _last(entry) | {"unit": view["unit"]}, entry)
+                for entry in ([entries] if isinstance(entries, Mapping) else entries)
+            ]
         else:
             texts = filled(line.told, view) if isinstance(line.told, str) else line.told(view)
         texts = [text for text in ([texts] if isinstance(texts, str) else texts) if text]
@@ -155,8 +219,12 @@ def summary_rows(summary: Mapping[str, object], brief: bool = False) -> list[tup
     return rows
 
 
-def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None,
-                  verbose: bool = True) -> None:
+def print_summary(
+    summary: Mapping[str, object],
+    directory: str | os.PathLike[str] | None = None,
+    console: object | None = None,
+    verbose: bool = True,
+) -> None:
     """Print a summary as a table of two columns, lines wrapped at the terminal's width.
 
     summary : as for ``write_summary``
@@ -168,7 +236,9 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
     from rich.table import Table
     from rich.text import Text
 
-    console = console or Console(highlight=False, emoji=False, force_terminal=None if watched() else False)
+    console = console or Console(
+        highlight=False, emoji=False, force_terminal=None if watched() else False
+    )
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -177,7 +247,14 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
         rows.append(("more", MORE.format(directory or "DIR")))
     if directory is not None:
         drawn = any(Path(directory).glob("figures/*.png"))
-        rows.append(("results", f"{directory}, figures in {Path(directory) / 'figures'}" if drawn else str(directory)))
+        rows.append(
+            (
+                "results",
+                f"{directory}, figures in {Path(directory) / 'figures'}"
+                if drawn
+                else str(directory),
+            )
+        )
     style = STYLES | {"result": "green" if summary.get("converged") else "red"}
     for label, text in rows:
         table.add_row(label, Text(text, style=style.get(label, "")))

@@ -147,8 +147,8 @@ def off_by(summary: Summary) -> list[str]:
 
 
 def size(summary: Summary) -> str:
-    """Return dofs, subdomains, interfaces and load steps."""
-    words = {"dofs": "dof", "subdomains": "subdomain", "interfaces": "interface", "load_steps": "load step"}
+    """Return iterations, dofs, subdomains, interfaces and load steps."""
+    words = {"iterations": "iteration", "dofs": "dof", "subdomains": "subdomain", "interfaces": "interface", "load_steps": "load step"}
     return ", ".join(f"{summary[key]:,} {word}{'s' * (summary[key] != 1)}" for key, word in words.items() if summary.get(key) is not None)
 
 

@@ -8,8 +8,11 @@ from orchestrator.results.summary.summary import units_of
 
 Face = Mapping[str, object]
 
-MOST = 4  # faces, or shanks, that a sentence is spent on
+MOST = 4  # faces of a kind, or shanks, that a sentence is spent on
 LOST = 0.01  # share of a pretension whose loss is told
+PRESSED = 0.01  # share of its largest normal force from which on a face is pressed
+# kinds of faces, in the order in which they are told, and what several are called
+KINDS = {"plane": "plane faces", "round": "round faces", "head": "heads"}
 
 
 def verdict(summary: Mapping[str, object]) -> list[str]:
@@ -18,22 +21,77 @@ def verdict(summary: Mapping[str, object]) -> list[str]:
     if not summary.get("converged"):
         return []
     unit, faces = units_of(summary), summary.get("contact_faces") or ()
-    return [*_slipping(faces, unit), *_bearing(faces, unit["force"], summary.get("tolerance") or 0.0),
-            *_loosened(summary.get("bolts") or (), unit["force"])]
+    return [
+        *_joints(faces, unit),
+        *_bearing(faces, unit["force"], summary.get("tolerance") or 0.0),
+        *_loosened(summary.get("bolts") or (), unit["force"]),
+    ]
 
 
-def _slipping(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
-    """The faces that slip, the first ones first; else the one that is nearest to it."""
-    rubbing = [face for face in faces
-               if max(face["capacity"], default=0.0) > 0 and face["kind"] not in ("bore", "face")]
-    told = _first(sorted((face for face in rubbing if face["slips"]), key=lambda face: face["slips"]["step"]),
-                  lambda face: _slips(face, units), "faces slip")
-    if told or not rubbing:
-        return told
-    face = max(rubbing, key=lambda face: max(face["used"]))
-    most = max(face["used"])
-    return [f"nothing slips: of what friction can hold at most {most:.0%} is used, by {face['name']} "
-            f"at load step {face['used'].index(most) + 1}"]
+def _joints(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
+    """Return what joints do, plates before heads: of each kind the faces that move, the first ones
+    first, then of those that hold the one that is pressed most, and the one nearest to slipping."""
+    told: list[str] = []
+    for kind, many in KINDS.items():
+        own = [
+            face
+            for face in faces
+            if face["kind"] == kind and max(face["capacity"], default=0.0) > 0
+        ]
+        parts = {face["name"]: _parts(face) for face in own}
+        moves = sorted(
+            (face for face in own if face["slips"] or parts[face["name"]]),
+            key=lambda face: face["slips"]["step"] if face["slips"] else parts[face["name"]],
+        )
+        told += _first(
+            moves,
+            lambda face: (
+                _slips(face, units)
+                if face["slips"]
+                else f"{face['name']} parts at load step {parts[face['name']]}: "
+                "nothing presses it any more"
+            ),
+            f"{many} slip or part",
+        )
+        held = sorted(
+            (face for face in own if face not in moves), key=lambda face: -max(face["normal"])
+        )
+        told += [f"{face['name']} holds: {_used(face, units['force'])[1]}" for face in held[:1]]
+        if others := held[1:]:
+            nearest = max(others, key=lambda face: _used(face, "")[0])
+            told.append(
+                f"{len(others)} more {many} hold; nearest to slipping is {nearest['name']}: "
+                f"{_used(nearest, units['force'])[1]}"
+            )
+    return told
+
+
+def _parts(face: Face) -> int:
+    """Return the load step from which on nothing presses a face that was pressed; 0: none."""
+    pressed = [force > PRESSED * max(face["normal"]) for force in face["normal"]]
+    return next(
+        (
+            step
+            for step in range(2, len(pressed) + 1)
+            if any(pressed[:step]) and not pressed[step - 1]
+        ),
+        0,
+    )
+
+
+def _used(face: Face, unit: str) -> tuple[float, str]:
+    """Return the largest share used of what friction can hold, and that in words."""
+    most, step = max(
+        (used, step)
+        for step, (used, force) in enumerate(zip(face["used"], face["normal"]))
+        if force > PRESSED * max(face["normal"])
+    )
+    carried, capacity = (face[key][step] for key in ("carried", "capacity"))
+    turning = ", turning included" * (carried < 0.9 * most * capacity)
+    return most, (
+        f"at most {most:.0%} of its friction is used{turning} ({_rounded(carried)} of "
+        f"{_rounded(capacity)}{unit}, load step {step + 1})"
+    )
 
 
 def _bearing(faces: Sequence[Face], unit: str, tolerance: float) -> list[str]:
@@ -45,7 +103,9 @@ def _bearing(faces: Sequence[Face], unit: str, tolerance: float) -> list[str]:
         first = next(step for step, force in enumerate(face["bears"], 1) if force > least)
         return f"{face['name']} bears from load step {first}, with up to {_rounded(max(face['bears']))}{unit}"
 
-    told = _first([face for face in bores if max(face["bears"], default=0.0) > least], bears, "shanks bear")
+    told = _first(
+        [face for face in bores if max(face["bears"], default=0.0) > least], bears, "shanks bear"
+    )
     return told or ["no shank bears in its hole"] * bool(bores)
 
 
@@ -53,10 +113,19 @@ def _loosened(bolts: Sequence[Mapping[str, object]], unit: str) -> list[str]:
     """The bolt that loses most of the force that it was tightened with last."""
     lost = []
     for bolt in bolts:
-        last = max((step for step, state in enumerate(bolt["state"]) if state == "tightened"),
-                   default=len(bolt["force"]))
-        if after := bolt["force"][last + 1:]:
-            lost.append((1 - min(after) / bolt["force"][last], bolt["name"], bolt["force"][last], min(after)))
+        last = max(
+            (step for step, state in enumerate(bolt["state"]) if state == "tightened"),
+            default=len(bolt["force"]),
+        )
+        if after := bolt["force"][last + 1 :]:
+            lost.append(
+                (
+                    1 - min(after) / bolt["force"][last],
+                    bolt["name"],
+                    bolt["force"][last],
+                    min(after),
+                )
+            )
     share, name, given, left = max(lost, default=(0.0, "", 0.0, 0.0))
     told = f"{name} loses most of its pretension, {share:.1%}: {_rounded(left)} of {_rounded(given)}{unit}"
     return [told] * (share > LOST)
@@ -76,7 +145,10 @@ def _slips(face: Face, units: Mapping[str, str]) -> str:
 
 def _first(found: Sequence[Face], sentence: Callable[[Face], str], more: str) -> list[str]:
     """A sentence on each of the first ones, and how many more there are."""
-    return [*map(sentence, found[:MOST]), *[f"… and {len(found) - MOST} more {more}"] * (len(found) > MOST)]
+    return [
+        *map(sentence, found[:MOST]),
+        *[f"… and {len(found) - MOST} more {more}"] * (len(found) > MOST),
+    ]
 
 
 def _rounded(number: float) -> str:
