@@ -85,8 +85,9 @@ def test_plates_are_told_before_heads_and_what_is_not_pressed_yet_holds_nothing(
 
 
 def test_faces_that_nothing_presses_any_more_part():
-    assert told(face("a | b", normal=(10.0, 1e4, 3.0), used=(0.9, 0.1, 0.2))) == [
-        "a | b parts at load step 3: nothing presses it any more"]
+    assert told(face("a | b", normal=(10.0, 50.0, 0.3), used=(0.9, 0.1, 0.2))) == [
+        "a | b parts at load step 3, when nothing presses it any more; "
+        "until then at most 90% of its friction is used (1.8 of 2, load step 1)"]
 
 
 def test_what_rounding_leaves_of_a_bolts_shear_is_nothing():

@@ -44,14 +44,7 @@ def _joints(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
             key=lambda face: face["slips"]["step"] if face["slips"] else parts[face["name"]],
         )
         told += _first(
-            moves,
-            lambda face: (
-                _slips(face, units)
-                if face["slips"]
-                else f"{face['name']} parts at load step {parts[face['name']]}: "
-                "nothing presses it any more"
-            ),
-            f"{many} slip or part",
+            moves, lambda face: _moves(face, parts[face["name"]], units), f"{many} slip or part"
         )
         held = sorted(
             (face for face in own if face not in moves), key=lambda face: -max(face["normal"])
@@ -64,6 +57,14 @@ def _joints(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
                 f"{_used(nearest, units['force'])[1]}"
             )
     return told
+
+
+def _moves(face: Face, parts: int, units: Mapping[str, str]) -> str:
+    """Return how a face slips, and from which load step on it ``parts``; 0: it does not."""
+    gone = f"parts at load step {parts}, when nothing presses it any more"
+    if face["slips"]:
+        return _slips(face, units) + f"; it {gone}" * bool(parts)
+    return f"{face['name']} {gone}; until then {_used(face, units['force'])[1]}"
 
 
 def _parts(face: Face) -> int:
