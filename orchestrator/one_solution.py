@@ -113,6 +113,7 @@ class Solving:
                          part.scene.remembers or any(i.law.follows for i in part.scene.interfaces))
         with watch("start"):
             blackbox = SharedModels(self.ranks.codes(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
+        self.told.working(blackbox.usage)
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)

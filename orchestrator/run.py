@@ -40,6 +40,7 @@ class Means:
     meshed : what makes the mesh
     watch : where seconds are counted; None: since this process was started
     verbose : whether all of the summary is printed
+    label : what the run is of several, for progress, which is told then even where it is quiet
     judge : given the solution before anything is written of it, gives what is to be written; None: as it is
     """
 
@@ -48,6 +49,7 @@ class Means:
     meshed: Meshed | None = None
     watch: Stopwatch | None = None
     verbose: bool = False
+    label: str = ""
     judge: Callable[[Solution], Solution] | None = None
 
 
@@ -65,11 +67,12 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
     drawing = artist_for(config.output.figures) if means.artist is None else nullcontext(means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
-        with closing(Progress(quiet)) as progress:
+        with closing(Progress(quiet and not means.label, label=means.label)) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
             with watch("mesh"):
                 scene = scene_of(config, means.meshed)
+            progress.made(scene)
             with closing(Record(folder, config, scene, watch, artist, resume=resume)) as record:
                 team.share((config, reference))
                 told = [*record.subscribers, progress]
@@ -77,11 +80,11 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                                  watch=watch, ranks=means.ranks)
                 if means.judge is None:  # who judges a mesh asks for the energy error
                     solution = _paired_anew(config, solution, told, record, means)
-                progress.close()
                 if config.output.fields:
                     told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
                     solution.summary["warnings"] += told
                 if means.judge is not None:
+                    progress.close()  # it prints
                     solution = means.judge(solution)
                 record.finish(solution)
     if not quiet:
@@ -106,7 +109,9 @@ def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], re
     def built(config: Config) -> Scene:
         progress.stage("pairing sides anew")
         with record.watch("mesh"):
-            return scene_of(config, means.meshed)
+            scene = scene_of(config, means.meshed)
+        progress.made(scene)
+        return scene
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
         ranks.team.share((config, False))

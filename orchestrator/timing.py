@@ -7,6 +7,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -65,6 +66,41 @@ def seconds_since_launch() -> float:
             return max(float(file.read().split()[0]) - ticks / os.sysconf("SC_CLK_TCK"), 0.0)
     except (OSError, ValueError, IndexError):
         return 0.0
+
+
+@dataclass
+class Doing:
+    """Something that workers do piece by piece; to be read from any thread.
+
+    what : "assembling", or "back-substitutions"
+    of, pieces : what all pieces cost, and how many there are; workers : who do it at once
+    done : what the pieces have cost that are done
+    """
+
+    what: str
+    of: float
+    pieces: int
+    workers: int
+    done: list[float] = field(default_factory=list)
+    begun: float = field(default_factory=time.monotonic)
+    last: float = 0.0  # when the latest piece was done
+
+    def finish(self, cost: float) -> None:
+        """Enter a piece that is done."""
+        self.done.append(cost)
+        self.last = time.monotonic()
+
+    def __str__(self) -> str:
+        if self.what == "assembling":
+            done = len(self.done)
+            return f"assembling {done} of {self.pieces}" if done < self.pieces else "set-up"
+        return f"set-up, {sum(self.done):,.0f} of {self.of:,.0f} {self.what}"
+
+    @property
+    def seconds(self) -> float:
+        """What all of it takes, as far as the pieces tell that are done; nan: none is."""
+        share = sum(self.done) / self.of if self.done else 0.0
+        return (self.last - self.begun) / share if share else float("nan")
 
 
 class Savings:

@@ -72,22 +72,22 @@ def test_shanks_that_bear_are_told_above_the_tolerance():
 
     assert of(0.0, 0.5)[-1] == "no shank bears in its hole"
     assert of(0.0, 50.0)[-1] == "bolt | plate (bore) bears from load step 2, with up to 50"
-    assert of(0.0, 0.0)[0] == "a | b holds: at most 60% of its friction is used (1,200 of 2,000, load step 2)"
+    assert of(0.0, 0.0)[0] == "a | b holds, with at most 60% of its friction used (1,200 of 2,000, load step 2)"
 
 
 def test_plates_are_told_before_heads_and_what_is_not_pressed_yet_holds_nothing():
     """Bolts that are tightened in a second round move in the first: their heads have not slipped."""
     late = [face(f"bolt_{k} | a (head)", "head", (13.0, 8000.0), (0.98, 0.01 * k)) for k in range(1, 7)]
     said = told(*late, face("a | b", used=(0.005, 0.004)))
-    assert [line.split(":")[0] for line in said] == [
+    assert [line.partition(", with")[0] for line in said] == [
         "a | b holds", "bolt_1 | a (head) holds", "5 more heads hold; nearest to slipping is bolt_6 | a (head)"]
-    assert said[-1].endswith("at most 6% of its friction is used (96 of 1,600, load step 2)")
+    assert said[-1].endswith("at most 6% of its friction used (96 of 1,600, load step 2)")
 
 
 def test_faces_that_nothing_presses_any_more_part():
     assert told(face("a | b", normal=(10.0, 50.0, 0.3), used=(0.9, 0.1, 0.2))) == [
         "a | b parts at load step 3, when nothing presses it any more; "
-        "until then at most 90% of its friction is used (1.8 of 2, load step 1)"]
+        "until then it holds, with at most 90% of its friction used (1.8 of 2, load step 1)"]
 
 
 def test_what_rounding_leaves_of_a_bolts_shear_is_nothing():

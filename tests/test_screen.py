@@ -1,18 +1,28 @@
 """What is printed: a few lines that say most, in plain text where nobody looks."""
 
 import io
+import os
+import re
+import signal
 import subprocess
 import sys
+import threading
+import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import results_case as case
 from rich.console import Console
 
+from orchestrator.blackbox.shared import LOADING
 from orchestrator.method.events import Finished
 from orchestrator.results import progress as progresses
-from orchestrator.results.progress import Progress
+from orchestrator.results.figures.artist import Artist
+from orchestrator.results.progress import Progress, Remaining
+from orchestrator.timing import Doing
 from orchestrator.results.summary.lines import print_summary, summary_rows
 
 ROOT = Path(__file__).parents[1]
@@ -52,19 +62,72 @@ def test_verdict_first_then_answers_then_errors_then_cost():
     assert [label for label in every if label in labels] == labels and "stages" in every
 
 
-def test_a_file_gets_lines_of_plain_text(monkeypatch):
-    monkeypatch.setattr(progresses, "EVERY", 0.0)
+class Screen(io.StringIO):
+    """A terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_file_gets_lines_of_plain_text_from_time_to_time(monkeypatch):
+    monkeypatch.setattr(progresses, "EVERY", 0.05)
     stream = io.StringIO()
-    with closing(Progress(stream=stream)) as progress:
-        progress.stage("factorising")
+    with closing(Progress(stream=stream, label="variant 1 of 2")) as progress:
+        progress.stage("meshing")
+        time.sleep(0.2)
         for i in range(1, 4):
             progress.iteration(case.iteration(i))
+        time.sleep(0.2)
         progress.finished(Finished(True, "converged", 3))
     lines = stream.getvalue().splitlines()
-    assert len(lines) == 3 and all("iteration" in line and "→ 1e-06" in line for line in lines) and "\x1b" not in stream.getvalue()
+    assert lines[0] == "0 s: variant 1 of 2 · meshing" and "\x1b" not in stream.getvalue()
+    assert any("variant 1 of 2 · iteration 3 · " in line and line.endswith("→ 1e-06") for line in lines)
     with closing(Progress(quiet=True, stream=(silent := io.StringIO()))) as progress:
         progress.iteration(case.iteration(1))
     assert silent.getvalue() == ""
+
+
+@pytest.mark.parametrize("width", [12, 40, 60, 120])
+def test_a_terminal_of_any_width_has_one_line_that_fits(monkeypatch, width):
+    """What matters least is left out first: the error, the time left, the share."""
+    monkeypatch.setenv("COLUMNS", str(width))
+    with closing(Progress(stream=(stream := Screen()))) as progress:
+        progress.made(SimpleNamespace(mesh=SimpleNamespace(nodes=range(2000)), steps=1, bonded=True))
+        progress.stage("assembling and factorising")
+        progress.iteration(case.iteration(3))
+    states = [state for state in re.split(r"\r\x1b\[2K", stream.getvalue()) if state]
+    assert max(map(len, states)) < width and "\n" not in stream.getvalue()
+    assert states[-1].startswith("iteration 3"[: width - 1])
+    assert ("left" in states[-1]) == (width > 30) and ("→" in states[-1]) == (width > 50)
+
+
+def doing(what: str, done: list[float], of: float, pieces: int, seconds: float) -> Doing:
+    """Return what a black box does, ``seconds`` after it has begun."""
+    now = time.monotonic()
+    return Doing(what, of, pieces, 2, done, now - seconds, now)
+
+
+def test_what_is_left_is_told_by_what_is_done():
+    """Bodies tell how long the others take; then right-hand sides; then iterations, by their error's fall."""
+    remaining, now = Remaining(30_000, 1, True), time.monotonic()
+    early, late = (remaining.left(doing("assembling", [1.0] * k, 100.0, 100, 0.6 * k), now) for k in (10, 90))
+    assert early - late == pytest.approx(48, rel=0.01) and LOADING * remaining.solve == pytest.approx(60, rel=0.01)
+    half = remaining.left(doing("back-substitutions", [50.0] * 50, 5000.0, 100, 20.0), now)
+    assert half > 20 and remaining.solve == pytest.approx(40 / 50, rel=0.01)
+    for k in range(1, 11):  # two seconds each, a factor of two each, to a thousandth
+        remaining.iterated(replace(case.iteration(k), values={"iteration": k, "error_bound": 2.0 ** -k},
+                                   target=("error_bound", 2.0 ** -20)), now + 2 * k)
+    assert remaining.each == pytest.approx(2) and remaining.to_do == pytest.approx(10, rel=0.1)
+    remaining.ended = now
+    assert remaining.left(None, now) == pytest.approx(remaining.after)
+
+
+def test_an_interrupt_while_figures_are_drawn_says_what_there_is():
+    with Artist() as artist:
+        artist.begin(time.sleep, 60)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt, match="complete but for figures: orchestrator report draws them"):
+            artist.finish()
 
 
 @pytest.mark.long

@@ -139,6 +139,7 @@ class _Refinement:
             sizes.setdefault(part, {})[name] = one_map
         meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
         return replace(self.means, meshed=meshed, judge=self._judged, artist=None,
+                       label="" if self.quiet else f"mesh {1 + len(self.passes.done)}",
                        watch=self.watch.again() if self.passes.done else self.watch)
 
     def _judged(self, solution: Solution) -> Solution:

@@ -21,8 +21,10 @@ from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.worker import Ended, Worker
 from orchestrator.blackbox.usage import Usage
-from orchestrator.timing import predicted_cost
+from orchestrator.timing import Doing, predicted_cost
 from orchestrator.errors import BlackBoxError
+
+MANY = 8  # right-hand sides of a model, from which they are told piece by piece
 
 
 def longest_first(costs: Sequence[float], workers: int) -> list[list[int]]:
@@ -75,10 +77,12 @@ class Pool(BlackBox):
         # Longest first to whoever is free would balance the factorisations alone: on 100 grains the busier of two
         # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay where the factor is.
         self._models, dofs = list(models), [int((~model.fixed).sum()) for model in models]
-        tasks = self._placed(models, predicted_cost(dofs))
+        costs = predicted_cost(dofs).tolist()
+        tasks = self._placed(models, costs)
         home = {index: worker for worker, own in tasks.items() for index in own}
         self._home = [home[index] for index in range(len(models))]
-        self._run(lambda worker, own: {i: worker.load(i, models[i]) for i in own}, tasks)
+        self._each("assembling", lambda worker, i: worker.load(i, models[i]), tasks,
+                   dict(enumerate(costs)))
         self.usage.hold(self._home, dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
@@ -150,6 +154,19 @@ class Pool(BlackBox):
             tasks.setdefault(self._home[index], []).append(index)
         return tasks
 
+    def _each(self, what: str, work: Callable[[Worker, int], Any],
+              tasks: Mapping[int, list[int]], costs: Mapping[int, float]) -> dict:
+        """Results of ``work(worker, model)`` for each model; what it costs is told when it is done."""
+        workers = sum(map(bool, tasks.values()))
+        self.usage.doing = doing = Doing(what, sum(costs.values()), len(costs), workers)
+
+        def one(worker: Worker, i: int) -> Any:
+            result = work(worker, i)
+            doing.finish(costs[i])
+            return result
+
+        return self._run(lambda worker, own: {i: one(worker, i) for i in own}, tasks)
+
     def _run(self, work: Callable[[Worker, list[int]], dict], tasks: Mapping[int, list[int]]) -> dict:
         """Results of ``work(worker, models)`` for each worker that has any; the first failure ends the pool and is raised."""
         if self._closed:
@@ -173,9 +190,17 @@ class Pool(BlackBox):
         return [found[i] for i in range(len(models))]
 
     def _solve(self, op: int, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Displacements of each model."""
-        answers = self._run(lambda worker, own: worker.solve(op, [(i, forces[i]) for i in own], [self._models[i].name for i in own]),
-                            self._at_home(i for i, f in forces.items() if f.size))
+        """Displacements of each model; many of each are asked for model by model."""
+        def solved(worker: Worker, own: list[int]) -> dict[int, np.ndarray]:
+            names = [self._models[i].name for i in own]
+            return worker.solve(op, [(i, forces[i]) for i in own], names)
+
+        rows = {i: len(f) for i, f in forces.items() if f.size}
+        if sum(rows.values()) > MANY * len(rows):
+            answers = self._each("back-substitutions", lambda worker, i: solved(worker, [i])[i],
+                                 self._at_home(rows), rows)
+        else:
+            answers = self._run(solved, self._at_home(rows))
         return {i: answers[i] if f.size else f.copy() for i, f in forces.items()}
 
     @contextmanager

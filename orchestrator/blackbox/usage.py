@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from orchestrator.timing import Doing
+
 STAGES = ("start", "assemble", "factorise", "solve")  # of a code's own clock
 CLOCKS = (*STAGES, "messages", "waiting", "idle")  # of a worker; they make up the wall clock
 Activity = dict[str, float]  # of a worker, see ``Usage.activity``
@@ -28,11 +30,13 @@ class Usage:
     workers : its ``Worker``s, by their numbers
     folder : where meshes and messages are written; removed with the black box
     asked : seconds of wall clock in which it had something to do, in all
+    doing : what it does, or has done last, that takes long
     """
 
     def __init__(self, codes: Mapping[int, Any], teams: Mapping[int, range], folder: Path):
         self._codes, self._teams, self._folder = dict(codes), teams, folder
         self.workers: list[Any] = []
+        self.doing: Doing | None = None
         self.asked = self._since = self._before = 0.0
         self.hold([], [])
 

@@ -129,6 +129,9 @@ class Subscriber:
     def stage(self, name: str) -> None:
         """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""
 
+    def working(self, usage: object) -> None:
+        """A black box begins its work: ``usage.doing`` says how far it is, in any thread."""
+
     def iteration(self, event: Iteration) -> None:
         """An iteration is done."""
 
@@ -157,4 +160,5 @@ class Subscribers(Subscriber):
     def __init__(self, subscribers: Iterable[Subscriber] = ()):
         self.all = list(subscribers)
 
-    stage, iteration, warned, finished, failed = map(_to_all, ("stage", "iteration", "warned", "finished", "failed"))
+    stage, working, iteration, warned, finished, failed = map(
+        _to_all, ("stage", "working", "iteration", "warned", "finished", "failed"))

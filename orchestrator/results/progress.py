@@ -1,89 +1,219 @@
-"""Progress of a run: on a terminal a line that changes, elsewhere a line of plain text from time to time."""
+"""Progress of a run: a line that changes on a terminal, elsewhere a line from time to time.
+
+What is left is estimated from what is done. A run assembles its bodies, solves for the fields of its
+coarse problems, iterates, and writes. Of what has begun, the pieces that are done tell how long the
+others take; of what has not, what came before: assembling and factorising costs as much as
+``LOADING`` back-substitutions. Iterations are told by the fall of what they wait for.
+"""
 
 from __future__ import annotations
 
 import math
+import shutil
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from typing import TextIO
 
+import numpy as np
+
+from orchestrator.blackbox.shared import LOADING
+from orchestrator.blackbox.usage import Usage
 from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.parallel.team import watched
+from orchestrator.scene.model import Scene
+from orchestrator.timing import STAGES, Doing
 
-EVERY = 10.0  # seconds between two lines where the stream is no terminal
+EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between two states of one
+ERASE = "\r\x1b[2K"
+RATE = 2.5e-7  # seconds of one worker for a unit of predicted cost, measured with FreeFEM
+FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bonded, with contact
+# an iteration's seconds over those of its back-substitutions, before one is measured: bonded, with contact
+BESIDE = {True: 4.0, False: 8.0}
+LATEST = 8  # iterations that tell how fast the next ones are
+TRUSTED = 6  # iterations from which on their pace counts for more than experience
+START, EACH = 3.0, 2.5e-6  # seconds of what is written, and of it per node and load step
+AFTER = 6.0  # iterations whose time the last error bound and the delivery take
+FIRST = 4e-4  # seconds per node of the scene, before anything is known; a fifth more per load step
 
 
 class Progress(Subscriber):
-    """A line on the terminal: iteration, what is waited for, sweeps, time left. Elsewhere one each ``EVERY`` seconds.
+    """A line on the terminal: what is done, the share of the run, the time left. Elsewhere one each
+    ``EVERY`` seconds.
 
     quiet : no output at all
     stream : default: standard output
+    label : what the run is of several, put first
     """
 
-    def __init__(self, quiet: bool = False, stream: TextIO | None = None):
-        stream = sys.stdout if stream is None else stream
-        self._live, self._quiet, self._stream = None, quiet, stream
-        self._values: list[float] = []
-        self._begun = self._told = time.monotonic()
-        # isatty, not rich's own guess: FORCE_COLOR in a CI log must not bring control characters
-        if quiet or not stream.isatty() or not watched():
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-        from rich.progress import Progress as Live
-
-        # Refreshed by events alone: no second thread beside the worker pool.
-        self._live = Live(TextColumn("{task.description}"), BarColumn(bar_width=24),
-                          TextColumn("{task.fields[text]}"), TimeRemainingColumn(), TextColumn("left"),
-                          auto_refresh=False, console=Console(file=stream, force_terminal=True))
-        self._task = self._live.add_task("starting", total=1.0, text="")
-        self._live.start()
+    def __init__(self, quiet: bool = False, stream: TextIO | None = None, label: str = ""):
+        self._stream, self._quiet, self._label = stream or sys.stdout, quiet, label
+        # isatty, not a guess: FORCE_COLOR in a CI log must not bring control characters
+        self._live = not quiet and self._stream.isatty() and watched()
+        self._remaining, self._usage, self._begun = Remaining(), None, time.monotonic()
+        self._stage, self._text = "starting", ""
+        self._closed, self._one = threading.Event(), threading.Lock()
+        self._clock = threading.Thread(target=self._tick, name="progress", daemon=True)
+        if not quiet:
+            self._clock.start()
 
     def stage(self, name: str) -> None:
-        self._show(name, "", 0.0)
+        self._stage, self._text = name, ""
+        self._changed()
 
-    def finished(self, event: Finished) -> None:
-        self._show(f"{event.stop_reason} after {event.iterations} iterations", None, 1.0 if event.converged else None)
-        self.close()
+    def made(self, scene: Scene) -> None:
+        """The scene is made that is solved."""
+        self._remaining = Remaining(len(scene.mesh.nodes), scene.steps, scene.bonded)
+        self._usage = None
+        self.stage("set-up")
 
-    def warned(self, sentence: str) -> None:
-        if self._live is not None:
-            self._live.console.print(f"warning: {sentence}", highlight=False, markup=False)
-        elif not self._quiet:
-            print(f"warning: {sentence}", file=sys.stderr, flush=True)
+    def working(self, usage: Usage) -> None:
+        self._usage = usage
 
     def iteration(self, event: Iteration) -> None:
-        if self._quiet:
-            return
         name, target = event.target
         value, label = float(getattr(event, name, math.nan)), name.replace("_", " ")
-        self._values.append(value)
-        shown = f"{label} {value:.1e}" if math.isfinite(value) else f"indicator {event.indicator:.1e}, {label}"
-        self._show(f"iteration {event.iteration}", f"{shown} → {target:.0e} · {event.sweeps:g} sweeps", fraction_done(self._values, target))
+        known = f"{label} {value:.1e}" if math.isfinite(value) else ""
+        shown = known or f"indicator {event.indicator:.1e}, {label}"
+        self._remaining.iterated(event, time.monotonic())
+        self._stage, self._text = f"iteration {event.iteration}", f"{shown} → {target:.0e}"
+        self._changed()
 
-    def _show(self, description: str, text: str | None, fraction: float | None) -> None:
-        if self._live is not None:
-            self._live.update(self._task, description=description, completed=fraction, **({} if text is None else {"text": text}))
-            self._live.refresh()
-        elif not self._quiet and text and (now := time.monotonic()) - self._told >= EVERY:
-            self._told = now
-            print(f"{now - self._begun:.0f} s: {description}, {text}", file=self._stream, flush=True)
+    def finished(self, event: Finished) -> None:
+        self._remaining.ended = time.monotonic()
+        self.stage(f"{event.stop_reason} after {event.iterations} iterations, writing results")
+
+    def warned(self, sentence: str) -> None:
+        if not self._quiet:
+            with self._one:
+                print(f"{ERASE * self._live}warning: {sentence}", file=sys.stderr, flush=True)
 
     def close(self) -> None:
-        """Leaves the last line on the terminal and gives the terminal back."""
-        if self._live is not None:
-            self._live.stop()
-            self._live = None
+        """Take the line off the terminal, for what is printed next."""
+        self._closed.set()
+        if self._clock.is_alive():
+            self._clock.join()
+        if self._live:
+            print(ERASE, end="", file=self._stream, flush=True)
+            self._live = False
+
+    def line(self, width: float = math.inf) -> str:
+        """Return what is told now, in so many columns: what matters least is left out first."""
+        now, doing = time.monotonic(), self._usage and self._usage.doing
+        left, spent = self._remaining.left(doing, now), now - self._begun
+        parts = [self._label, str(doing) if doing and not self._remaining.ends else self._stage]
+        if math.isfinite(left):
+            parts += [f"{min(spent / (spent + left), 0.99):.0%}", f"{duration(left)} left"]
+        parts = [part for part in (*parts, self._text) if part]
+        while len(parts) > 1 and len(" · ".join(parts)) > width:
+            parts.pop()
+        return " · ".join(parts)[: None if math.isinf(width) else int(width)]
+
+    def _tick(self) -> None:
+        while not self._closed.wait(OFTEN if self._live else EVERY):
+            self._tell()
+
+    def _changed(self) -> None:
+        if self._live:
+            self._tell()
+
+    def _tell(self) -> None:
+        with self._one:
+            text = f"{time.monotonic() - self._begun:.0f} s: {self.line()}\n"
+            if self._live:
+                text = ERASE + self.line(shutil.get_terminal_size().columns - 1)
+            print(text, end="", file=self._stream, flush=True)
 
 
-def fraction_done(values: Sequence[float], target: float) -> float:
-    """Share of the orders of magnitude between the first value and the target already gained, in [0, 1]."""
-    y = [v for v in values if math.isfinite(v) and v > 0]
-    if not y:
-        return 0.0
-    if y[-1] <= target:
-        return 1.0
-    # 1 as the start of a relative quantity whose first values were not evaluated
-    start = max(y[0], 1.0)
-    return min(1.0, max(0.0, math.log(start / y[-1]) / math.log(start / target)))
+def duration(seconds: float) -> str:
+    """Return seconds as people say them, in one digit."""
+    size, unit = next(
+        (s, u) for s, u in ((3600, "h"), (60, "min"), (1, "s")) if seconds > 1.5 * s or s == 1
+    )
+    return f"{max(float(f'{seconds / size:.1g}'), 1):g} {unit}"
+
+
+class Remaining:
+    """What is known of a run's course; times are those of ``time.monotonic``.
+
+    nodes, steps, bonded : of the scene
+    """
+
+    def __init__(self, nodes: int = 0, steps: int = 1, bonded: bool = True):
+        self.nodes, self.steps, self.bonded = nodes, steps, bonded
+        self.solve = math.nan  # seconds of a back-substitution of all subdomains
+        self.begun, self.ended = time.monotonic(), math.nan  # of all this, and of the iterations
+        self.ends: list[float] = []  # of each
+        self.events: list[Iteration] = []
+
+    def iterated(self, event: Iteration, now: float) -> None:
+        """Take in an iteration that has just ended."""
+        self.ends.append(now)
+        self.events.append(event.without_state())
+
+    @property
+    def each(self) -> float:
+        """Seconds of an iteration: the latest ones', or what back-substitutions let expect."""
+        latest = self.ends[-LATEST:]
+        if len(latest) > 1:
+            return (latest[-1] - latest[0]) / (len(latest) - 1)
+        return BESIDE[self.bonded] * self.steps * self.solve
+
+    def left(self, doing: Doing | None, now: float) -> float:
+        """Return the seconds that are left; nan before a scene is made.
+
+        doing : what the black box does, or has done last
+        """
+        if not self.nodes:
+            return math.nan
+        if self.ended <= now:
+            return max(self.after - (now - self.ended), 0.2 * (now - self.ended))
+        if doing is None:
+            whole = FIRST * self.nodes * (1 + 0.2 * self.steps) + self.after
+            return max(whole - (now - self.begun), 0.5 * whole)
+        if self.ends:
+            spent = now - self.ends[-1]
+            return max(0.0, self.each * (self.to_do + AFTER) - spent) + self.after
+        spent, assembling = now - doing.begun, doing.what == "assembling"
+        guess = (
+            RATE * doing.of / doing.workers if assembling else self.solve * doing.of / doing.pieces
+        )
+        whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
+        self.solve = whole / LOADING if assembling else whole * doing.pieces / doing.of
+        rest = max(whole - spent, 0.0) + FIELDS[self.bonded] * self.solve * assembling
+        return rest + self.each * (STAGES + AFTER) + self.after
+
+    @property
+    def after(self) -> float:
+        """Seconds of what is written and drawn."""
+        return START + EACH * self.nodes * self.steps
+
+    @property
+    def to_do(self) -> float:
+        """Iterations that are still to be done, by the fall of the error, at first by experience."""
+        done = len(self.events)
+        values = [measure(event) for event in self.events]
+        pace, target = pace_of(values), self.events[-1].target[1]
+        usual = max(STAGES - done, 0.3 * done)
+        if not (pace > 0 and values[-1] > 0 and target > 0):
+            return usual
+        told = max(math.log(values[-1] / target), 0.0) / pace
+        return (done * told + TRUSTED * usual) / (done + TRUSTED)
+
+
+def measure(event: Iteration) -> float:
+    """What an iteration waits for, or what goes with it where that is not evaluated yet."""
+    name = event.target[0]
+    for value in (getattr(event, name, math.nan), event.law_residual, event.force_imbalance):
+        if math.isfinite(value) and value > 0:
+            return float(value)
+    return math.nan
+
+
+def pace_of(values: Sequence[float]) -> float:
+    """Return by how much the logarithm of a measure falls per iteration, of late; nan: not known."""
+    y = [math.log(value) for value in values[-LATEST:] if value > 0]
+    if len(y) < 3:
+        return math.nan
+    return -float(np.polyfit(range(len(y)), y, 1)[0])

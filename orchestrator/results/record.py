@@ -139,7 +139,7 @@ def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as error:
-        raise KeyboardInterrupt(*[GO_ON] * saved(folder)) from error
+        raise KeyboardInterrupt(*(error.args or [GO_ON] * saved(folder))) from error
     except (Exception, Elsewhere) as error:
         cause = team.cause(error)
         if isinstance(cause, OrchestratorError) or not isinstance(cause, Exception):

@@ -111,7 +111,9 @@ class Sweep:
                 outcome.exit_code = CONVERGED
             else:
                 self._write()  # what has been begun, to be gone on with
-                means = Means(Ranks(codes=self._codes), meshed=self._meshed, watch=Stopwatch())
+                label = f"variant {1 + self.variants.index(variant)} of {len(self.variants)}"
+                means = Means(Ranks(codes=self._codes), meshed=self._meshed, watch=Stopwatch(),
+                              label="" if self.quiet else label)
                 outcome.exit_code = run(loaded, output=path, resume=same and saved(ResultsFolder(path)), quiet=True, means=means)
         except OrchestratorError as error:
             self._codes.end()

@@ -10,6 +10,7 @@ from orchestrator.errors import InputError
 from orchestrator.optional import absent, command, DRAWING
 
 PATIENCE = 300.0  # seconds after which the process is given up
+UNDRAWN = "The results are complete but for figures: orchestrator report draws them in the results folder."
 
 
 class CannotDraw(Exception):
@@ -27,11 +28,14 @@ class Artist(Apart):
 
         Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
         Raises InputError: from the function: disk full or folder not writable
+        Raises KeyboardInterrupt: saying what there is
         """
         try:
             return super().finish(PATIENCE)
         except InputError:
             raise
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt(UNDRAWN) from error
         except Died as died:
             raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s" if died.late else
                              "VTK cannot draw on this machine") from None

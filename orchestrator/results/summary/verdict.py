@@ -49,11 +49,11 @@ def _joints(faces: Sequence[Face], units: Mapping[str, str]) -> list[str]:
         held = sorted(
             (face for face in own if face not in moves), key=lambda face: -max(face["normal"])
         )
-        told += [f"{face['name']} holds: {_used(face, units['force'])[1]}" for face in held[:1]]
+        told += [f"{face['name']} holds, {_used(face, units['force'])[1]}" for face in held[:1]]
         if others := held[1:]:
             nearest = max(others, key=lambda face: _used(face, "")[0])
             told.append(
-                f"{len(others)} more {many} hold; nearest to slipping is {nearest['name']}: "
+                f"{len(others)} more {many} hold; nearest to slipping is {nearest['name']}, "
                 f"{_used(nearest, units['force'])[1]}"
             )
     return told
@@ -64,7 +64,7 @@ def _moves(face: Face, parts: int, units: Mapping[str, str]) -> str:
     gone = f"parts at load step {parts}, when nothing presses it any more"
     if face["slips"]:
         return _slips(face, units) + f"; it {gone}" * bool(parts)
-    return f"{face['name']} {gone}; until then {_used(face, units['force'])[1]}"
+    return f"{face['name']} {gone}; until then it holds, {_used(face, units['force'])[1]}"
 
 
 def _parts(face: Face) -> int:
@@ -89,8 +89,9 @@ def _used(face: Face, unit: str) -> tuple[float, str]:
     )
     carried, capacity = (face[key][step] for key in ("carried", "capacity"))
     turning = ", turning included" * (carried < 0.9 * most * capacity)
+    share = "less than 1%" if most < 0.01 else f"at most {most:.0%}"
     return most, (
-        f"at most {most:.0%} of its friction is used{turning} ({_rounded(carried)} of "
+        f"with {share} of its friction used{turning} ({_rounded(carried)} of "
         f"{_rounded(capacity)}{unit}, load step {step + 1})"
     )
 
