@@ -12,8 +12,7 @@ from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import INSIDE, unique_names
-from orchestrator.scene.shanks import across_shank, ends_beside
-from orchestrator.scene.threads import auto_cut, threads_of
+from orchestrator.scene.shanks import across_shank, auto_cut, ends_beside, threads_of
 
 # Half the yield limit of bolts of class 8.8, N/mm²: what a first pretension may put on the shank's section.
 STRESS = 320.0

@@ -1,4 +1,5 @@
-"""Registry of all that can be added, a line each: interface laws, loads and supports, accelerations, monitors, codes, and their modules.
+"""Registry of all that can be added, a line each: interface laws, loads and supports, accelerations, monitors, codes,
+readers of mesh files, and their modules.
 
 Modules are imported when a name is first used, so that knowing the names costs nothing.
 
@@ -140,4 +141,17 @@ FOREIGN = Registry({
     "matrix": "orchestrator.blackbox.codes.parts:MatrixCode",
     "deck": "orchestrator.blackbox.codes.calculix.deck:DeckCode",
     "program": "orchestrator.blackbox.codes.parts:ProgramCode",
+})
+# Mesh files: who reads those of an ending.
+READERS = Registry({
+    ".msh": "orchestrator.scene.mesh.readers.libraries:read_msh",
+    **dict.fromkeys((".unv", ".med", ".bdf", ".nas"),
+                    "orchestrator.scene.mesh.readers.libraries:read_by_gmsh"),
+    ".inp": "orchestrator.scene.mesh.readers.inp:read_inp",
+    **dict.fromkeys((".vtu", ".vtk"), "orchestrator.scene.mesh.readers.vtk:read_vtk"),
+    **dict.fromkeys((".xdmf", ".xmf"), "orchestrator.scene.mesh.readers.libraries:read_xdmf"),
+    **dict.fromkeys((".vtm", ".vtmb", ".pvd", ".pvtu"),
+                    "orchestrator.scene.mesh.readers.libraries:refuse_collection"),
+}, own={
+    ".*": "orchestrator.scene.mesh.readers.libraries:read_by_meshio",
 })

@@ -27,8 +27,8 @@ from orchestrator.errors import InputError
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import page
-from orchestrator.scene.mesh import child
-from orchestrator.scene.mesh.files import read
+from orchestrator.scene.mesh.readers import child
+from orchestrator.scene.mesh.readers.read import read
 from orchestrator.scene.mesh.gmsh_session import session
 
 MARK, SECRET = "mark-of-the-stranger", "correct-horse-battery"

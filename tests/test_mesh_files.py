@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orchestrator.errors import InputError
-from orchestrator.scene.mesh.files import read
+from orchestrator.scene.mesh.readers.read import read
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.geometry import tet_volumes
 

@@ -10,10 +10,10 @@ from quick import late
 from orchestrator.errors import InputError
 from orchestrator.results.fields.files import write_vtu
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.mesh import vtk_files
-from orchestrator.scene.mesh.child import by_vtk
+from orchestrator.scene.mesh.readers import vtk
+from orchestrator.scene.mesh.readers.child import by_vtk
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.files import read
+from orchestrator.scene.mesh.readers.read import read
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.mesh import checked
@@ -218,7 +218,7 @@ def test_names_in_files_of_vtk(saved, tmp_path, monkeypatch):
         mesh = check(read(tmp_path / file))
         assert mesh.volumes == ["left", "right"] and np.isclose(area(mesh, "clamp"), 1), file
     # the others without a process of their own, as what it gives away is the same
-    monkeypatch.setattr(vtk_files, "apart", lambda room, source, target, folder: by_vtk(str(source), str(target)) or "")
+    monkeypatch.setattr(vtk, "apart", lambda room, source, target, folder: by_vtk(str(source), str(target)) or "")
     tets = np.vstack([b.data for b in raw.cells if b.type == "tetra"])
     right = (raw.points[tets].mean(axis=1)[:, 0] > 1).astype(int)
     words = np.array(["left", "right"])

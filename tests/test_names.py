@@ -3,7 +3,7 @@
 import pytest
 
 from orchestrator import config_from
-from orchestrator.scene.interfaces.search import Laws
+from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.mesh.gmsh_session import leave_out
 from orchestrator.scene.mesh.cad import Sizing, sizes_of
 from orchestrator.scene.names import look_alike, matching

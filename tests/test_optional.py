@@ -45,7 +45,7 @@ def test_the_core_runs_alone_and_the_rest_is_asked_for_by_name(tmp_path):
         from orchestrator.cli import app
         from orchestrator.optional import need
         from orchestrator.results.report.report import report
-        from orchestrator.scene.mesh.vtk_files import read_vtk
+        from orchestrator.scene.mesh.readers.vtk import read_vtk
         said = {{}}
         def refused(name, call):
             try:

@@ -14,9 +14,10 @@ from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import check_held
-from orchestrator.scene.interfaces.search import Laws, Search
+from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.freedom import leave_free
-from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.interfaces.pairs import make_interfaces
+from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.sources import bricks
@@ -64,7 +65,7 @@ def interfaces_of(mesh, fixed=None, entries=()):
     numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
     laws = Laws(list(entries), [*partition.names, *mesh.volumes])
-    interfaces, _ = make_interfaces(Search(mesh, faces, partition, numbering, laws, found))
+    interfaces, _ = make_interfaces(Parts(mesh, faces, partition, numbering), laws, found)
     return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
 
 

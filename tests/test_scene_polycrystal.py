@@ -10,13 +10,13 @@ from quick import late
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.scene.mesh import polycrystal
-from orchestrator.scene.mesh.polyhedra import narrowest, scattered
-from orchestrator.scene.mesh.grains import tidied
+from orchestrator.scene.mesh.grains import polycrystal
+from orchestrator.scene.mesh.grains.polyhedra import narrowest, scattered
+from orchestrator.scene.mesh.grains.tidied import tidied
 from orchestrator.scene.mesh.faces import pieces
 from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
-from orchestrator.scene.mesh.grain_meshes import GrainMesher, mended
-from orchestrator.scene.mesh.skeleton import Skeleton
+from orchestrator.scene.mesh.grains.grain_meshes import GrainMesher, mended
+from orchestrator.scene.mesh.grains.skeleton import Skeleton
 from orchestrator.scene.mesh.sources import bricks, make_mesh
 from benchmarks.problems.soundness import is_ball, unsound
 

@@ -15,8 +15,9 @@ from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition import Partition
-from orchestrator.scene.shanks import Shank, Shanks, across_shank, along_shank, elsewhere, ends_beside
-from orchestrator.scene.threads import auto_cut, bonds, free_stretch, Thread, threads_of, within
+from orchestrator.scene.shanks import (
+    across_shank, along_shank, auto_cut, bonds, elsewhere, ends_beside, free_stretch, Shank,
+    Thread, threads_of, within)
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 
@@ -61,48 +62,68 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, config: Any,
 
     config : whose ``bolts`` and ``interfaces`` are asked for
 
-    Returns the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
+    Returns the partition, in which both sides are subdomains of their own and pieces of one body;
+    and the cuts
     """
-    own = {i: bolt_cells(mesh, bolt) for i, bolt in enumerate(config.bolts)}
-    shanks = {i: across_shank(mesh, faces, cells) for i, cells in own.items() if len(cells)}
-    round_ones = {i: shank for i, shank in shanks.items() if shank is not None}
-    beside = {i: ends_beside(mesh, faces, own[i], shank) for i, shank in round_ones.items()}
-    threads = {i: threads_of(mesh, faces, own[i], shank, bonds(config.interfaces, mesh.volumes, config.bolts[i].on))
-               for i, shank in round_ones.items()}
-    made = planes(mesh, faces, partition, config.bolts, Shanks(shanks, beside, threads), problems)
+    around = []
+    for bolt in config.bolts:
+        own = bolt_cells(mesh, bolt)
+        shank = across_shank(mesh, faces, own) if len(own) else None
+        around.append((None, None, ()) if shank is None else (
+            shank, ends_beside(mesh, faces, own, shank), threads_of(
+                mesh, faces, own, shank, bonds(config.interfaces, mesh.volumes, bolt.on))))
+    made = planes(mesh, faces, partition, config.bolts, around, problems)
     return cut_at(made, faces, partition, problems)
 
 
 def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
-    """(k,) int, the cells of the one volume that an entry of ``bolts`` names; none where it names none, or several."""
+    """(k,) int, the cells of the one volume that an entry of ``bolts`` names; none where it names
+    none, or several.
+    """
     names = matching(bolt.on, mesh.volumes)
-    return np.flatnonzero(mesh.volume == mesh.volumes.index(names[0])) if len(names) == 1 else np.empty(0, dtype=int)
+    return np.flatnonzero(mesh.volume == mesh.volumes.index(names[0])) if len(
+        names) == 1 else np.empty(0, dtype=int)
 
 
-def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], shanks: Shanks, problems: Problems) -> list[Plane]:
-    """Return the planes of the bolts."""
+def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
+           around: Sequence[tuple],
+           problems: Problems) -> list[Plane]:
+    """Return the planes of the bolts.
+
+    around : the shank of each, where other parts end beside it, and its threads; None, None and
+        nothing of one that has none
+    """
     made: list[Plane] = []
-    for i, bolt in enumerate(bolts):
+    for i, (bolt, (shank, ends, threads)) in enumerate(zip(bolts, around)):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
 
-        shank, ends, threads = shanks.of.get(i), shanks.beside.get(i), shanks.threads.get(i, ())
-        if found := _plane(mesh, partition, bolt, (shank, ends, threads), [plane.name for plane in made], wrong):
+        if found := _plane(mesh, partition, bolt, (shank, ends, threads),
+                           [plane.name for plane in made], wrong):
             name, own, axis, point = found
             if bonded := _in_thread(mesh, own, shank, threads, axis, point):
                 thread, better = bonded
                 if better:
-                    wrong("cut", f"a plane through {name} where it is bonded to {thread.part}, which takes its force off before the head",
-                          "a plane between the head and the thread", f"leave cut out, or move it to {better}")
+                    wrong("cut",
+                          f"a plane through {name} where it is bonded to {thread.part}, which "
+                          "takes its force off before the head",
+                          "a plane between the head and the thread",
+                          f"leave cut out, or move it to {better}")
                     continue
-                problems.warnings.append(f"{name} is bonded to {thread.part} at its cut, and has no free stretch between head and thread: "
-                                         f"the force is taken off by {thread.part}, and does not arrive under the head")
+                problems.warnings.append(
+                    f"{name} is bonded to {thread.part} at its cut, and has no free stretch "
+                    f"between head and thread: the force is taken off by {thread.part}, and does "
+                    "not arrive under the head")
             if bolt.cut != "auto" and (better := elsewhere(mesh, own, (shank, ends), axis, point)):
-                problems.warnings.append(f"bolts[{i}].cut is within an element of where parts beside {name} end: it zigzags across that plane "
-                                         f"and leaves pieces of contact with hardly a node; {better} is amid one of them")
+                problems.warnings.append(
+                    f"bolts[{i}].cut is within an element of where parts beside {name} end: it "
+                    "zigzags across that plane and leaves pieces of contact with hardly a node; "
+                    f"{better} is amid one of them")
             height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
-            ahead, crossed = ahead_of(mesh, own, axis, point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
-            made.append(Plane(i, name, axis, point, own, ahead ^ _lonely(faces, own, ahead, crossed)))
+            ahead, crossed = ahead_of(mesh, own, axis,
+                                      point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
+            made.append(Plane(i, name, axis, point, own,
+                              ahead ^ _lonely(faces, own, ahead, crossed)))
     return made
 
 
@@ -121,25 +142,32 @@ def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition,
         ahead[plane.own] = plane.ahead
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
     before, count = keys // 2, np.bincount(keys // 2)
-    names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}" for e, key in zip(before, keys)]
+    names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}"
+             for e, key in zip(before, keys)]
     cut = Partition(subdomain, unique_names(names), [partition.body(e) for e in before])
     cuts = [BoltCut(plane.index, plane.name, plane.axis, plane.point, *(
-        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist()) for side in (False, True))) for plane in made]
+        tuple(np.unique(subdomain[plane.own[plane.ahead == side]]).tolist())
+        for side in (False, True))) for plane in made]
     number, piece = pieces(faces, subdomain)
     if number != len(names):
         parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
         for one in cuts:
             broken = [cut.names[e] for e in (*one.behind, *one.ahead) if parts[e] > 1]
             if broken:
-                problems.add(("bolts", one.index, "cut"), f"a plane that leaves {' and '.join(broken)} in pieces",
-                             "a plane across the shank that meets nothing else of the bolt, and subdomains in one piece on either "
-                             "side of it", "move the plane, or write subdomains: groups, which leaves bolts whole")
+                problems.add(("bolts", one.index, "cut"),
+                             f"a plane that leaves {' and '.join(broken)} in pieces",
+                             "a plane across the shank that meets nothing else of the bolt, and "
+                             "subdomains in one piece on either side of it",
+                             "move the plane, or write subdomains: groups, which leaves bolts whole")
     return cut, cuts
 
 
-def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequence[Thread], axis: np.ndarray,
+def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequence[Thread],
+               axis: np.ndarray,
                point: np.ndarray) -> tuple[Thread, str] | None:
-    """The thread that a plane across a shank is within, and a better place in words, if there is one; None where it is in no thread."""
+    """The thread that a plane across a shank is within, and a better place in words, if there is
+    one; None where it is in no thread.
+    """
     if shank is None or not along_shank(shank, axis):
         return None
     thread = within(threads, float((point - shank.middle) @ shank.axis))
@@ -152,15 +180,19 @@ def _in_thread(mesh: Mesh, own: np.ndarray, shank: Shank | None, threads: Sequen
 def _plane(mesh: Mesh, partition: Partition, bolt: Any,
            around: tuple[Shank | None, np.ndarray | None, Sequence[Thread]], known: list[str],
            wrong: Callable[..., None]) -> tuple[str, np.ndarray, np.ndarray, np.ndarray] | None:
-    """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is wrong with it, which is told.
+    """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is
+    wrong with it, which is told.
 
-    around : the bolt's shank, where other parts end beside it, and its threads; known : names of the volumes that other entries cut
+    around : the bolt's shank, where other parts end beside it, and its threads; known : names of
+        the volumes that other entries cut
     """
     names = matching(bolt.on, mesh.volumes)
     if not names:
-        return wrong("on", f"no volume is called {bolt.on!r}", ONE_VOLUME, suggestion(bolt.on, mesh.volumes, "volume"))
+        return wrong("on", f"no volume is called {bolt.on!r}", ONE_VOLUME,
+                     suggestion(bolt.on, mesh.volumes, "volume"))
     if len(names) > 1:
-        return wrong("on", f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}", ONE_VOLUME, "write an entry for each of them")
+        return wrong("on", f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}",
+                     ONE_VOLUME, "write an entry for each of them")
     name = names[0]
     if name in known:
         return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
@@ -169,18 +201,22 @@ def _plane(mesh: Mesh, partition: Partition, bolt: Any,
     if bolt.cut != "auto":
         axis, point = np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)
     elif shank is None:
-        return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
-                     "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
+        return wrong("cut",
+                     f"cut: auto, and no cylinder on {name} that is longer than half its radius",
+                     "a bolt with a round shank along one axis",
+                     "say where: cut: {plane: z, at: 12}")
     else:
         axis, point = shank.axis, auto_cut(mesh, own, shank, threads, ends)
     ahead = ahead_of(mesh, own, axis, point)
     if ahead.all() or not ahead.any():
         along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
         return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
-                     f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
+                     f"a plane through it: it reaches from {along.min():g} to {along.max():g}",
+                     "move the plane")
     if np.isin(np.delete(partition.subdomain, own), partition.subdomain[own]).any():
         return wrong("on", f"subdomains that hold {name} and other matter together",
-                     "subdomains of the bolt alone", "write subdomains: groups, one per volume, in a scene of several volumes")
+                     "subdomains of the bolt alone",
+                     "write subdomains: groups, one per volume, in a scene of several volumes")
     return name, own, axis, point
 
 
@@ -194,4 +230,5 @@ def _lonely(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndar
     part = np.full(len(faces.owner) and int(max(faces.owner.max(), faces.neighbour.max())) + 1, 2)
     part[cells] = ahead
     piece = pieces(faces, part)[1][cells]
-    return np.bincount(piece, weights=~crossed)[piece] == 0  # no tet beside the plane: not the bolt's end
+    # no tet beside the plane: not the bolt's end
+    return np.bincount(piece, weights=~crossed)[piece] == 0

@@ -1,4 +1,6 @@
-"""Sentences on scenes that can be solved, but hardly are what was meant: ``check`` says them, and every summary."""
+"""Sentences on scenes that can be solved, but hardly are what was meant: ``check`` says them, and
+every summary.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from orchestrator.config.model import Units
-from orchestrator.scene.interfaces.search import paired_faces
+from orchestrator.scene.interfaces.parts import paired_faces
 from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
@@ -35,8 +37,11 @@ def locking(scene: Scene) -> Iterator[str]:
     ratio = np.array([material.poisson for material in scene.materials])[scene.cell_material]
     stiff = np.unique(scene.mesh.volume[ratio > LOCKING])
     if len(stiff):
-        yield (f"Poisson's ratio {ratio.max():g} in {some([scene.mesh.volumes[v] for v in stiff])} with four-node tets (P1), which lock from about "
-               f"{LOCKING:g} on: they move too little, however small the residuals; take blackbox: {{element: P2}}, which code: freefem has")
+        yield (
+            f"Poisson's ratio {ratio.max():g} in {some([scene.mesh.volumes[v] for v in stiff])} "
+            f"with four-node tets (P1), which lock from about {LOCKING:g} on: they move too "
+            f"little, however small the residuals; take blackbox: {{element: P2}}, which code: "
+            "freefem has")
 
 
 def odd_moduli(units: Units | None, moduli: Iterable[tuple[float, float]]) -> Iterator[str]:
@@ -65,7 +70,8 @@ def _largest(mesh: Mesh, entry: BoundaryEntry) -> np.ndarray:
     """(3,) along x, y and z."""
     if entry.ground is None or not len(entry.triangles):
         return entry.forces.largest if entry.forces else np.zeros(3)
-    return entry.ground.gives(mesh.nodes[entry.nodes], np.searchsorted(entry.nodes, entry.triangles))
+    return entry.ground.gives(mesh.nodes[entry.nodes],
+                              np.searchsorted(entry.nodes, entry.triangles))
 
 
 def unloaded(scene: Scene) -> Iterator[str]:
@@ -73,14 +79,16 @@ def unloaded(scene: Scene) -> Iterator[str]:
     moved = any(s.prescribed.any() for s in scene.subdomains) or any(
         law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
     if not (moved or scene.brought or any(s.loads.any() for s in scene.subdomains)):
-        yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
-               "nothing will move")
+        yield (
+            "nothing loads the scene: no traction, no pressure, no body force, no displacement "
+            "other than zero; nothing will move")
     for entry in scene.boundary:
         largest = _largest(scene.mesh, entry)
         acts = largest > FLAT * largest.max()
         if acts.any() and scene.fixed[entry.nodes].all(axis=0)[acts].all():
-            yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
-                   "it: it goes straight into the support and moves nothing")
+            yield (
+                f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement "
+                "is prescribed along it: it goes straight into the support and moves nothing")
 
 
 def beside_others(scene: Scene) -> Iterator[str]:
@@ -90,8 +98,10 @@ def beside_others(scene: Scene) -> Iterator[str]:
     for entry, faces in zip(scene.boundary, scene.covered):
         if faces.any():
             names = sorted(scene.mesh.volumes[v] for v in np.flatnonzero(faces))
-            yield (f"boundary[{entry.index}], a {entry.kind}, acts on {faces.sum()} faces of {', '.join(names)} that lie on another "
-                   "part: name a surface of the part, as part/surface, or a smaller box, if that is not meant")
+            yield (
+                f"boundary[{entry.index}], a {entry.kind}, acts on {faces.sum()} faces of "
+                f"{', '.join(names)} that lie on another part: name a surface of the part, as "
+                "part/surface, or a smaller box, if that is not meant")
 
 
 RULES: list[Callable[[Scene], Iterator[str]]] = [
@@ -105,11 +115,14 @@ def scene_cautions(scene: Scene) -> list[str]:
 
 def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[Interface],
                    numbering: SplitNumbering) -> np.ndarray:
-    """(entries, volumes) int, on how many faces a traction or pressure acts which an interface pairs with another part's.
+    """(entries, volumes) int, on how many faces a traction or pressure acts which an interface
+    pairs with another part's.
 
-    interfaces : all there are; only sides with nodes of their own count, shared faces are no outer ones
+    interfaces : all there are; only sides with nodes of their own count, shared faces are no outer
+        ones
     """
-    counts, paired = np.zeros((len(boundary), len(mesh.volumes)), dtype=int), paired_faces(numbering, interfaces)
+    counts, paired = np.zeros((len(boundary), len(mesh.volumes)),
+                              dtype=int), paired_faces(numbering, interfaces)
     for entry, row in zip(boundary, counts):
         if entry.forces and len(entry.triangles) and len(paired):
             cells = entry.cells[np.isin(pack(entry.triangles[:, :3], len(mesh.nodes)), paired), 0]

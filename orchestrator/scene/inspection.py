@@ -1,4 +1,6 @@
-"""Volumes, surfaces and pairs of a mesh, as rows and as text, with what one wants to know before naming them in a configuration."""
+"""Volumes, surfaces and pairs of a mesh, as rows and as text, with what one wants to know before
+naming them in a configuration.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from orchestrator.scene.interfaces.between import hidden
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.opposite import close_bodies, outer_bodies
-from orchestrator.scene.interfaces.patches import patches
+from orchestrator.scene.interfaces.shared import patches
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import areas, tet_volumes
@@ -35,7 +37,8 @@ class PairRow:
     one, two : names of the parts
     area : that they have in common
     nearest, farthest : distance of the sides along the normal; negative inside each other
-    meshes : whether faces are shared, nodes coincide or project onto each other, neither, or a shaft has room in a hole
+    meshes : whether faces are shared, nodes coincide or project onto each other, neither, or a
+        shaft has room in a hole
     slave : name of the part whose nodes carry the points; empty where nodes are paired
     size : element size of either side
     law : that governs; empty where that is not known
@@ -60,14 +63,18 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
             continue
         sizes, each = zip(*(_measures(scene, interface, side) for side in (0, 1)))
         if not interface.paired:
-            points, area, slave = interface.mortar.points, float(interface.mortar.area.sum()), one.name
+            points, area, slave = interface.mortar.points, float(
+                interface.mortar.area.sum()), one.name
             read = interface.law.distance
             distance, meshes = read[points] if np.ndim(read) else interface.mortar.gap, APART
         else:
-            distance = paired_distance(scene.side_points(interface, 0), scene.side_points(interface, 1), interface.triangles)
+            distance = paired_distance(scene.side_points(interface, 0),
+                                       scene.side_points(interface, 1), interface.triangles)
             area, slave = each[0], ""
-            meshes = SHARED if np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1))) else COINCIDENT
-        yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()), meshes, slave, sizes, interface.law.name)
+            meshes = SHARED if np.array_equal(*(scene.side_nodes(interface, side)
+                                                for side in (0, 1))) else COINCIDENT
+        yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()),
+                      meshes, slave, sizes, interface.law.name)
 
 
 def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, float]:
@@ -77,29 +84,37 @@ def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, flo
 
 
 def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
-    """Pairs that touch, whatever laws may say: shared faces, then faces that lie on each other; then shafts in holes with room."""
+    """Pairs that touch, whatever laws may say: shared faces, then faces that lie on each other;
+    then shafts in holes with room.
+    """
     shared, sides, bounds = patches(faces, mesh.volume)
     for first, last in zip(bounds[:-1], bounds[1:]):
         each = areas(mesh.nodes, faces.triangles[shared[first:last]])
         size = float(np.sqrt(2 * each).mean())
-        yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED, "", (size, size))
+        yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED,
+                      "", (size, size))
     if len(mesh.volumes) < 2:
         return
     skins, round_ones, told = Skins(mesh, faces), fits(round_faces(mesh, faces)), set()
-    exact = exact_distance(mesh, round_ones)  # chords of two polygons about one circle are in each other, circles are not
+    # chords of two polygons about one circle are in each other, circles are not
+    exact = exact_distance(mesh, round_ones)
     bodies = outer_bodies(mesh, faces, mesh.volume)
     for one, two in close_bodies(bodies, None):
-        matching = np.concatenate([np.empty(0, int), *(patch.facets[:, 0] for patch in match(one, two))])
+        matching = np.concatenate([np.empty(0, int),
+                                   *(patch.facets[:, 0] for patch in match(one, two))])
         for found in facing(skins(one), skins(two), hidden=hidden(bodies, skins, one, two)):
             alike = np.isin(found.segments.slave, matching).all()
-            known = exact[skins(one).face[found.segments.slave], skins(two).face[found.segments.master]]
+            known = exact[skins(one).face[found.segments.slave],
+                          skins(two).face[found.segments.master]]
             distance = np.where(np.isnan(known), found.distance, known)
             told |= {(one.volume, two.volume)} if (~np.isnan(known)).any() else set()
-            yield PairRow(mesh.volumes[one.volume], mesh.volumes[two.volume], found.area, float(distance.min()), float(distance.max()),
+            yield PairRow(mesh.volumes[one.volume], mesh.volumes[two.volume], found.area,
+                          float(distance.min()), float(distance.max()),
                           COINCIDENT if alike else APART, "", found.size)
     for fit in round_ones:
         if not fit.same and fit.clearance > 0 and not {fit.volumes, fit.volumes[::-1]} & told:
-            yield PairRow(*(mesh.volumes[v] for v in fit.volumes), fit.area, fit.clearance - fit.eccentric, fit.clearance + fit.eccentric,
+            yield PairRow(*(mesh.volumes[v] for v in fit.volumes), fit.area,
+                          fit.clearance - fit.eccentric, fit.clearance + fit.eccentric,
                           ROOM, "", (fit.shaft.size, fit.hole.size))
 
 
@@ -111,7 +126,8 @@ PASCAL, MEGAPASCAL = (1e7, 1.3e12), (1e1, 1.3e6)
 
 @dataclass(frozen=True)
 class VolumeRow:
-    """One named volume: number of tets, volume, mean element size (cube root of six tets' volume), centre, lowest and highest
+    """One named volume: number of tets, volume, mean element size (cube root of six tets' volume),
+    centre, lowest and highest
     corner."""
 
     name: str
@@ -125,7 +141,9 @@ class VolumeRow:
 
 @dataclass(frozen=True)
 class SurfaceRow:
-    """One named surface: number of triangles, area, centre, shape, and names of those that it shares edges with."""
+    """One named surface: number of triangles, area, centre, shape, and names of those that it
+    shares edges with.
+    """
 
     name: str
     triangles: int
@@ -142,7 +160,8 @@ def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
         own = mesh.volume == index
         points = mesh.nodes[np.unique(mesh.cells[own, :4])]
         centre = each[own] @ mesh.nodes[mesh.cells[own, :4]].mean(axis=1) / each[own].sum()
-        yield VolumeRow(name, int(own.sum()), float(each[own].sum()), float(np.cbrt(6 * each[own].mean())), centre,
+        yield VolumeRow(name, int(own.sum()), float(each[own].sum()),
+                        float(np.cbrt(6 * each[own].mean())), centre,
                         points.min(axis=0), points.max(axis=0))
 
 
@@ -158,7 +177,8 @@ def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
         centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / area
         shape = mesh.smooth.get(name, UNKNOWN)  # what the CAD model says, else what the nodes tell
         yield SurfaceRow(name, len(triangles), area, centre,
-                         shape_of(mesh.nodes, triangles[each > 0]) if shape.kind == UNKNOWN.kind else shape, beside[name])
+                         shape_of(mesh.nodes, triangles[each > 0]) if shape.kind == UNKNOWN.kind
+                         else shape, beside[name])
 
 
 def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
@@ -167,11 +187,13 @@ def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
     edges = [edges_of(t[:, :3], TRIANGLE_EDGES)[0] for t in mesh.surfaces.values()]
     if not edges:
         return {}
-    owner, (low, high) = np.repeat(np.arange(len(names)), [len(e) for e in edges]), np.concatenate(edges).T
+    owner, (low, high) = np.repeat(np.arange(len(names)),
+                                   [len(e) for e in edges]), np.concatenate(edges).T
     edge = np.unique(low * len(mesh.nodes) + high, return_inverse=True)[1]
     on = sp.csr_array((np.ones(len(edge)), (owner, edge)))
     met = sp.coo_array(on @ on.T)
-    return {name: [names[k] for k in np.sort(met.col[(met.row == one) & (met.col != one)])] for one, name in enumerate(names)}
+    return {name: [names[k] for k in np.sort(met.col[(met.row == one) & (met.col != one)])]
+            for one, name in enumerate(names)}
 
 
 def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
@@ -185,7 +207,8 @@ def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
         return text + (f": of a plausible size in {' and in '.join(fits)}" if fits else
                        ": implausible in m and in mm; scale: under mesh: takes a factor")
     stiff = max(young)
-    unit = "m" if PASCAL[0] <= stiff <= PASCAL[1] and stiff > MEGAPASCAL[1] else "mm" if MEGAPASCAL[0] <= stiff <= MEGAPASCAL[1] else ""
+    unit = "m" if PASCAL[0] <= stiff <= PASCAL[1] and stiff > MEGAPASCAL[1] else "mm" if MEGAPASCAL[
+        0] <= stiff <= MEGAPASCAL[1] else ""
     if not unit:
         return text
     meant = "N/m², so that lengths are in m" if unit == "m" else "N/mm², so that lengths are in mm"
@@ -202,15 +225,19 @@ def volume_table(rows: Iterable[VolumeRow], matter: Mapping[str, str] | None = N
     """
     heads = ("volume", "tets", "volume", "element", "centre", "from", "to")
     return columns(heads + (("material",) if matter else ()), [
-        (r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.centre), _point(r.low), _point(r.high),
+        (r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.centre), _point(r.low),
+         _point(r.high),
          *((matter.get(r.name, "-"),) if matter else ())) for r in rows])
 
 
 def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:
-    """Lines on surfaces; of a plane the normal, of a cylinder the axis; neighbours of the same volume by what follows the colon."""
+    """Lines on surfaces; of a plane the normal, of a cylinder the axis; neighbours of the same
+    volume by what follows the colon.
+    """
     return columns(("surface", "triangles", "area", "centre", "kind", "normal, axis", "beside"),
                     [(r.name, str(r.triangles), _number(r.area), _point(r.centre), _kind(r.shape),
-                      "-" if r.shape.direction is None else _point(r.shape.direction), _short(r.name, r.neighbours) or "-") for r in rows])
+                      "-" if r.shape.direction is None else _point(r.shape.direction),
+                      _short(r.name, r.neighbours) or "-") for r in rows])
 
 
 def _kind(shape: Shape) -> str:
@@ -219,7 +246,8 @@ def _kind(shape: Shape) -> str:
 
 def _short(name: str, others: Sequence[str]) -> str:
     start = name.rpartition(":")[0] + ":"
-    return " ".join(other.removeprefix(start[:-1]) if len(start) > 1 and other.startswith(start) else other for other in others)
+    return " ".join(other.removeprefix(start[:-1]) if len(start) > 1 and other.startswith(start)
+                    else other for other in others)
 
 
 def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
@@ -230,21 +258,24 @@ def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
     rows = list(rows)
     shown = rows[:most]
     lines = columns(("pair", "area", "distance", "meshes", "slave", "elements", "law"),
-                     [(f"{r.one} | {r.two}", _number(r.area), _range(r.nearest, r.farthest), r.meshes, r.slave or "-",
+                     [(f"{r.one} | {r.two}", _number(r.area), _range(r.nearest, r.farthest),
+                       r.meshes, r.slave or "-",
                        _range(*r.size), r.law or "-") for r in shown])
     return lines + ([f"… and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else [])
 
 
 def bolt_table(scene: Scene) -> list[str]:
     """Lines on bolts: where each is cut, and across which axis."""
-    return columns(("bolt", "cut at", "across"), [(bolt.name, _point(bolt.point), _point(bolt.axis)) for bolt in scene.bolts
+    return columns(("bolt", "cut at", "across"),
+                   [(bolt.name, _point(bolt.point), _point(bolt.axis)) for bolt in scene.bolts
                                                   ]) if scene.bolts else []
 
 
 def columns(heads: Sequence[str], rows: list[tuple[str, ...]]) -> list[str]:
     """A table as lines, below its heads."""
     widths = [max(map(len, column)) for column in zip(heads, *rows)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in (heads, *rows)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip()
+            for row in (heads, *rows)]
 
 
 def _number(value: float) -> str:

@@ -1,4 +1,4 @@
-"""Patches of faces that two subdomains share, and interfaces: patches with what acts there."""
+"""Interfaces: patches of faces where two subdomains meet, with what acts there."""
 
 from __future__ import annotations
 
@@ -18,20 +18,38 @@ from orchestrator.scene.tools.motion import Rigid
 
 
 @dataclass
-class FacePatch:
-    """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired; or nodes that two
-    subdomains share where no faces hold them together, without triangles. Where the sides are meshed each on its own, what is
-    said of nodes, triangles and free components is said of side 1, the slave.
+class Interface:
+    """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are
+    paired; or nodes that two subdomains share where no faces hold them together, without triangles;
+    and what acts there. Where the sides are meshed each on its own, what is said of nodes,
+    triangles and free components is said of side 1, the slave, and so are, per node, the law's
+    parameters.
 
     index, name : position in ``Scene.interfaces`` and a name for messages
     subdomains : (E1, E2), indices of the two sides
-    global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are the same
-        unless the sides share no faces, see ``Scene.side_nodes``
-    nodes : two (n,) int arrays, local node indices in E1 and E2, paired unless there is a ``mortar``
-    triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward of E1
+    global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are
+        the same unless the sides share no faces, see ``Scene.side_nodes``
+    nodes : two (n,) int arrays, local node indices in E1 and E2, paired unless there is a
+        ``mortar``
+    triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward
+        of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
-    free : (n, 3) bool, components that boundary conditions do not prescribe on both sides; where they do on one, the
-        other meets what is prescribed there
+    free : (n, 3) bool, components that boundary conditions do not prescribe on both sides; where
+        they do on one, the other meets what is prescribed there
+    law : the interface law, with its parameters
+    normals : (n, 3) unit normals from E1 to E2, where more than the patch's facets shape them: it
+        is a piece of a larger one between bodies that are cut further, or their surface is known
+    given : (k, 3 or 6, 3) those of the surfaces at the triangles' nodes, where a CAD model knows
+        some of them and nodes of two bodies are paired, nan where they are not known
+    called : names by which an entry of ``interfaces`` may call either side
+    entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
+    mortar : points and transfer operators between sides that do not match; None where nodes are
+        paired
+    surfaces : what the operators are made of, until they are: boundary conditions have a say in it
+    law_at_steps : the law at every load step, where its parameters differ between them, and ``law``
+        is the one that asks for most; else empty
+    moving : what they are made of anew where the sides have slid to, if they are
+    tool : the rigid tool that side 2 is, if it is one
     """
 
     index: int
@@ -42,27 +60,6 @@ class FacePatch:
     triangles: np.ndarray
     cells: np.ndarray
     free: np.ndarray
-
-
-@dataclass
-class Interface(FacePatch):
-    """A patch, and what acts there; per node, the law's parameters are those of side 1.
-
-    law : the interface law, with its parameters
-    normals : (n, 3) unit normals from E1 to E2, where more than the patch's facets shape them: it is a piece of a
-        larger one between bodies that are cut further, or their surface is known
-    given : (k, 3 or 6, 3) those of the surfaces at the triangles' nodes, where a CAD model knows some
-        of them and nodes of two bodies are paired, nan where they are not known
-    called : names by which an entry of ``interfaces`` may call either side
-    entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
-    mortar : points and transfer operators between sides that do not match; None where nodes are paired
-    surfaces : what the operators are made of, until they are: boundary conditions have a say in it
-    law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
-        most; else empty
-    moving : what they are made of anew where the sides have slid to, if they are
-    tool : the rigid tool that side 2 is, if it is one
-    """
-
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
     given: np.ndarray | None = None
@@ -73,6 +70,11 @@ class Interface(FacePatch):
     law_at_steps: list[Law] = field(default_factory=list)
     moving: Moving | None = None
     tool: Rigid | None = None
+
+    def govern(self, laws: list[Law], vary: bool) -> None:
+        """Give it the law of every load step, of which one holds for all unless they ``vary``."""
+        self.law = max(laws, key=lambda law: law.imposed)
+        self.law_at_steps = laws if vary else []
 
     @property
     def matching(self) -> bool:
@@ -102,21 +104,28 @@ class Interface(FacePatch):
 
     @property
     def shown(self) -> np.ndarray:
-        """(c,) int, ascending, the nodes that fields are told at: corners, and middles of edges where these are the points."""
+        """(c,) int, ascending, the nodes that fields are told at: corners, and middles of edges
+        where these are the points.
+        """
         return np.unique(self.shown_triangles)
 
     @property
     def shown_triangles(self) -> np.ndarray:
-        """(m, 3) int, triangles between these: a quarter of a face each where middles of edges are shown."""
+        """(m, 3) int, triangles between these: a quarter of a face each where middles of edges are
+        shown.
+        """
         return self.triangles[:, QUARTERS].reshape(-1, 3) if self.amid else self.triangles[:, :3]
 
     def traced(self, side: int) -> np.ndarray:
-        """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where points are no pairs, all of them,
+        """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where
+        points are no pairs, all of them,
         so that the other side meets what is prescribed."""
         return self.free if self.mortar is None else np.ones((len(self.nodes[side]), 3), dtype=bool)
 
     def distances(self, steps: int) -> np.ndarray:
-        """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""
+        """(steps, n) how far the sides are apart before they move, as the law has it at every load
+        step.
+        """
         return np.stack([np.broadcast_to(law.distance, len(self.free)) for law in self.laws(steps)])
 
     def laws(self, steps: int) -> list[Law]:
@@ -124,7 +133,9 @@ class Interface(FacePatch):
         return self.law_at_steps or [self.law] * steps
 
     def triangles_on(self, side: int) -> np.ndarray:
-        """(k, 3 or 6) int, the facets of side 0 (the first) or 1, indices into its nodes, looking from E1 to E2."""
+        """(k, 3 or 6) int, the facets of side 0 (the first) or 1, indices into its nodes, looking
+        from E1 to E2.
+        """
         return self.mortar.triangles if side and self.mortar else self.triangles
 
     def cells_on(self, side: int) -> np.ndarray:

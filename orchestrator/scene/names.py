@@ -16,8 +16,9 @@ INSIDE = "/"
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
     """The names that a pattern means, in their order.
 
-    A name means itself, whatever characters it has; else what is in the part of that name: base for base/rod. What is neither
-    is a shell wildcard, with which parts stand for what is in them, too. A lone * means everything.
+    A name means itself, whatever characters it has; else what is in the part of that name: base for
+    base/rod. What is neither is a shell wildcard, with which parts stand for what is in them, too.
+    A lone * means everything.
 
     names : all that there are: among fewer, a name that is not there would be taken for a wildcard
     """
@@ -25,26 +26,34 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
     if pattern == "*":
         return names
     inside = pattern + INSIDE
-    return [name for name in names if name == pattern] or [name for name in names if name.startswith(inside)] or \
+    return [name for name in names if name == pattern] or [name for name in names
+                                                           if name.startswith(inside)] or \
         [name for name in names if fnmatchcase(name, pattern) or fnmatchcase(name, inside + "*")]
 
 
 def look_alike(names: Iterable[str], what: str) -> list[str]:
-    """A sentence for each name that means others too when it is read as a wildcard, and for those that differ by case or blanks only.
+    """A sentence for each name that means others too when it is read as a wildcard, and for those
+    that differ by case or blanks only.
 
     what : of what these are the names, in the singular ("surface")
     """
     names, said = list(names), []
     for one in names:
-        others = [name for name in names if name != one and fnmatchcase(name, one)] if set(one) & set("*?[") else []
+        others = [name for name in names if name != one
+                  and fnmatchcase(name, one)] if set(one) & set("*?[") else []
         if others:
-            said.append(f"{what} {one!r} has a name that would mean {some(others, 3)}, too, as a wildcard: " + (
+            said.append(
+                f"{what} {one!r} has a name that would mean {some(others, 3)}, too, as a wildcard: "
+                + (
                 "* means all of them" if one == "*" else "who writes it means it alone"))
     alike: dict[str, list[str]] = {}
     for name in names:
         alike.setdefault("".join(name.split()).casefold(), []).append(name)
-    return said + [f"names of {what}s that differ by case or blanks only: {some([repr(name) for name in same], 4)}; they count as "
-                   "different, and are to be written as they are" for same in alike.values() if len(same) > 1]
+    return said + [
+        f"names of {what}s that differ by case or blanks only: "
+        f"{some([repr(name) for name in same], 4)}; they count as different, and are to be written "
+        "as they are" for same in alike.values()
+        if len(same) > 1]
 
 
 def patterns_of(on: str | Iterable[str] | None) -> list[str]:
@@ -76,10 +85,12 @@ def renamed(names: list[str], rename: Mapping[str, str] | None, path: KeyPath) -
     problems = Problems()
     for name in rename or {}:
         if name not in names:
-            problems.add((*path, name), f"no volume is called {name!r}", "names as inspect lists them", suggestion(name, names, "volume"))
+            problems.add((*path, name), f"no volume is called {name!r}",
+                         "names as inspect lists them", suggestion(name, names, "volume"))
     made = [(rename or {}).get(name, name) for name in names]
     if twice := [name for name, count in Counter(made).items() if count > 1]:
-        problems.add(path, f"several volumes called {some(twice)}", "a name for each", "give them different names")
+        problems.add(path, f"several volumes called {some(twice)}", "a name for each",
+                     "give them different names")
     problems.raise_if_any()
     return made
 

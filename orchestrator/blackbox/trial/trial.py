@@ -23,7 +23,7 @@ from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError
 from orchestrator.registry import CODES
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program import JOINT, ProgramRuns
-from orchestrator.scene.foreign.tables import checked_nodes
+from orchestrator.scene.foreign.matrix import checked_nodes
 from orchestrator.scene.mesh.geometry import format_point
 
 Checks = Iterable[tuple[str, str, str]]  # check, figure, what is wrong: empty when it passed

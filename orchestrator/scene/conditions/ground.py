@@ -1,9 +1,11 @@
-"""A rigid ground behind surfaces that stand on it: springs, directions that are held, points that surfaces follow.
+"""A rigid ground behind surfaces that stand on it: springs, directions that are held, points that
+surfaces follow.
 
-A ground is a body of its own, a thin layer of tets outside the surface whose nodes are all held, and its law an interface's:
-matter's own stiffness still vanishes on rigid motions, and nothing of the method has to know of supports that give. Behind each subdomain
-it is a subdomain of its own, which no other one touches. The layers come last in the mesh; what they exert is the reaction of their entry
-of ``boundary``.
+A ground is a body of its own, a thin layer of tets outside the surface whose nodes are all held,
+and its law an interface's: matter's own stiffness still vanishes on rigid motions, and nothing of
+the method has to know of supports that give. Behind each subdomain it is a subdomain of its own,
+which no other one touches. The layers come last in the mesh; what they exert is the reaction of
+their entry of ``boundary``.
 """
 
 from __future__ import annotations
@@ -14,18 +16,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.scene.body import Divided
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
+from orchestrator.scene.mesh.faces import edge_patches, faces_of
 from orchestrator.scene.mesh.geometry import format_point, local_size
-from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
+from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.mesh.quadratic import faces_of_six
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.partition import Partition
 
 GROUND = "ground of boundary"  # its volumes are called so
-THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
+# of the layer over the size of its faces: it is geometry alone, and does not deform
+THICKNESS = 0.1
 
 
 @dataclass(frozen=True)
@@ -46,51 +50,48 @@ class Layer:
     thickness: float = THICKNESS
 
 
-@dataclass(frozen=True)
-class Added:
-    """The scene with layers.
+def add_layers(cut: Divided, volumes: Sequence[str],
+               wanted: Sequence[Layer]) -> tuple[Divided, list[slice], list[list[Interface]]]:
+    """Return a scene with a thin layer of tets behind faces each, a subdomain of its own with nodes
+    of its own.
 
-    numbering : of ``partition``; material : (m,) int, of each cell
-    nodes : of each layer, those on its faces first
-    interfaces : of each layer, those with the bodies that it lies on, without a law
+    volumes : names of those that the layers are, also where there are none on a piece of a mesh
+    Returns also the nodes of each layer, those on its faces first; and the interfaces of each with
+    the bodies that it lies on, without a law
     """
-
-    mesh: Mesh
-    partition: Partition
-    numbering: SplitNumbering
-    faces: Faces
-    material: np.ndarray
-    nodes: list[slice]
-    interfaces: list[list[Interface]]
-
-
-def add_layers(mesh: Mesh, partition: Partition, cell_material: np.ndarray, wanted: Sequence[Layer]) -> Added:
-    """A thin layer of tets behind faces each, a subdomain of its own with nodes of its own."""
-    from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
+    # with it comes SciPy, which checks do without
+    from orchestrator.scene.soles.facets import Facets
     from orchestrator.scene.soles.make import prisms
 
-    layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
-    names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], mesh.volumes
+    body, partition = cut.body, cut.partition
+    mesh = replace(body.mesh, volumes=[*body.mesh.volumes, *volumes])
+    layers, cells, volume, subdomain, material = (
+        [x] for x in (mesh.nodes, mesh.cells, mesh.volume, partition.subdomain, body.material))
+    names = list(partition.names)
+    bodies = [partition.body(e) for e in range(len(names))]
     nodes: list[slice] = []
     for one in wanted:
         at, local = _local(one.triangles)
         points, count, first = mesh.nodes[at], len(local), sum(map(len, layers))
-        layer = prisms(Facets(points, local, np.ones(count), np.zeros(count), one.thickness * local_size(points, local)), +1)
+        layer = prisms(Facets(points, local, np.ones(count), np.zeros(count),
+                              one.thickness * local_size(points, local)), +1)
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
         nodes.append(slice(first, first + len(layers[-1])))
-        volume.append(np.full(len(layer.cells), volumes.index(one.body)))
+        volume.append(np.full(len(layer.cells), mesh.volumes.index(one.body)))
         subdomain.append(np.full(len(layer.cells), len(names)))
-        material.append(np.repeat(cell_material[one.cells], 3))
+        material.append(np.repeat(body.material[one.cells], 3))
         names.append(one.name)
         bodies.append(one.body)
-    whole = replace(mesh, nodes=np.concatenate(layers), cells=np.concatenate(cells), volume=np.concatenate(volume))
-    cut = Partition(np.concatenate(subdomain), names, bodies)
-    numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
-    faces = faces_of(whole.cells[:, :4], len(whole.nodes))
-    faces = faces if whole.cells.shape[1] == 4 else faces_of_six(faces, whole.cells)
-    interfaces = [_interfaces(cut, numbering, faces, own.start, one) for one, own in zip(wanted, nodes)]
-    return Added(whole, cut, numbering, faces, np.concatenate(material), nodes, interfaces)
+    nodes_of, cells, volume, subdomain, material = map(
+        np.concatenate, (layers, cells, volume, subdomain, material))
+    whole = replace(mesh, nodes=nodes_of, cells=cells, volume=volume)
+    numbering = split_numbering(cells, subdomain, len(nodes_of))
+    faces = faces_of(cells[:, :4], len(nodes_of))
+    faces = faces if cells.shape[1] == 4 else faces_of_six(faces, cells)
+    added = replace(cut, body=replace(body, mesh=whole, faces=faces, material=material),
+                    partition=Partition(subdomain, names, bodies), numbering=numbering)
+    return added, nodes, [_interfaces(added, own.start, one) for one, own in zip(wanted, nodes)]
 
 
 def _local(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -99,51 +100,61 @@ def _local(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return at, local.reshape(triangles.shape)
 
 
-def _interfaces(partition: Partition, numbering: SplitNumbering, faces: Faces, first: int, layer: Layer) -> list[Interface]:
+def _interfaces(cut: Divided, first: int, layer: Layer) -> list[Interface]:
     """Between each body on a surface and the layer behind it, patch by patch.
 
     first : first node of the layer
     """
+    partition, numbering, faces = cut.partition, cut.numbering, cut.body.faces
     at, local = _local(layer.triangles)
     owner = partition.subdomain[layer.cells]
     ground = int(partition.subdomain[faces.owner[faces.find(local[:1, :3] + first)[0]]])
-    group = owner if layer.whole else np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0, return_inverse=True)[1].ravel()
+    group = owner if layer.whole else np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0,
+                                                return_inverse=True)[1].ravel()
     found = []
     for one in np.unique(group):
         chosen = np.flatnonzero(group == one)
         mine, e = np.unique(local[chosen]), int(owner[chosen[0]])
-        own = tuple(numbering.find(np.int64(part), ids) - numbering.offsets[part] for part, ids in ((e, at[mine]), (ground, first + mine)))
+        own = tuple(numbering.find(np.int64(part), ids) - numbering.offsets[part]
+                    for part, ids in ((e, at[mine]), (ground, first + mine)))
         cells = np.c_[layer.cells[chosen], faces.owner[faces.find(local[chosen, :3] + first)]]
-        found.append(Interface(-1, f"{partition.names[e]} | {layer.body}", (e, ground), at[mine], own,
-                               np.searchsorted(mine, local[chosen]), cells, np.ones((len(mine), 3), dtype=bool)))
+        found.append(Interface(-1, f"{partition.names[e]} | {layer.body}", (e, ground), at[mine],
+                               own,
+                               np.searchsorted(mine, local[chosen]), cells,
+                               np.ones((len(mine), 3), dtype=bool)))
     return found
 
 
-def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems,
-                ) -> tuple[Added, list[tuple[int, Interface]], dict[int, slice]]:
-    """The scene with a ground behind every entry that stands on one.
+def add_grounds(cut: Divided, boundary: list[BoundaryEntry], problems: Problems,
+                ) -> tuple[Divided, list[tuple[int, Interface]], dict[int, slice]]:
+    """Return the scene with a ground behind every entry that stands on one.
 
     boundary : resolved entries
-    Returns the interfaces with grounds as well, with their laws, and the entry of each; per entry, the nodes of its grounds
+    Returns also the interfaces with grounds, with their laws, and the entry of each; and per entry
+    the nodes of its grounds
     """
     standing = [entry for entry in boundary if entry.ground]
-    layers = {entry.index: list(_behind(entry, partition)) for entry in standing}
-    mesh = replace(mesh, volumes=[*mesh.volumes, *(f"ground of {entry.name}" for entry in standing)])  # on pieces of a mesh, too
-    added = add_layers(mesh, partition, cell_material, [layer for own in layers.values() for layer in own])
+    layers = {entry.index: list(_behind(entry, cut.partition)) for entry in standing}
+    added, nodes, between = add_layers(cut, [f"ground of {entry.name}" for entry in standing],
+                                       [layer for own in layers.values() for layer in own])
     interfaces, stands, count = [], {}, 0
     for entry in standing:
         own = slice(count, count + len(layers[entry.index]))
         count = own.stop
         if entry.ground.whole and count - own.start > 1:
-            problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {count - own.start} subdomains share",
-                         "a surface of one subdomain, that moves as one",
-                         "leave its body whole: write subdomains: groups, without split_above or with a larger one")
+            problems.add(
+                ("boundary", entry.index, "on"),
+                f"a {entry.kind} of a surface that {count - own.start} subdomains share",
+                "a surface of one subdomain, that moves as one",
+                "leave its body whole: write subdomains: groups, without split_above or with a "
+                "larger one")
             continue
-        for interface in (interface for found in added.interfaces[own] for interface in found):
-            _govern(interface, entry.ground.laws(added.mesh.nodes[interface.global_nodes], interface.triangles))
+        for interface in (interface for found in between[own] for interface in found):
+            points = added.body.mesh.nodes[interface.global_nodes]
+            _govern(interface, entry.ground.laws(points, interface.triangles))
             interfaces.append((entry.index, interface))
         if own.stop > own.start:
-            stands[entry.index] = slice(added.nodes[own.start].start, added.nodes[own.stop - 1].stop)
+            stands[entry.index] = slice(nodes[own.start].start, nodes[own.stop - 1].stop)
     return added, interfaces, stands
 
 
@@ -152,17 +163,18 @@ def _behind(entry: BoundaryEntry, partition: Partition) -> Iterator[Layer]:
     owner, body = partition.subdomain[entry.cells[:, 0]], f"ground of {entry.name}"
     for e in np.unique(owner):
         own = owner == e
-        yield Layer(f"{body} behind {partition.names[e]}", body, entry.triangles[own], entry.cells[own, 0], entry.ground.whole)
+        yield Layer(f"{body} behind {partition.names[e]}", body, entry.triangles[own],
+                    entry.cells[own, 0], entry.ground.whole)
 
 
 def _govern(interface: Interface, laws: list) -> None:
     """Give a ground's interface its law at every load step."""
-    interface.law = max(laws, key=lambda law: law.imposed)
-    interface.law_at_steps = laws if len({tuple(np.ravel(law.given)) for law in laws}) > 1 else []
+    interface.govern(laws, len({tuple(np.ravel(law.given)) for law in laws}) > 1)
 
 
 def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems) -> None:
-    """Take components that boundary conditions prescribe out of what the laws of grounds ask for, which must let them.
+    """Take components that boundary conditions prescribe out of what the laws of grounds ask for,
+    which must let them.
 
     interfaces : those of grounds, with what is ``free``
     """
@@ -172,13 +184,21 @@ def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems)
         if laws[0] is not None:
             _govern(i, laws)
             continue
-        where = format_point(held.mesh.nodes[i.global_nodes[np.flatnonzero(~i.free.all(axis=1))[0]]])
-        problems.add(("boundary",), f"{i.name}: a node of a coupled surface is prescribed by another entry, at {where}",
-                     "surfaces that are coupled and nothing else", "prescribe it by the coupling's displacement and rotation, or select "
+        where = format_point(
+            held.mesh.nodes[i.global_nodes[np.flatnonzero(~i.free.all(axis=1))[0]]])
+        problems.add(("boundary",),
+                     f"{i.name}: a node of a coupled surface is prescribed by another entry, at "
+                     f"{where}",
+                     "surfaces that are coupled and nothing else",
+                     "prescribe it by the coupling's displacement and rotation, or select "
                      "surfaces that do not meet")
 
 
 def held_rows(interfaces: Sequence[Interface], mesh: Mesh) -> list[tuple[int, np.ndarray]]:
-    """Per ground, a cell of the body on it and (q, 6) what it keeps from moving: combinations of a translation of the origin and
+    """Per ground, a cell of the body on it and (q, 6) what it keeps from moving: combinations of a
+    translation of the origin and
     a rotation about it."""
-    return [(int(i.cells[0, 0]), i.law.keeps(motions_about(mesh.nodes[i.global_nodes], np.zeros(3), 1.0))) for i in interfaces]
+    return [
+        (int(i.cells[0, 0]),
+         i.law.keeps(motions_about(mesh.nodes[i.global_nodes], np.zeros(3), 1.0)))
+        for i in interfaces]

@@ -1,14 +1,17 @@
 """Points that nodes of a slave carry, each in one interface, and the operators that follow.
 
-A slave's node carries one point at most: several on the same nodes would say nearly the same thing, and what passes between
-them would be settled by many iterations. Where bodies are cut further, it has its point in the piece of the interface in which
-most around it is covered; where interfaces of several bodies meet, it has none. At a crease between two faces that both touch the same
-body, a head and its shank, it has one in each, with that face's normal: they say different things.
+A slave's node carries one point at most: several on the same nodes would say nearly the same thing,
+and what passes between them would be settled by many iterations. Where bodies are cut further, it
+has its point in the piece of the interface in which most around it is covered; where interfaces of
+several bodies meet, it has none. At a crease between two faces that both touch the same body, a
+head and its shank, it has one in each, with that face's normal: they say different things.
 
-Pieces of an interface in which no node is covered best are the corners that cuts of either side leave of each other. They
-carry nothing: a point there, on a node that others hold, would double what is said. Measured on a slave of 6 × 6 and a master of
-8 × 8 elements in ragged pieces: 38 iterations to 1e-6 without and 168 with points in such corners, which are 1.4 % of
-the area (contact: 36 and 121); displacements that differ from those of bodies in one piece by 0.5 % and by 0.2 %.
+Pieces of an interface in which no node is covered best are the corners that cuts of either side
+leave of each other. They carry nothing: a point there, on a node that others hold, would double
+what is said. Measured on a slave of 6 × 6 and a master of 8 × 8 elements in ragged pieces: 38
+iterations to 1e-6 without and 168 with points in such corners, which are 1.4 % of the area
+(contact: 36 and 121); displacements that differ from those of bodies in one piece by 0.5 % and by
+0.2 %.
 """
 
 from __future__ import annotations
@@ -31,15 +34,18 @@ from orchestrator.scene.mesh.quadratic import LUMPED_SHARES
 
 Face = tuple[str, str, int]  # names of slave and master, and which of their smooth faces
 
-# Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
+# Areas around a node that differ by less than this are alike: the first piece of an interface has
+# the point.
 ALIKE = 1e-6
 # Share of what two bodies have in common that may carry nothing without a word.
 LITTLE = 0.01
 
 
-def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str],
+def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering,
+                   bodies: list[str],
                    problems: Problems) -> None:
-    """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed; corners of pieces
+    """Makes the operators of all interfaces whose nodes do not match, once it is known what is
+    prescribed; corners of pieces
     leave the list.
 
     fixed : (N, 3) bool, prescribed components of split nodes
@@ -56,7 +62,8 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     corners = [bool(other[i.surfaces.carriers].all()) for i, other in zip(waiting, elsewhere)]
     if any(corners):
         _tell(waiting, group, corners, problems)
-        interfaces[:] = [i for i in interfaces if not any(i is w and c for w, c in zip(waiting, corners))]
+        interfaces[:] = [i for i in interfaces
+                         if not any(i is w and c for w, c in zip(waiting, corners))]
     known, constrained = {}, np.zeros(numbering.total, dtype=bool)
     for i in interfaces:
         if i.matching:
@@ -64,14 +71,17 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     for number, i in enumerate(waiting):
         if not corners[number]:
             nodes = i.surfaces.nodes[0]
-            joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-            crossed = crossing[nodes] | elsewhere[number] | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
+            joined = [k.global_nodes for k in interfaces if k.matching
+                      and sorted(k.subdomains) == sorted(i.subdomains)]
+            crossed = crossing[nodes] | elsewhere[number] | constrained[nodes] | np.isin(
+                nodes, np.concatenate([[-1], *joined]))
             free = tuple(~fixed[own] for own in numbering.sides(i))
             known[number] = bool((crossed | ~free[0].any(axis=1)).all()), crossed, free
     taken = np.zeros(numbering.total, dtype=bool)
     # those on which no node is left come last, and take nodes that have no point yet
     for number in sorted(known, key=lambda number: known[number][0]):
-        i, (rest, crossed, free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
+        i, (rest, crossed,
+            free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
         i.free, crossed = free[0], taken[nodes] if rest else crossed
         if i.law.follows:
             i.moving = Moving(i.surfaces, free, crossed)
@@ -88,7 +98,9 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
 
 
 def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> list[Face]:
-    """The pair's smooth face that each interface is a piece of: pieces that share nodes with normals alike are of one."""
+    """The pair's smooth face that each interface is a piece of: pieces that share nodes with
+    normals alike are of one.
+    """
     result = [(*pair, number) for number, pair in enumerate(pairs)]
     for pair in dict.fromkeys(pairs):
         own = [number for number, other in enumerate(pairs) if other == pair]
@@ -98,7 +110,8 @@ def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> li
         alike = []
         for a, b in combinations(range(len(own)), 2):
             _, at, there = np.intersect1d(sides[a][0], sides[b][0], return_indices=True)
-            if len(at) and np.einsum("ni,ni->n", sides[a][1][at], sides[b][1][there]).mean() > SMOOTH:
+            if len(at) and np.einsum("ni,ni->n", sides[a][1][at],
+                                     sides[b][1][there]).mean() > SMOOTH:
                 alike.append((a, b))
         label = components(*np.reshape(alike, (-1, 2)).astype(int).T, len(own))[1].tolist()
         for number, face in zip(own, label):
@@ -106,13 +119,16 @@ def _faces(waiting: Sequence[Interface], pairs: Sequence[tuple[str, str]]) -> li
     return result
 
 
-def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tuple[dict, dict, np.ndarray]:
-    """Areas that nodes of interfaces hold, each of a face between a pair of bodies, the slave's first.
+def _met(waiting: Sequence[Interface], group: Sequence[Face],
+         total: int) -> tuple[dict, dict, np.ndarray]:
+    """Areas that nodes of interfaces hold, each of a face between a pair of bodies, the slave's
+    first.
 
-    Returns, per face, (N,) the interface in which most is covered around each slave node, and (N, 3) the area along
-    the normals of all pieces; (N,) bool, nodes that several pairs of bodies have
+    Returns, per face, (N,) the interface in which most is covered around each slave node, and (N,
+    3) the area along the normals of all pieces; (N,) bool, nodes that several pairs of bodies have
     """
-    alike = {pair: number for number, pair in enumerate(dict.fromkeys(frozenset(face[:2]) for face in group))}
+    alike = {pair: number
+             for number, pair in enumerate(dict.fromkeys(frozenset(face[:2]) for face in group))}
     met = np.zeros((len(alike), total), dtype=bool)
     covered = {pair: np.zeros(total) for pair in group}
     leader = {pair: np.full(total, -1) for pair in group}
@@ -127,25 +143,32 @@ def _met(waiting: Sequence[Interface], group: Sequence[Face], total: int) -> tup
     return leader, vectors, met.sum(axis=0) > 1
 
 
-def _tell(waiting: Sequence[Interface], group: Sequence[Face], corners: Sequence[bool], problems: Problems) -> None:
+def _tell(waiting: Sequence[Interface], group: Sequence[Face], corners: Sequence[bool],
+          problems: Problems) -> None:
     """Caution on the share of bodies' faces that carries nothing, if it is more than a little."""
     for pair in dict.fromkeys(group):
-        area = np.array([i.surfaces.segments.area.sum() * (own == pair) for i, own in zip(waiting, group)])
+        area = np.array([i.surfaces.segments.area.sum() * (own == pair)
+                         for i, own in zip(waiting, group)])
         lost = float(area[np.array(corners)].sum() / area.sum())
         if lost > LITTLE:
-            problems.warnings.append(f"{' | '.join(pair[:2])}: both are cut into subdomains, and corners between the cuts, {lost:.1%} "
-                                     "of the faces on each other, get no contact point: they carry nothing; cut less, or mesh finer")
+            problems.warnings.append(
+                f"{' | '.join(pair[:2])}: both are cut into subdomains, and corners between the "
+                f"cuts, {lost:.1%} of the faces on each other, get no contact point: they carry "
+                "nothing; cut less, or mesh finer")
 
 
-def _refuse_doubles(moving: Iterable[Interface], total: int, bodies: list[str], problems: Problems) -> None:
+def _refuse_doubles(moving: Iterable[Interface], total: int, bodies: list[str],
+                    problems: Problems) -> None:
     """A face that slides on may carry the points of one interface alone."""
     first: list[Interface] = []
     has = np.full(total, -1)
     for i in moving:
         nodes = i.moving.surfaces.nodes[0]
         if (has[nodes] >= 0).any():
-            problems.add(("interfaces", i.entry, "pairing"), f"follow: the same face of {bodies[i.subdomains[0]]} carries the points of "
-                         f"{first[int(has[nodes].max())].name} and of {i.name}", "a face of its own for each body that slides",
+            problems.add(("interfaces", i.entry, "pairing"),
+                         f"follow: the same face of {bodies[i.subdomains[0]]} carries the points "
+                         f"of {first[int(has[nodes].max())].name} and of {i.name}",
+                         "a face of its own for each body that slides",
                          f"slave: {bodies[i.subdomains[1]]}, or pairing: fixed")
         has[nodes] = len(first)
         first.append(i)

@@ -1,34 +1,37 @@
-"""Faces of two bodies that lie on each other, whatever their meshes, found by what they have in common; interfaces across them.
+"""Faces of two bodies that lie on each other, whatever their meshes, found by what they have in
+common:
+second step of the search for pairs.
 
-Facets face each other where they look at each other, overlap along the normal, and the surfaces that they stand for are
-no farther apart than a share of the element size there. The surfaces, not the facets: chords of two polygons about the
-same circle are apart, or in each other, by as much as either is off the circle (``skins``).
+Facets face each other where they look at each other, overlap along the normal, and the surfaces
+that they stand for are no farther apart than a share of the element size there. The surfaces, not
+the facets: chords of two polygons about the same circle are apart, or in each other, by as much as
+either is off the circle (``skins``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
-from orchestrator.registry import LAWS
+from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.between import Hidden
-from orchestrator.scene.interfaces.distances import surface_gap
-from orchestrator.scene.interfaces.matching import Patch, back_to_back
+from orchestrator.scene.interfaces.candidates import Candidate
+from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
-from orchestrator.scene.interfaces.search import Search
-from orchestrator.scene.interfaces.skins import Skin, over, smooth_patches, surface_of
+from orchestrator.scene.interfaces.parts import Parts
+from orchestrator.scene.interfaces.skins import over, Skin, smooth_patches
 from orchestrator.scene.mesh.faces import components, edge_patches
 from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.interface import Interface
 
-# What two bodies have in common is a pair from this share of the smaller facet there, and if this share of it is sure:
+# What two bodies have in common is a pair from this share of the smaller facet there, and if this
+# share of it is sure:
 # less is where edges cross.
 COMMON = 0.1 / ROUND
 
@@ -38,7 +41,8 @@ class Facing:
     """A connected patch of faces of two bodies that lie on each other.
 
     segments : the overlaps, the first body being the slave, in the numbers of the bodies' facets
-    distance : (m,) of the surfaces along the normal in the middle of each, negative inside each other
+    distance : (m,) of the surfaces along the normal in the middle of each, negative inside each
+        other
     size : mean element size of either side
     """
 
@@ -58,108 +62,140 @@ class Facing:
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
-           cosine: float = OPPOSITE, wide: bool = False, creases: bool = False, hidden: Hidden | None = None) -> list[Facing]:
+           cosine: float = OPPOSITE, wide: bool = False, creases: bool = False,
+           hidden: Hidden | None = None) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
-    tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
+    tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the
+        larger where ``wide``
     within : the same as a length, instead
     cosine : that between facets' normals is below this
     hidden : whether another body is between two facets; none: nothing is
-    creases : patches end at creases that both bodies have: a shank with its head in a hole are two patches
+    creases : patches end at creases that both bodies have: a shank with its head in a hole are two
+        patches
     """
     x, y = one.body, two.body
     size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
-    reach = (tolerance * size if within is None else within) + one.surface.sagitta + two.surface.sagitta.max(initial=0.0)
+    reach = (tolerance * size if within is None
+             else within) + one.surface.sagitta + two.surface.sagitta.max(initial=0.0)
     found = find_segments(x, y, reach, cosine)
-    found = found.some(~back_to_back(x, y, found.slave, found.master, np.where(found.distance < -COINCIDE * x.size[found.slave],
-                                                                               -found.distance, 0.0)))
+    found = found.some(~back_to_back(x, y, found.slave, found.master,
+                                     np.where(found.distance < -COINCIDE * x.size[found.slave],
+                                                                               -found.distance,
+                                              0.0)))
     if hidden is not None:
         mine, theirs = found.middles
         found = found.some(~hidden(found.slave, mine, found.master, theirs, found.distance))
     i, j = found.slave, found.master
     here, there = one.surface.some(i), two.surface.some(j)
-    distance = found.distance - sum(over(side.bulge, at) for side, at in zip((here, there), found.middles))
-    allowed = tolerance * (np.maximum if wide else np.minimum)(x.size[i], y.size[j]) if within is None else within
+    distance = found.distance - sum(over(side.bulge, at)
+                                    for side, at in zip((here, there), found.middles))
+    allowed = tolerance * (np.maximum if wide else np.minimum)(
+        x.size[i], y.size[j]) if within is None else within
     beyond = np.abs(distance) - allowed
     sure = beyond <= here.unsure + there.unsure
     if not sure.any():
         return []
     kept = np.flatnonzero(beyond <= here.sagitta + there.sagitta)
-    # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
+    # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins
+    # another one
     for skin, own in ((one, i), (two, j)):
         facets, at = np.unique(own[kept], return_inverse=True)
-        patch = smooth_patches(skin.body.triangles[facets, :3], skin.body.normal[facets], skin.face[facets])[at]
-        common, certain = (np.bincount(patch, found.area[kept] * share) for share in (1.0, sure[kept]))
+        patch = smooth_patches(skin.body.triangles[facets, :3], skin.body.normal[facets],
+                               skin.face[facets])[at]
+        common, certain = (np.bincount(patch, found.area[kept] * share)
+                           for share in (1.0, sure[kept]))
         kept = kept[(certain > COMMON * common)[patch]]
     facets, at = np.unique(i[kept], return_inverse=True)
     patch = edge_patches(x.triangles[facets, :3])[1][at]
     if creases:
-        sides = [smooth_patches(skin.body.triangles[f, :3], skin.body.normal[f], skin.face[f])[k] for skin, own in ((one, i), (two, j))
+        sides = [smooth_patches(skin.body.triangles[f, :3], skin.body.normal[f], skin.face[f])[k]
+                 for skin, own in ((one, i), (two, j))
                  for f, k in [np.unique(own[kept], return_inverse=True)]]
         count = sides[0].max(initial=-1) + 1
-        whole = components(sides[0], count + sides[1], count + int(sides[1].max(initial=-1)) + 1)[1][sides[0]]
+        whole = components(sides[0], count + sides[1],
+                           count + int(sides[1].max(initial=-1)) + 1)[1][sides[0]]
         patch = np.unique(np.column_stack([patch, whole]), axis=0, return_inverse=True)[1].ravel()
     patches = [kept[patch == label] for label in range(int(patch.max(initial=-1)) + 1)]
-    return [Facing(found.some(p), distance[p], (float(mine.mean()), float(theirs.mean()))) for p in patches
+    return [Facing(found.some(p), distance[p], (float(mine.mean()), float(theirs.mean())))
+            for p in patches
             for mine, theirs in [(x.size[np.unique(i[p])], y.size[np.unique(j[p])])]
             if found.area[p].sum() >= COMMON * min(mine.min(), theirs.min()) ** 2 / 2]
 
 
-def nonmatching(search: Search, pair: tuple[Body, Body], patches: list[Patch], index: int) -> Iterator[Interface]:
-    """Interfaces of two bodies across faces that do not match; none where all that lie opposite each other do.
+def matching_faces(parts: Parts, candidate: Candidate) -> list[Patch]:
+    """Return the patches on which the nodes of a candidate's faces match."""
+    entry = candidate.entry
+    return match(*candidate.pair, bool(entry.apart), entry.reach, candidate.tolerance,
+                 parts.hidden(*candidate.pair))
 
-    Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
-    interface. So they do where they are paired anew as they slide.
+
+def meshed_apart(parts: Parts, candidate: Candidate, patches: list[Patch], slaves: dict[tuple, str],
+                 problems: Problems) -> list[tuple[int, Surfaces]]:
+    """Return the slave, 0 or 1, and the surfaces of each patch on which faces of a candidate lie
+    on each other and do not match; none where all that lie opposite each other do.
+
+    Where some match and others do not, all count as not matching: a corner that happens to fit is
+    no reason for another interface. So they do where they are paired anew as they slide.
 
     patches : of faces that match
-    index : of the governing entry
+    slaves : of pairs of bodies that are cut further, the names of those whose pieces are the
+        slaves, once chosen
     """
-    mesh, laws, problems, skins = search.mesh, search.laws, search.problems, search.skins
-    follows, names = laws[index].follows, [search.known(b) for b in pair]
+    mesh, pair, entry, names = parts.mesh, candidate.pair, candidate.entry, candidate.known
     alone = [np.ones(len(b.area), dtype=bool) for b in pair]
-    if not follows:
+    if not entry.follows:
         for patch in patches:
             for own, facets in zip(alone, patch.facets.T):
                 own[facets] = False
-    room = (1 + REACH) * max(b.size.max() for b in pair) + (laws[index].reach or 0.0)
-    near = [np.intersect1d(np.flatnonzero(own), b.within(other.box, room)) for b, other, own in zip(pair, pair[::-1], alone)]
-    if not may_face(*(b.normal[own] for b, own in zip(pair, near)), laws.opposite(index)):
-        return
-    found = _facing(search, pair, index)
+    room = (1 + REACH) * max(b.size.max() for b in pair) + (entry.reach or 0.0)
+    near = [np.intersect1d(np.flatnonzero(own), b.within(other.box, room))
+            for b, other, own in zip(pair, pair[::-1], alone)]
+    if not may_face(*(b.normal[own] for b, own in zip(pair, near)), candidate.cosine):
+        return []
+    found = _facing(parts, candidate)
     if not any(alone[0][f.segments.slave].any() for f in found):
-        return
-    asked = Asked(LAWS[laws[index].law].as_one, laws.slave(index, *names), max(FACING, laws.opposite(index)))
-    if asked.slave is None and mesh.foreign and (quadratic := _quadratic(mesh, pair)) is not None:
+        return []
+    asked = Asked(candidate.as_one, candidate.slave, max(FACING, candidate.cosine))
+    if asked.slave is None and (quadratic := _quadratic(mesh, pair)) is not None:
         asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
-    chosen = _for_all_pieces(search, pair, index, asked)
-    if follows and (why := _rests(search, pair)):
-        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, {why[0]}", *why[1:])
-        return
+    chosen = _for_all_pieces(parts, candidate, asked, slaves)
+    if entry.follows and (why := _rests(parts, pair)):
+        problems.add(("interfaces", candidate.index, "pairing"),
+                     f"follow between {names[0][0]} and {names[1][0]}, {why[0]}", *why[1:])
+        return []
+    result = []
     for patch in found:
-        more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
-        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, search.matter, asked, chosen, more)
+        more = tuple(whole_faces(parts.skins(b), own)
+                     for b, own in zip(pair, patch.facets)) if entry.follows else None
+        result.append(facing_surfaces(mesh.nodes, pair, patch.segments, parts.matter, asked, chosen,
+                                      more))
+        surfaces = result[-1][1]
         if mesh.foreign and _same_nodes(surfaces):
-            problems.warnings.append(f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, and faces between "
-                                     "them are cut otherwise: forces are carried from face to face, not from node to node; "
-                                     "give both sides the same faces")
-        turn = slice(None, None, -1 if slave else 1)
-        yield _interface(search, surfaces, [skins(body) for body in pair[turn]], names[turn], index)
+            problems.warnings.append(
+                f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, "
+                "and faces between them are cut otherwise: forces are carried from face to face, "
+                "not from node to node; give both sides the same faces")
+    return result
 
 
-def _facing(search: Search, pair: tuple[Body, Body], index: int) -> list[Facing]:
+def _facing(parts: Parts, candidate: Candidate) -> list[Facing]:
     """Surfaces of two bodies that lie on each other as an entry has it."""
-    laws = search.laws
-    return facing(*map(search.skins, pair), laws.tolerance(index), laws[index].reach, laws.opposite(index), bool(laws[index].apart),
-                  not LAWS[laws[index].law].as_one, search.hidden(*pair))
+    entry = candidate.entry
+    return facing(*map(parts.skins, candidate.pair), candidate.tolerance, entry.reach,
+                  candidate.cosine, bool(entry.apart), not candidate.as_one,
+                  parts.hidden(*candidate.pair))
 
 
-def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
+def _rests(parts: Parts, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
     """Why two bodies cannot slide on each other, what could, and the cure."""
-    if any(map(search.cut_further, pair)):
-        return ("pieces of bodies that are cut further", "bodies in one piece each: a node has one piece to slide on",
+    if any(map(parts.cut_further, pair)):
+        return ("pieces of bodies that are cut further",
+                "bodies in one piece each: a node has one piece to slide on",
                 "leave split_above out, or write pairing: fixed")
-    if any(stand.volume == b.volume for stand in search.mesh.foreign for b in pair):
-        return ("of which one has a mesh that is not ours", "parts with meshes of ours: where nodes of another's have gone was not tried",
+    if any(stand.volume == b.volume for stand in parts.mesh.foreign for b in pair):
+        return ("of which one has a mesh that is not ours",
+                "parts with meshes of ours: where nodes of another's have gone was not tried",
                 "write pairing: fixed")
     return None
 
@@ -174,39 +210,30 @@ def _same_nodes(surfaces: Surfaces) -> bool:
 
 
 def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
-    """The one of two bodies that is a part of quadratic elements whose mesh is not ours; None: neither, or both.
+    """The one of two bodies that is a part of quadratic elements whose mesh is not ours; None:
+    neither, or both.
 
-    Bonded it is the slave: its nodes' forces are then any, and its functions between nodes, which are not the triangles', are
-    not asked for. Under a law that opens it is the master: uniform pressure is tension at the corners of its faces.
+    Bonded it is the slave: its nodes' forces are then any, and its functions between nodes, which
+    are not the triangles', are not asked for. Under a law that opens it is the master: uniform
+    pressure is tension at the corners of its faces.
     """
-    known = [any(stand.quadratic and stand.volume == b.volume for stand in mesh.foreign) for b in pair]
+    known = [any(stand.quadratic and stand.volume == b.volume for stand in mesh.foreign)
+             for b in pair]
     return known.index(True) if sum(known) == 1 else None
 
 
-def _for_all_pieces(search: Search, pair: tuple[Body, Body], index: int, asked: Asked) -> int | None:
-    """The slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
-    if asked.slave is not None or not any(map(search.cut_further, pair)):
+def _for_all_pieces(parts: Parts, candidate: Candidate, asked: Asked,
+                    slaves: dict[tuple, str]) -> int | None:
+    """The slave, by all pieces of two bodies of which one is cut further; None: it is to be
+    seen."""
+    pair, body = candidate.pair, parts.partition.body
+    if asked.slave is not None or not any(map(parts.cut_further, pair)):
         return asked.slave
-    named = tuple(search.partition.body(b.subdomain) for b in pair)
+    named = tuple(body(b.subdomain) for b in pair)
     ordered = tuple(sorted(named))
-    if ordered not in search.slaves:
-        pieces = [[b for b in search.bodies if search.partition.body(b.subdomain) == name] for name in ordered]
-        patches = [surfaces_of(search.mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
-                   for f in _facing(search, (one, two), index)]
-        search.slaves[ordered] = ordered[slave_of(patches, search.matter, asked)]
-    return named.index(search.slaves[ordered])
-
-
-def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], index: int) -> Interface:
-    under = [skin.under(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles)]
-    # of a face that is part of more, the part alone may be on a surface that is known
-    triangles = surfaces.triangles[0]
-    alone = surface_of(surfaces.points[0], triangles, np.full(len(triangles), -1), under[0].normals)
-    surfaces = replace(surfaces, under=(replace(under[0], normals=alone.normals), under[1]),
-                       amid=triangles.shape[1] == 6 and not LAWS[search.laws[index].law].as_one)
-    interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
-                                 surfaces=surfaces, called=tuple(names))
-    apart = search.laws[index].apart
-    distance = surface_gap(search, interface, (index, apart)) if apart else None
-    search.laws.apply(index, interface, distance)
-    return interface
+    if ordered not in slaves:
+        pieces = [[b for b in parts.bodies if body(b.subdomain) == name] for name in ordered]
+        patches = [surfaces_of(parts.mesh.nodes, two, f.segments) for two in product(*pieces)
+                   for f in _facing(parts, replace(candidate, pair=two))]
+        slaves[ordered] = ordered[slave_of(patches, parts.matter, asked)]
+    return named.index(slaves[ordered])

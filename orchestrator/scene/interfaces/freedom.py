@@ -1,6 +1,8 @@
-"""Components that boundary conditions leave free on interfaces, and the axis along which laws of bolts act there.
+"""Components that boundary conditions leave free on interfaces, and the axis along which laws of
+bolts act there.
 
-A bolt's cut runs along faces of tets, a zigzag; the force that it carries and the jump of its sides are along its axis all the same.
+A bolt's cut runs along faces of tets, a zigzag; the force that it carries and the jump of its sides
+are along its axis all the same.
 """
 
 from __future__ import annotations
@@ -13,8 +15,8 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.carrying import give_operators
-from orchestrator.scene.interfaces.mortar.paired import paired_mortar
-from orchestrator.scene.interfaces.search import govern
+from orchestrator.scene.interfaces.mortar.moving import paired_mortar
+from orchestrator.scene.interfaces.governing import govern
 from orchestrator.scene.interfaces.skins import surface_of
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_vectors, unit
@@ -25,9 +27,11 @@ from orchestrator.scene.bolts import BoltCut
 from orchestrator.scene.partition import Partition
 
 
-def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numbering: SplitNumbering,
+               fixed: np.ndarray,
                entries: list[Any], problems: Problems) -> list[Interface]:
-    """The interfaces on which something is to be found, numbered, with ``free`` and the normals of whole bodies.
+    """The interfaces on which something is to be found, numbered, with ``free`` and the normals of
+    whole bodies.
 
     Patches on which everything is prescribed on both sides are left out.
 
@@ -40,14 +44,17 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     give_operators(found, fixed, numbering, bodies, problems)
     for interface in found:
         if interface.mortar is not None:
-            if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):
+            if not len(interface.mortar) and not (interface.free.any()
+                                                  or interface.mortar.free.any()):
                 continue
             interface.index = len(kept)
             kept.append(interface)
             if not len(interface.mortar):
                 others = numbering.sides(interface)[1]
-                other = "" if fixed[others].any(axis=1).all() else f"slave: {partition.names[interface.subdomains[1]]}, "
-                problems.add(("interfaces", interface.entry), f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
+                other = "" if fixed[others].any(
+                    axis=1).all() else f"slave: {partition.names[interface.subdomains[1]]}, "
+                problems.add(("interfaces", interface.entry),
+                             f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
                              f"{interface.name}, is free: nothing would carry the interface",
                              "on one side, nodes on which boundary conditions leave the normal free",
                              f"{other}more than one element across, or meshes that match")
@@ -60,8 +67,10 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     for entry in sorted({i.entry for i in found} - {i.entry for i in kept}):
         if entry >= 0 and not LAWS[entries[entry].law].perfect:
             problems.add(("interfaces", entry, "law"),
-                         f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
-                         "interfaces with nodes that are free to open or slip", "hold the parts elsewhere, or leave the law out")
+                         f"{entries[entry].law}, where boundary conditions prescribe every node "
+                         "on both sides",
+                         "interfaces with nodes that are free to open or slip",
+                         "hold the parts elsewhere, or leave the law out")
     _number_patches(kept)
     _share_normals(mesh, numbering, kept, bodies)
     for interface in kept:
@@ -79,7 +88,8 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
 
 
 def _curve(interface: Interface, points: np.ndarray) -> None:
-    """Give an interface whose nodes are paired, at points (n, 3), the normals of the surfaces that its facets stand for, where these
+    """Give an interface whose nodes are paired, at points (n, 3), the normals of the surfaces that
+    its facets stand for, where these
     are known."""
     faces = np.full(len(interface.triangles), -1)
     known = surface_of(points, interface.triangles, faces, interface.given).normals
@@ -87,7 +97,8 @@ def _curve(interface: Interface, points: np.ndarray) -> None:
     sure[interface.triangles[~np.isnan(known).any(axis=2)]] = True
     if sure.any():
         normals = unit(node_vectors(points, interface.triangles, interface.shares, known))
-        interface.normals = normals if interface.normals is None else np.where(sure[:, None], normals, interface.normals)
+        interface.normals = normals if interface.normals is None else np.where(
+            sure[:, None], normals, interface.normals)
 
 
 def _number_patches(found: list[Interface]) -> None:
@@ -101,11 +112,13 @@ def _number_patches(found: list[Interface]) -> None:
                 interface.name += f" (patch {number})"
 
 
-def _share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Interface], bodies: list[str]) -> None:
+def _share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Interface],
+                   bodies: list[str]) -> None:
     """Sets ``normals`` of all interfaces with a law between bodies of which one is cut further.
 
-    At a node where pieces of one surface meet, each piece alone has another normal, and what may slide along one is
-    stopped by the other. So the normals come from the surface as it is between the whole bodies.
+    At a node where pieces of one surface meet, each piece alone has another normal, and what may
+    slide along one is stopped by the other. So the normals come from the surface as it is between
+    the whole bodies.
 
     bodies : per subdomain, the name of its body; the pieces of a body follow one another
     """
@@ -123,7 +136,8 @@ def _share(mesh: Mesh, numbering: SplitNumbering, pieces: list[Interface]) -> No
     triangles = np.concatenate([i.global_nodes[i.triangles] for i in pieces])
     patch = edge_patches(triangles)[1]
     # a node in which two patches only touch has a normal in each of them
-    keys, local = np.unique(patch[:, None] * np.int64(len(mesh.nodes)) + triangles, return_inverse=True)
+    keys, local = np.unique(patch[:, None] * np.int64(len(mesh.nodes)) + triangles,
+                            return_inverse=True)
     points = np.empty((len(keys), 3))
     at = []
     for i, first in zip(pieces, ends[:-1]):
@@ -145,13 +159,17 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
     """
     placed = []
     for cut in cuts:
-        sides = {(a, b) for a in cut.behind for b in cut.ahead} | {(b, a) for a in cut.behind for b in cut.ahead}
+        sides = {(a, b) for a in cut.behind for b in cut.ahead} | {
+            (b, a) for a in cut.behind for b in cut.ahead}
         found = [i for i in interfaces if i.subdomains in sides]
         if len(found) != 1:
-            problems.add(("bolts", cut.index, "cut"), f"a cut of {cut.name} that is in {len(found)} interfaces: between "
-                         f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the other",
+            problems.add(("bolts", cut.index, "cut"),
+                         f"a cut of {cut.name} that is in {len(found)} interfaces: between "
+                         f"{len(cut.behind)} subdomains on one side and {len(cut.ahead)} on the "
+                         "other",
                          "one subdomain on either side of the cut, and one piece of its section",
-                         "leave bolts whole: write subdomains: groups, without split_above or with a larger one; or move the plane")
+                         "leave bolts whole: write subdomains: groups, without split_above or "
+                         "with a larger one; or move the plane")
             continue
         interface, = found
         govern(interface, entries[cut.index].law, factors[cut.index])
@@ -161,8 +179,10 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
     return placed
 
 
-def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt], problems: Problems) -> list[PlacedBolt]:
-    """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of their own.
+def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt],
+               problems: Problems) -> list[PlacedBolt]:
+    """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of
+    their own.
 
     Returns the bolts, and interfaces of such laws between parts as bolts of the interface's name
     """
@@ -171,12 +191,15 @@ def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt],
         if not i.law.axial:
             continue
         if not i.matching:
-            problems.add(("interfaces", i.entry, "law"), f"{i.law.name} on {i.name}, whose nodes do not match",
+            problems.add(("interfaces", i.entry, "law"),
+                         f"{i.law.name} on {i.name}, whose nodes do not match",
                          "sides that share faces, or have opposite ones with matching nodes",
-                         "mesh both sides alike, or name a bolt under bolts:, which is cut where it is meshed")
+                         "mesh both sides alike, or name a bolt under bolts:, which is cut where "
+                         "it is meshed")
             continue
         bolt = axes.get(id(i))
-        axis = area_vectors(mesh.nodes, i.global_nodes[i.triangles]).sum(axis=0) if bolt is None else bolt.axis
+        axis = area_vectors(mesh.nodes,
+                            i.global_nodes[i.triangles]).sum(axis=0) if bolt is None else bolt.axis
         axis = axis / np.linalg.norm(axis)
         i.normals = np.tile(axis, (len(i.global_nodes), 1))
         if bolt is None:

@@ -1,11 +1,12 @@
 """Opposite faces of different parts, matched node by node where the parts share no faces.
 
-Two outer faces match when they face each other and each corner of one projects, along the mean of their normals,
-onto a corner of the other. Parts that touch with coincident but separately numbered nodes match under any law;
-under ``gap: geometry`` the faces may be apart, and how far they are is the initial gap.
+Two outer faces match when they face each other and each corner of one projects, along the mean of
+their normals, onto a corner of the other. Parts that touch with coincident but separately numbered
+nodes match under any law; under ``gap: geometry`` the faces may be apart, and how far they are is
+the initial gap.
 
-Faces deeper in each other than both bodies are thick lie back to back, with the bodies between: two plates on each other, each thinner
-than one looks for gaps, have such faces on either outer side.
+Faces deeper in each other than both bodies are thick lie back to back, with the bodies between: two
+plates on each other, each thinner than one looks for gaps, have such faces on either outer side.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ DEEP = 0.5 * ROUND
 # Corners that are apart may miss each other sideways by this share of their distance: normals turn.
 ASIDE = 0.3
 ROUNDED = 1e-6  # of a thickness
-# The three ways in which corners of two opposite triangles, then the middles of their edges, can belong together.
+# The three ways in which corners of two opposite triangles, then the middles of their edges, can
+# belong together.
 TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
 
 
@@ -34,7 +36,8 @@ class Patch:
     """Matching faces connected through edges.
 
     facets : (k, 2) int, of either body
-    triangles : (k, 3 or 6) int, global nodes of the first side, outward; opposite : the same shape, their partners
+    triangles : (k, 3 or 6) int, global nodes of the first side, outward; opposite : the same shape,
+        their partners
     cells : (k, 2) int, the tets behind them
     """
 
@@ -44,7 +47,8 @@ class Patch:
     cells: np.ndarray
 
 
-def match(one: Body, two: Body, apart: bool = False, within: float | None = None, share: float = REACH,
+def match(one: Body, two: Body, apart: bool = False, within: float | None = None,
+          share: float = REACH,
           hidden: Hidden | None = None) -> list[Patch]:
     """Patches of matching faces of two bodies.
 
@@ -53,7 +57,9 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     hidden : whether another body is between two facets that are apart; none: nothing is
     """
     size = one.size
-    reach = COINCIDE * size if not apart else np.full(len(size), within) if within else share * np.maximum(size, two.size.max())
+    reach = COINCIDE * size if not apart else np.full(len(size),
+                                                      within) if within else share * np.maximum(
+                                                          size, two.size.max())
     found = list(opposite(one, two, (1 + ASIDE) * reach, spheres=False))
     if not found:
         return []
@@ -63,13 +69,16 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     away = two.corners[j][:, TURNS[:, :3]] - one.corners[i][:, None]  # (m, 3 turns, 3 corners, 3)
     along = np.einsum("mtci,mi->mtc", away, normal)
-    aside = np.linalg.norm(away - along[..., None] * normal[:, None, None, :], axis=3).max(axis=2)  # (m, 3)
+    # (m, 3)
+    aside = np.linalg.norm(away - along[..., None] * normal[:, None, None, :], axis=3).max(axis=2)
     turn, rows = aside.argmin(axis=1), np.arange(len(i))
     aside, distance = aside[rows, turn], along[rows, turn].mean(axis=1)
-    limit, depth = (np.maximum(COINCIDE * size[i], ASIDE * np.abs(distance)), DEEP * size[i]) if apart else (reach, reach)
+    limit, depth = (np.maximum(COINCIDE * size[i], ASIDE * np.abs(distance)),
+                    DEEP * size[i]) if apart else (reach, reach)
     fits = np.flatnonzero((distance <= reach) & (distance >= -depth) & (aside <= limit))
     if apart:
-        fits = fits[~back_to_back(one, two, i[fits], j[fits], np.where(distance < -COINCIDE * size[i], -distance, 0.0)[fits])]
+        fits = fits[~back_to_back(one, two, i[fits], j[fits],
+                                  np.where(distance < -COINCIDE * size[i], -distance, 0.0)[fits])]
     if apart and hidden is not None:
         middle = np.full((len(fits), 3), 1 / 3)
         fits = fits[~hidden(i[fits], middle, j[fits], middle, distance[fits])]
@@ -80,7 +89,8 @@ def match(one: Body, two: Body, apart: bool = False, within: float | None = None
     partners = two.triangles[j[:, None], TURNS[turn, : two.triangles.shape[1]]]
     single = _one_to_one(one.triangles[i], partners)
     facets, partners = np.c_[i, j][single], partners[single]
-    triangles, cells = one.triangles[facets[:, 0]], np.c_[one.cells[facets[:, 0]], two.cells[facets[:, 1]]]
+    triangles, cells = one.triangles[facets[:, 0]], np.c_[one.cells[facets[:, 0]],
+                                                          two.cells[facets[:, 1]]]
     return [Patch(facets[p], triangles[p], partners[p], cells[p]) for p in _connected(triangles)]
 
 
@@ -103,7 +113,8 @@ def _connected(triangles: np.ndarray) -> list[np.ndarray]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray,
+                 depth: np.ndarray) -> np.ndarray:
     """(m,) bool, whether both bodies are between facets i and j.
 
     depth : (m,) by which they are in each other; 0 or less where they are not
@@ -118,7 +129,9 @@ def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray, depth: 
 
 
 def _thickness(body: Facets, own: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """(m,) how thick a body is behind its facets (m,) int, infinite where that is more than ``most`` (m,)."""
+    """(m,) how thick a body is behind its facets (m,) int, infinite where that is more than
+    ``most`` (m,).
+    """
     facets, at = np.unique(own, return_inverse=True)
     reach = np.zeros(len(facets))
     np.maximum.at(reach, at, ROUND * most)

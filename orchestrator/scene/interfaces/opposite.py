@@ -15,19 +15,23 @@ from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.geometry import cross, facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
 
-# Of the local mesh size h = √(2 × facet area): nodes closer than this coincide, surfaces closer touch, and gaps are sought so far.
+# Of the local mesh size h = √(2 × facet area): nodes closer than this coincide, surfaces closer
+# touch, and gaps are sought so far.
 COINCIDE, TOUCHING, REACH = (ROUND * share for share in (1e-3, 0.1, 2.0))
 # Two faces are opposite when the cosine between their normals is below this.
 OPPOSITE = -0.7
-# A barycentric coordinate this small is zero: edges that lie upon each other must not cross for rounding.
+# A barycentric coordinate this small is zero: edges that lie upon each other must not cross for
+# rounding.
 SNAP = 1e-12
 # Far from the origin coordinates themselves are rounded: a few units in their last place.
 ROUNDING = 16 * np.finfo(float).eps
 # Pairs of facets worked on at once: some 12 MB.
 CHUNK = 20_000
-# Facets are searched in classes of size that differ by this factor: the largest of a class sets how far one searches.
+# Facets are searched in classes of size that differ by this factor: the largest of a class sets how
+# far one searches.
 CLASS = 4.0
-# Normals are compared in steps of this size before facets are: most bodies that are close face each other nowhere.
+# Normals are compared in steps of this size before facets are: most bodies that are close face each
+# other nowhere.
 COARSE = 0.25
 _STEPS = round(1 / COARSE)
 _KEY = (2 * _STEPS + 1) ** np.arange(2, -1, -1)  # of three numbers of steps, a single one
@@ -35,7 +39,9 @@ _DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COA
 
 
 def cosine_of(angle: float | None) -> float:
-    """Bound on the cosine between normals of faces that an entry with this ``angle`` in degrees pairs; None: ``OPPOSITE``."""
+    """Bound on the cosine between normals of faces that an entry with this ``angle`` in degrees
+    pairs; None: ``OPPOSITE``.
+    """
     return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(ROUND * angle)))
 
 
@@ -81,13 +87,15 @@ class Facets:
     def slopes(self) -> np.ndarray:
         """(k, 3, 3) gradients of the barycentric coordinates."""
         one, two = (self.corners[:, k] - self.corners[:, 0] for k in (1, 2))
-        slopes = np.stack([cross(two, self.normal), cross(self.normal, one)], axis=1) / (2 * self.area)[:, None, None]
+        slopes = np.stack([cross(two, self.normal), cross(self.normal, one)],
+                          axis=1) / (2 * self.area)[:, None, None]
         return np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
 
     @cached_property
     def snap(self) -> np.ndarray:
         """(k,) below this a barycentric coordinate is rounding."""
-        return np.maximum(SNAP, ROUNDING * np.abs(self.corners).max(axis=(1, 2)) * np.linalg.norm(self.slopes, axis=2).max(axis=1))
+        return np.maximum(SNAP, ROUNDING * np.abs(self.corners).max(axis=(1, 2))
+                          * np.linalg.norm(self.slopes, axis=2).max(axis=1))
 
     def within(self, box: tuple[np.ndarray, np.ndarray], room: float) -> np.ndarray:
         """(c,) int, the facets that come within reach of a box."""
@@ -126,12 +134,14 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     starts = np.flatnonzero(np.r_[True, (np.diff(label, axis=0) != 0).any(axis=1)])
     normal, area = facet_normals(mesh.nodes, faces.triangles[outer])
     corners = mesh.nodes[faces.triangles[outer, :3]]
-    return [Body(corners[a:b], normal[a:b], area[a:b], *label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b])
+    return [Body(corners[a:b], normal[a:b], area[a:b], *label[a].tolist(),
+                 faces.triangles[outer[a:b]], owner[a:b])
             for a, b in zip(starts, [*starts[1:], len(outer)])]
 
 
 def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Body, Body]]:
-    """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain first.
+    """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain
+    first.
 
     within : largest search distance asked for, if any
     """
@@ -144,7 +154,8 @@ def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Bod
             yield bodies[i], bodies[j]
 
 
-def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _boxes_within(low: np.ndarray, high: np.ndarray,
+                  room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs i < j, ascending, of boxes (n, 3) no farther apart than the larger of their rooms (n,).
 
     Only boxes that overlap along the axis on which they spread most are compared.
@@ -166,7 +177,8 @@ def opposite(one: Facets, two: Facets, reach: np.ndarray, cosine: float = OPPOSI
              spheres: bool = True) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Facets i, j that look at each other within reach, in pieces of about ``CHUNK`` pairs.
 
-    reach : (k₁,) how far apart the spheres around them may be, or their centres where they are not ``spheres``
+    reach : (k₁,) how far apart the spheres around them may be, or their centres where they are not
+        ``spheres``
     cosine : between their normals it is below this
     """
     from scipy.spatial import cKDTree  # only scenes of several parts need it
@@ -196,16 +208,23 @@ def opposite(one: Facets, two: Facets, reach: np.ndarray, cosine: float = OPPOSI
 
 
 def may_face(one: np.ndarray, two: np.ndarray, cosine: float = OPPOSITE) -> bool:
-    """Whether any of the normals (n, 3) and (m, 3) may be opposite: the cosine between them below a limit."""
+    """Whether any of the normals (n, 3) and (m, 3) may be opposite: the cosine between them below a
+    limit.
+    """
     if not len(one) or not len(two):
         return False
-    rounded = [_DIRECTIONS[np.flatnonzero(np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
+    rounded = [
+        _DIRECTIONS[
+            np.flatnonzero(
+                np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
                for normal in (one, two)]
     return bool((rounded[0] @ rounded[1].T < cosine + 2 * COARSE).any())
 
 
 def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
-    """Distance of the nearest outer nodes of two bodies, where that is, and the facets' mean size there."""
+    """Distance of the nearest outer nodes of two bodies, where that is, and the facets' mean size
+    there.
+    """
     from scipy.spatial import cKDTree  # as above
 
     x, y = one.corners.reshape(-1, 3), two.corners.reshape(-1, 3)

@@ -1,9 +1,11 @@
-"""Outer faces of bodies with the surfaces they stand for: how far these are off facets, whose chords cut inside the body, or
+"""Outer faces of bodies with the surfaces they stand for: how far these are off facets, whose
+chords cut inside the body, or
 bulge out of it.
 
-The surface over each edge is taken for the curve that has the surface's normals at its ends (as Nagata does, Computer Aided
-Geometric Design 22, 2005): over the middle of an edge e from a to b it stands off by (n_b − n_a)·e / (4 + 2 |n_a + n_b|), outward
-positive, as a circle does. Normals are those of the CAD model, or of the cylinder, cone, sphere or torus that all nodes of a smooth face
+The surface over each edge is taken for the curve that has the surface's normals at its ends (as
+Nagata does, Computer Aided Geometric Design 22, 2005): over the middle of an edge e from a to b it
+stands off by (n_b − n_a)·e / (4 + 2 |n_a + n_b|), outward positive, as a circle does. Normals are
+those of the CAD model, or of the cylinder, cone, sphere or torus that all nodes of a smooth face
 lie on; elsewhere means over the facets around a corner that are part of the same smooth face. Where
 a component of a node is prescribed, as on planes of symmetry, with the facets' mirror images, if
 these are part of it.
@@ -23,17 +25,22 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.shapes import recognised
 
-# Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
+# Facets beside each other that turn by less than this are one smooth face: a circle of seven chords
+# is a circle, the side
 # of a hexagonal nut is plane.
 SMOOTH = np.cos(np.deg2rad(55.0))
-# The same where they are known to be of one face without a crease: a circle may be as coarse as a square's corners turn.
+# The same where they are known to be of one face without a crease: a circle may be as coarse as a
+# square's corners turn.
 SAME_FACE = np.cos(np.deg2rad(95.0))
-# Over this share of the square of its edges a facet's surface counts as plane: rounding of the normals.
+# Over this share of the square of its edges a facet's surface counts as plane: rounding of the
+# normals.
 PLANE = 1e-9
-# Where normals are means surfaces are known from their facets within this share of what they are off them: facets' triangles lie as
+# Where normals are means surfaces are known from their facets within this share of what they are
+# off them: facets' triangles lie as
 # they happen to. What is beside such a place and within the whole of it belongs to the same pair.
 UNSURE = 0.25
-# Where they are known distances lack 1 − cos(θ/2) between the normals of a facet and of the surface, a quarter of 1 − cos θ;
+# Where they are known distances lack 1 − cos(θ/2) between the normals of a facet and of the
+# surface, a quarter of 1 − cos θ;
 # measured on coarse cylinders and spheres an eighth.
 TURNED = 0.25
 
@@ -47,8 +54,9 @@ class Surface:
         ends: sides that slide would climb the difference
     means : (k, 3, 3) at their corners, where it is not known those of the facets around that are
         part of the same smooth face
-    bulge : (k, 3) how far the surface stands off the middles of their edges, outward positive; edges as in ``TRIANGLE_EDGES``. Over
-        the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂)
+    bulge : (k, 3) how far the surface stands off the middles of their edges, outward positive;
+        edges as in ``TRIANGLE_EDGES``. Over the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀
+        + λ₁λ₂ s₁ + λ₂λ₀ s₂)
     """
 
     normals: np.ndarray
@@ -62,7 +70,9 @@ class Surface:
 
     @cached_property
     def unsure(self) -> np.ndarray:
-        """(k,) within which that is right: a share of it, where normals are known that of 1 − cos of the angle by which they turn."""
+        """(k,) within which that is right: a share of it, where normals are known that of 1 − cos
+        of the angle by which they turn.
+        """
         one, two = self.normals[:, :3], np.roll(self.normals[:, :3], 1, axis=1)
         turn = 1 - np.einsum("kvi,kvi->kv", one, two).min(axis=1)
         return self.sagitta * np.fmin(UNSURE, TURNED * turn)
@@ -79,16 +89,6 @@ class Skin:
     body: Body
     face: np.ndarray
     surface: Surface
-
-    @classmethod
-    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray, given: np.ndarray | None = None,
-           held: np.ndarray | None = None) -> Skin:
-        """The skin of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known.
-
-        given : (k, 3, 3) normals that the CAD model has at their corners, nan where it has none
-        held : (n, 3) bool, components of nodes that are prescribed; default: none
-        """
-        return cls(body, face, surface_of(nodes, body.triangles, face, given, held))
 
     def under(self, triangles: np.ndarray) -> Surface:
         """Surfaces that some of its facets (m, 3 or 6), given by their nodes, stand for."""
@@ -107,7 +107,8 @@ class Skins:
     def __call__(self, body: Body) -> Skin:
         if id(body) not in self._made:
             face = self.smooth[self.faces.find(body.triangles[:, :3])]
-            self._made[id(body)] = Skin.of(body, self.mesh.nodes, face, self.given(body), self.held)
+            self._made[id(body)] = Skin(body, face, surface_of(
+                self.mesh.nodes, body.triangles, face, self.given(body), self.held))
         return self._made[id(body)]
 
     @cached_property
@@ -116,14 +117,18 @@ class Skins:
         return smooth_faces(self.mesh, self.faces.triangles)
 
     def given(self, body: Body) -> np.ndarray | None:
-        """(k, 3, 3) normals that the CAD model has at the corners of a body's faces, outward, nan where it has none."""
-        told = {name: shape.normals for name, shape in self.mesh.smooth.items() if shape.normals is not None}
+        """(k, 3, 3) normals that the CAD model has at the corners of a body's faces, outward, nan
+        where it has none.
+        """
+        told = {name: shape.normals for name, shape in self.mesh.smooth.items()
+                if shape.normals is not None}
         if not told:
             return None
         triangles = np.concatenate([self.mesh.surfaces[name] for name in told])
         at = alike(triangles, body.triangles, len(self.mesh.nodes))
         corner = (triangles[at][:, None] == body.triangles[:, :3, None]).argmax(axis=2)
-        normals = np.take_along_axis(np.concatenate([*told.values()])[at], corner[:, :, None], axis=1)
+        normals = np.take_along_axis(np.concatenate([*told.values()])[at], corner[:, :, None],
+                                     axis=1)
         normals = normals * np.sign(np.einsum("kvi,ki->kv", normals, body.normal))[:, :, None]
         return np.where((at >= 0)[:, None, None], normals, np.nan)
 
@@ -139,7 +144,8 @@ def smooth_faces(mesh: Mesh, triangles: np.ndarray) -> np.ndarray:
 
 
 def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """(k,) int, number of the patch of each facet; patches hang together through edges that are no creases.
+    """(k,) int, number of the patch of each facet; patches hang together through edges that are no
+    creases.
 
     triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``surface_of``
     """
@@ -152,7 +158,9 @@ def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) 
 
 
 def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """(m,) cosine between normals from which facets on CAD faces (m,) and (m,) are one smooth face."""
+    """(m,) cosine between normals from which facets on CAD faces (m,) and (m,) are one smooth
+    face.
+    """
     return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
 
 
@@ -168,7 +176,8 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
     corners = triangles[:, :3]
     normal, points = facet_normals(nodes, corners)[0], nodes[corners]
     ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
-    cosine = np.einsum("kvi,kvi->kv", ahead, behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
+    cosine = np.einsum("kvi,kvi->kv", ahead,
+                       behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
     means = _corner_normals(corners, normal, np.arccos(np.clip(cosine, -1.0, 1.0)), face,
                              None if held is None else held[corners])
     known = np.full((len(triangles), triangles.shape[1], 3), np.nan)
@@ -200,7 +209,9 @@ def surface_of(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray,
 
 
 def _over_edges(points: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(k, 3) how far surfaces with normals (k, 3, 3) at the corners (k, 3, 3) of facets stand off the middles of edges."""
+    """(k, 3) how far surfaces with normals (k, 3, 3) at the corners (k, 3, 3) of facets stand off
+    the middles of edges.
+    """
     edge, after = np.roll(points, -1, axis=1) - points, np.roll(at, -1, axis=1)
     off = np.einsum("kvi,kvi->kv", after - at, edge) / (4 + 2 * np.linalg.norm(after + at, axis=2))
     return np.where(np.abs(off) > PLANE * np.linalg.norm(edge, axis=2), off, 0.0)
@@ -237,6 +248,8 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
 
 
 def over(bulge: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(m,) how far the surface is off facets at barycentric coordinates (m, 3), from the bulges (m, 3) over their edges."""
+    """(m,) how far the surface is off facets at barycentric coordinates (m, 3), from the bulges (m,
+    3) over their edges.
+    """
     a, b, c = np.moveaxis(at, -1, 0)
     return 4 * (a * b * bulge[..., 0] + b * c * bulge[..., 1] + c * a * bulge[..., 2])

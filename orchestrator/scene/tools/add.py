@@ -1,16 +1,19 @@
-"""Rigid tools in the scene: behind the faces that each may touch, a thin layer of tets is the tool, a body among the others.
+"""Rigid tools in the scene: behind the faces that each may touch, a thin layer of tets is the tool,
+a body among the others.
 
-Its nodes are copies of the faces' own, so that contact pairs them, with the tool's own normals and gaps: the layer lies on the part,
-wherever the tool is. Where the whole motion is prescribed all of its nodes are, and it is a subdomain of its own behind each one that it
-touches; else its back follows a point that is loaded, and the layer, of the part's own matter, is so thin that it passes on what its back
-does. Then it resists nothing but that: what resists along it, as a thick layer of stiff matter does, keeps its nodes from finding the
-point's motion each by itself, for many iterations.
+Its nodes are copies of the faces' own, so that contact pairs them, with the tool's own normals and
+gaps: the layer lies on the part, wherever the tool is. Where the whole motion is prescribed all of
+its nodes are, and it is a subdomain of its own behind each one that it touches; else its back
+follows a point that is loaded, and the layer, of the part's own matter, is so thin that it passes
+on what its back does. Then it resists nothing but that: what resists along it, as a thick layer of
+stiff matter does, keeps its nodes from finding the point's motion each by itself, for many
+iterations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
@@ -20,7 +23,8 @@ from orchestrator.config.boundary import Entry
 from orchestrator.config.tools import PLACE, Tool
 from orchestrator.errors import InputError, KeyPath, Problems
 from orchestrator.registry import LAWS
-from orchestrator.scene.conditions.ground import add_layers, Added, Layer
+from orchestrator.scene.body import Divided
+from orchestrator.scene.conditions.ground import add_layers, Layer
 from orchestrator.scene.conditions.selection import volumes_named
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.opposite import COINCIDE, cosine_of, REACH, TOUCHING
@@ -32,12 +36,16 @@ from orchestrator.scene.partition import Partition
 from orchestrator.scene.tools.motion import Driven, Plane, Rigid, Round, Surface
 
 KIND = "tool"
-THIN = 1e-4  # thickness of a layer over the size of its faces, the share of an element's yielding by which it gives way
+# thickness of a layer over the size of its faces, the share of an element's yielding by which it
+# gives way
+THIN = 1e-4
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """A tool, the entry of ``interfaces`` that it is in, by its place, and the faces (k,) that it may touch."""
+    """A tool, the entry of ``interfaces`` that it is in, by its place, and the faces (k,) that it
+    may touch.
+    """
 
     tool: Rigid
     index: int
@@ -49,14 +57,16 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
                   factors: Sequence[Sequence[float]], problems: Problems) -> list[Pressed]:
     """The tools in their places, each with its faces; adds problems.
 
-    entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history of each
+    entries : of ``interfaces``; tools : by name, in their order; factors : (steps,) of the history
+        of each
     """
     found = []
     there = [(i, entry) for i, entry in enumerate(entries) if entry.tool is not None]
     for (i, entry), (name, tool), times in zip(there, tools.items(), factors):
         path = ("interfaces", i)
         if name in mesh.volumes:
-            problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is", "a name of its own", "give it a name")
+            problems.add((*path, *PLACE[2:], "name"), f"a rigid tool called {name!r}, as a part is",
+                         "a name of its own", "give it a name")
         try:
             rigid = rigid_of(name, tool, times, (*path, *PLACE[2:]))
         except InputError as error:
@@ -65,14 +75,20 @@ def pressed_tools(mesh: Mesh, faces: Faces, entries: Sequence[Entry], tools: Map
         volumes = volumes_named(mesh, entry.pair[0], (*path, "between", 0), problems)
         foreign = [mesh.volumes[stand.volume] for stand in mesh.foreign if stand.volume in volumes]
         if foreign:
-            problems.add((*path, "between", 0), f"a rigid tool on {foreign[0]!r}, whose mesh is not this program's",
-                         "parts with a mesh of this program's", "name these alone, or mesh the tool as a part")
+            problems.add((*path, "between", 0),
+                         f"a rigid tool on {foreign[0]!r}, whose mesh is not this program's",
+                         "parts with a mesh of this program's",
+                         "name these alone, or mesh the tool as a part")
         elif volumes:
-            own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes), rigid, entry, path, problems)
+            own = touched_faces(mesh, faces, np.isin(mesh.volume, volumes), rigid, entry, path,
+                                problems)
             found.append(Pressed(rigid, i, entry, own))
             if len(own) and pulled_away(mesh.nodes[np.unique(faces.triangles[own])], rigid):
-                problems.add((*path, "between", 1, "force"), f"a force that draws {name} away from the part, along which nothing holds it",
-                             "a force that presses it on the part", "change the sign of the force, or prescribe the displacement there")
+                problems.add((*path, "between", 1, "force"),
+                             f"a force that draws {name} away from the part, along which nothing "
+                             "holds it",
+                             "a force that presses it on the part",
+                             "change the sign of the force, or prescribe the displacement there")
     return found
 
 
@@ -86,7 +102,9 @@ def rigid_of(name: str, tool: Tool, factors: Sequence[float], path: KeyPath) -> 
 
 
 def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
-    """Surface of the YAML's entry; raises InputError: an STL file that is none, or whose surface is not closed or turned inside out."""
+    """Surface of the YAML's entry; raises InputError: an STL file that is none, or whose surface is
+    not closed or turned inside out.
+    """
     if tool.plane is not None:
         return Plane(np.array(tool.plane.at), np.array(tool.plane.direction))
     if tool.sphere is not None:
@@ -99,47 +117,52 @@ def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
     return read_stl(tool.stl, (*path, "stl"))
 
 
-def add_tools(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.ndarray, pressed: Sequence[Pressed],
-              first: int) -> tuple[Added, list[Interface], list[BoundaryEntry]]:
-    """The scene with the tools as bodies.
+def add_tools(cut: Divided, pressed: Sequence[Pressed],
+              first: int) -> tuple[Divided, list[Interface], list[BoundaryEntry]]:
+    """Return the scene with the tools as bodies.
 
     first : how many entries ``boundary`` has already
-    Returns the interfaces with the tools as well, with their laws, and what moves or loads each
+    Returns also the interfaces with the tools, with their laws, and what moves or loads each
     """
-    layers, entries = [list(_behind(one, faces, partition)) for one in pressed], []
-    mesh = replace(mesh, volumes=[*mesh.volumes, *(one.tool.name for one in pressed)])  # on pieces of a mesh, too
-    added = add_layers(mesh, partition, cell_material, [layer for own in layers for layer in own])
-    ends = np.cumsum([0, *map(len, layers)])
+    layers = [list(_behind(one, cut.body.faces, cut.partition)) for one in pressed]
+    added, nodes, between = add_layers(cut, [one.tool.name for one in pressed],
+                                       [layer for own in layers for layer in own])
+    ends, entries = np.cumsum([0, *map(len, layers)]), []
     for number, one in enumerate(pressed):
         own = slice(ends[number], ends[number + 1])
-        for interface in chain.from_iterable(added.interfaces[own]):
-            points = added.mesh.nodes[interface.global_nodes]
+        for interface in chain.from_iterable(between[own]):
+            points = added.body.mesh.nodes[interface.global_nodes]
             gaps, interface.normals = one.tool.gaps(points)
             laws = [LAWS[one.entry.law].of(one.entry, len(points), 1.0, gap) for gap in gaps]
-            interface.law = max(laws, key=lambda law: law.imposed)
-            interface.law_at_steps = laws if (gaps != gaps[:1]).any() else []
+            interface.govern(laws, (gaps != gaps[:1]).any())
             interface.entry, interface.tool = one.index, one.tool
-        entries.append(_driven(added, one, layers[number], added.nodes[own], first + number))
-    return added, [interface for own in added.interfaces for interface in own], entries
+        entries.append(_driven(added.body.faces, one, layers[number], nodes[own], first + number))
+    return added, [interface for own in between for interface in own], entries
 
 
 def _behind(one: Pressed, faces: Faces, partition: Partition) -> Iterator[Layer]:
-    """One layer behind each subdomain that a tool may touch; behind all of them, where it has to find its way."""
+    """One layer behind each subdomain that a tool may touch; behind all of them, where it has to
+    find its way.
+    """
     owner, name = partition.subdomain[faces.owner[one.faces]], one.tool.name
     for e in np.unique(owner) if one.tool.driven.held else [None][: len(owner)]:
         own = one.faces[slice(None) if e is None else owner == e]
-        yield Layer(name if e is None else f"{name} on {partition.names[e]}", name, faces.triangles[own], faces.owner[own], thickness=THIN)
+        yield Layer(name if e is None else f"{name} on {partition.names[e]}", name,
+                    faces.triangles[own], faces.owner[own], thickness=THIN)
 
 
-def _driven(added: Added, one: Pressed, layers: Sequence[Layer], nodes: Sequence[slice], index: int) -> BoundaryEntry:
-    """Motion of a tool's layers: on all their faces, or on those of the back of one that is loaded; ``nodes``: of each."""
-    outer, begin, end = added.faces.outer, *((nodes[0].start, nodes[-1].stop) if nodes else (0, 0))
+def _driven(faces: Faces, one: Pressed, layers: Sequence[Layer], nodes: Sequence[slice],
+            index: int) -> BoundaryEntry:
+    """Motion of a tool's layers: on all their faces, or on those of the back of one that is loaded;
+    ``nodes``: of each."""
+    outer, begin, end = faces.outer, *((nodes[0].start, nodes[-1].stop) if nodes else (0, 0))
     if layers and not one.tool.driven.held:
         begin += len(np.unique(layers[0].triangles))
-    own = outer[(added.faces.triangles[outer] >= begin).all(axis=1) & (added.faces.triangles[outer] < end).all(axis=1)]
-    triangles = added.faces.triangles[own]
-    return BoundaryEntry(index, KIND, triangles, np.c_[added.faces.owner[own], added.faces.neighbour[own]], np.unique(triangles),
-                         one.tool.driven.told, one.tool)
+    triangles = faces.triangles[outer]
+    own = outer[(triangles >= begin).all(axis=1) & (triangles < end).all(axis=1)]
+    triangles = faces.triangles[own]
+    return BoundaryEntry(index, KIND, triangles, np.c_[faces.owner[own], faces.neighbour[own]],
+                         np.unique(triangles), one.tool.driven.told, one.tool)
 
 
 class Facing(NamedTuple):
@@ -149,9 +172,11 @@ class Facing(NamedTuple):
     room: np.ndarray
 
 
-def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entry: Entry, path: KeyPath,
+def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entry: Entry,
+                  path: KeyPath,
                   problems: Problems) -> np.ndarray:
-    """(k,) int, the outer faces of some cells (m,) bool that a tool may touch; adds a problem where there are none, or where the tool begins
+    """(k,) int, the outer faces of some cells (m,) bool that a tool may touch; adds a problem where
+    there are none, or where the tool begins
     inside.
 
     entry : of ``interfaces``, which says how far off faces may be, and how far turned away
@@ -164,14 +189,17 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
-    chosen, near = _within_reach(points, local, Facing(facet, entry.reach or REACH * size), tool, entry)
+    chosen, near = _within_reach(points, local, Facing(facet, entry.reach or REACH * size), tool,
+                                 entry)
     if not chosen.any():
         _nothing(mesh, cells, tool, near, path, problems)
     return outer[chosen]
 
 
-def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid, entry: Entry) -> tuple[np.ndarray, float]:
-    """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at some load step; and how near any comes that
+def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid,
+                  entry: Entry) -> tuple[np.ndarray, float]:
+    """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at
+    some load step; and how near any comes that
     looks at it."""
     cosine = cosine_of(entry.angle)
     chosen, near = np.zeros(len(local), dtype=bool), np.inf
@@ -184,22 +212,31 @@ def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: R
     return chosen, near
 
 
-def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid, path: KeyPath, problems: Problems) -> bool:
-    """Adds a problem where the tool begins inside: at nodes (n, 3) that surfaces go through, or amid facets (k, 3 or 6), whose chords
+def _inside(points: np.ndarray, local: np.ndarray, size: np.ndarray, tool: Rigid, path: KeyPath,
+            problems: Problems) -> bool:
+    """Adds a problem where the tool begins inside: at nodes (n, 3) that surfaces go through, or
+    amid facets (k, 3 or 6), whose chords
     may lie aside of these."""
-    at_nodes, amid = (tool.at(np.zeros(6), x)[0] for x in (points, points[local[:, :3]].mean(axis=1)))
+    at_nodes, amid = (tool.at(np.zeros(6), x)[0]
+                      for x in (points, points[local[:, :3]].mean(axis=1)))
     apart = np.concatenate([at_nodes[local].min(axis=1) + COINCIDE * size, amid + TOUCHING * size])
     worst = int(apart.argmin())
     if apart[worst] >= 0:
         return False
     k = worst % len(local)
-    depth, corner = (-at_nodes[local[k]].min(), local[k][at_nodes[local[k]].argmin()]) if worst < len(local) else (-amid[k], local[k][0])
-    problems.add((*path, "between", 1), f"{tool.name} begins {depth:.3g} inside the part, at {format_point(points[corner])}",
-                 "a tool that touches the part at most before it moves", "move it back, and press it by its displacement or force")
+    depth, corner = (-at_nodes[local[k]].min(),
+                     local[k][at_nodes[local[k]].argmin()]) if worst < len(local) else (
+                         -amid[k], local[k][0])
+    problems.add((*path, "between", 1),
+                 f"{tool.name} begins {depth:.3g} inside the part, at "
+                 f"{format_point(points[corner])}",
+                 "a tool that touches the part at most before it moves",
+                 "move it back, and press it by its displacement or force")
     return True
 
 
-def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyPath, problems: Problems) -> None:
+def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyPath,
+             problems: Problems) -> None:
     """No face: the tool is elsewhere, turned the other way, or inside altogether."""
     corners = mesh.nodes[mesh.cells[cells, :4]]
     if (barycentric(corners, tool.surface.middle) > 0).all(axis=1).any():
@@ -209,7 +246,8 @@ def _nothing(mesh: Mesh, cells: np.ndarray, tool: Rigid, near: float, path: KeyP
         cure = f"move it nearer, or write within: {1.5 * near:.2g}"
     else:
         found, cure = "is looked at by no face", "turn its normal round; hollow: true where the part is inside it"
-    problems.add((*path, "between", 1), f"{tool.name} {found}", "faces of the part that look at the tool, two elements from it at most",
+    problems.add((*path, "between", 1), f"{tool.name} {found}",
+                 "faces of the part that look at the tool, two elements from it at most",
                  cure)
 
 

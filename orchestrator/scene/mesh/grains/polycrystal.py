@@ -11,26 +11,29 @@ from orchestrator.errors import wrong
 from orchestrator.optional import check_there
 from orchestrator.scene.mesh.checks import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.geometry import dihedral_angles, dihedral_range, roundness
-from orchestrator.scene.mesh.grain_meshes import Failed, GrainMesh, GrainMesher, mended
-from orchestrator.scene.mesh.grains import tidied
+from orchestrator.scene.mesh.grains.grain_meshes import Failed, GrainMesh, GrainMesher, mended
+from orchestrator.scene.mesh.grains.tidied import tidied
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.polyhedra import Tessellation, scattered
-from orchestrator.scene.mesh.skeleton import Skeleton
+from orchestrator.scene.mesh.grains.polyhedra import scattered, Tessellation
+from orchestrator.scene.mesh.grains.skeleton import Skeleton
 
 PATH = ("mesh", "polycrystal")
 # How many seeds are tried, one after another.
 TRIES = 10
 # The worst tet accepted: its roundness (1 for the regular one), its dihedral angles in degrees.
 ROUND, ANGLE = 0.05, 4.0
-# Bad tets are mended one by one while they are few, a few per grain; when this share of all is bad, h suits no grain.
+# Bad tets are mended one by one while they are few, a few per grain; when this share of all is bad,
+# h suits no grain.
 FEW = 0.02
 
 def polycrystal(mesh: Any) -> Mesh:
-    """Grains from ``mesh.polycrystal`` with ``grains`` (count), ``size`` (a length or three), ``h``, ``seed``, ``lloyd``.
+    """Grains from ``mesh.polycrystal`` with ``grains`` (count), ``size`` (a length or three),
+    ``h``, ``seed``, ``lloyd``.
 
-    Volumes are named grain_1, grain_2, …, the sides of the box xmin, xmax, ymin, …. Where tets are bad, they are
-    mended; when the grains of a seed cannot be meshed at all, the next seed is taken; ``remarks`` tell of both.
-    The same entry always gives the same mesh; size and h times ten give that mesh times ten.
+    Volumes are named grain_1, grain_2, …, the sides of the box xmin, xmax, ymin, …. Where tets are
+    bad, they are mended; when the grains of a seed cannot be meshed at all, the next seed is taken;
+    ``remarks`` tell of both. The same entry always gives the same mesh; size and h times ten give
+    that mesh times ten.
 
     Raises InputError: h too coarse or too fine, or no seed gives a good mesh
     """
@@ -47,8 +50,11 @@ def polycrystal(mesh: Any) -> Mesh:
         if not isinstance(made, str):
             whole, remarks = made
             source = f"polycrystal of {count} grains, seed {current}"
-            remarks = [f"{source}: {remark}" for remark in (*(f"passed over {complaint}" for complaint in complaints), *remarks)]
-            return Mesh(whole.points / relative * size, whole.cells, whole.grain, [f"grain_{i + 1}" for i in range(count)],
+            remarks = [f"{source}: {remark}"
+                       for remark in (*(f"passed over {complaint}" for complaint in complaints),
+                                      *remarks)]
+            return Mesh(whole.points / relative * size, whole.cells, whole.grain,
+                        [f"grain_{i + 1}" for i in range(count)],
                         whole.sides(relative), source, remarks)
         complaints.append(f"seed {current}: {made}")
     raise wrong(PATH, f"no good mesh with seeds {seed} to {current}; {complaints[-1]}",
@@ -58,7 +64,8 @@ def polycrystal(mesh: Any) -> Mesh:
 
 def _check(entry: Any) -> None:
     """Raise InputError where h is too coarse or too fine, or gmsh is missing."""
-    count, h, size = int(entry.grains), float(entry.h), np.broadcast_to(np.asarray(entry.size, dtype=float), (3,))
+    count, h, size = int(entry.grains), float(entry.h), np.broadcast_to(
+        np.asarray(entry.size, dtype=float), (3,))
     typical = min(float(np.cbrt(np.prod(size) / count)), float(size.min()))
     if h > typical:
         raise wrong((*PATH, "h"), f"h = {h:g}, where grains measure about {typical:.3g}",
@@ -86,7 +93,9 @@ def _meshed(skeleton: Skeleton) -> tuple[GrainMesh, list[str]] | str:
     fit = _fitness(whole.points, whole.cells)
     if 0 < np.sum(fit < 1) < FEW * len(fit):
         whole, change = mended(mesher, whole, fit < 1, _fitness)
-        fit, done = _fitness(whole.points, whole.cells), [f"mended where tets were bad: {change.told(skeleton.h)}"]
+        fit, done = _fitness(whole.points,
+                             whole.cells), [
+                                 f"mended where tets were bad: {change.told(skeleton.h)}"]
     if fit.min() >= 1:
         return whole, done
     sharp, blunt = dihedral_range(whole.points, whole.cells)

@@ -1,7 +1,8 @@
 """CalculiX's and Abaqus's .inp files: nodes, elements and the sets that have names.
 
-Element sets name volumes and shells, element surfaces (S1 … S6) and node sets name boundary faces: of a node set
-those that have all their corners in it. Everything else of a deck (matter, steps, equations) is left to where it belongs.
+Element sets name volumes and shells, element surfaces (S1 … S6) and node sets name boundary faces:
+of a node set those that have all their corners in it. Everything else of a deck (matter, steps,
+equations) is left to where it belongs.
 """
 
 from __future__ import annotations
@@ -13,15 +14,19 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import PER_SCOPE, Card, Row, cards_of_a_model, problem
-from orchestrator.scene.mesh.inp_model import Model, outer
-from orchestrator.scene.mesh.splitting import SIDES
+from orchestrator.scene.mesh.readers.inp_cards import (
+    Card, cards_of_a_model, PER_SCOPE, problem, Row)
+from orchestrator.scene.mesh.readers.inp_model import Model, outer
+from orchestrator.scene.mesh.readers.splitting import SIDES
 
 # meshio's words of solid elements, by number of nodes
-SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
-_FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8), "9": ("quad9", 9)}
+SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15",
+          20: "hexahedron20"}
+_FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8),
+         "9": ("quad9", 9)}
 _LINES = {"B31": ("line", 2), "T3D2": ("line", 2), "B32": ("line3", 3), "T3D3": ("line3", 3)}
-_OF_SHELLS = re.compile("SPOS|SNEG|(E|EDGE|END|ENDS)[1-4]?|N")  # names of faces that solids have not
+# names of faces that solids have not
+_OF_SHELLS = re.compile("SPOS|SNEG|(E|EDGE|END|ENDS)[1-4]?|N")
 _NONE = np.empty(0, dtype=int)
 _NO_NODE = -1  # fourth node of a triangle
 
@@ -29,12 +34,14 @@ _NO_NODE = -1  # fourth node of a triangle
 def read_inp(path: Path) -> meshio.Mesh:
     """The mesh as meshio would have it, surfaces as triangles.
 
-    Raises InputError: a line that cannot be read, told with its file and number; a file included that is not there
+    Raises InputError: a line that cannot be read, told with its file and number; a file included
+    that is not there
     """
     cards = cards_of_a_model(path)
     for card, _, rows in cards:
         if card in ("SYSTEM", "INSTANCE"):
-            rows[0].fail(f"*{card}, which moves nodes", "nodes in one system of coordinates, where they are")
+            rows[0].fail(f"*{card}, which moves nodes",
+                         "nodes in one system of coordinates, where they are")
     scopes = [rows[0].scope for *_, rows in cards]
     if any(scope.placed for scope in scopes):  # parts without an instance are not in the model
         cards = [card for card, own in zip(cards, scopes) if own.placed or not own.start]
@@ -70,14 +77,16 @@ class _Mesh(Model):
                 if _OF_SHELLS.fullmatch(side):
                     self.passed.setdefault(name, f"{row.file}:{row.line}: a face {side}")
                 elif side not in ("S1", "S2", "S3", "S4", "S5", "S6"):
-                    row.fail("a face that is not named so", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
+                    row.fail("a face that is not named so",
+                             "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
                 else:
                     word = row.words[0]
                     if not word.isdigit() and self.named("ELSET", prefix + word) is not None:
                         word = prefix + word
                     faces.append((word, int(side[1]) - 1, row))
                     serving.add(word.upper())
-        self.aside = serving - own - sections  # sets that serve surfaces or the program that wrote the file
+        # sets that serve surfaces or the program that wrote the file
+        self.aside = serving - own - sections
 
     def mesh(self) -> meshio.Mesh:
         """The file as a mesh, with its elements' groups."""
@@ -101,7 +110,8 @@ class _Mesh(Model):
                 # A surface that holds nothing is there, empty.
                 if len(of_kind) or (kind == "triangle" and not len(faces)):
                     cells.append(meshio.CellBlock(kind, of_kind))
-                    named.setdefault(name, []).extend([_NONE] * (len(cells) - 1 - len(named.get(name, []))))
+                    named.setdefault(name, []).extend([_NONE]
+                                                      * (len(cells) - 1 - len(named.get(name, []))))
                     named[name].append(np.arange(len(of_kind)))
         for members in named.values():
             members += [_NONE] * (len(cells) - len(members))
@@ -112,12 +122,16 @@ class _Mesh(Model):
         named = {short[name] if count[short[name].upper()] == 1 else name: members
                  for name, members in named.items()}
         return meshio.Mesh(self.nodes[:, 1:], cells, cell_sets=named, info={"remarks": [
-            f"surface '{name}' is passed over: {where}, of shells or beams" for name, where in self.passed.items()]})
+            f"surface '{name}' is passed over: {where}, of shells or beams"
+            for name, where in self.passed.items()]})
 
     def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray],
                node_ids: np.ndarray) -> dict[str, np.ndarray]:
-        """Corners (f, 4) of the faces of each surface and node set, of triangles with _NO_NODE as the fourth."""
-        solids = [(kind, shape) for kind in blocks for shape in SIDES if kind.rstrip("0123456789") == shape]
+        """Corners (f, 4) of the faces of each surface and node set, of triangles with _NO_NODE as
+        the fourth.
+        """
+        solids = [(kind, shape) for kind in blocks for shape in SIDES
+                  if kind.rstrip("0123456789") == shape]
         if not solids:
             return {}
         ids = np.concatenate([numbers[kind] for kind, _ in solids])
@@ -161,7 +175,8 @@ class _Mesh(Model):
         """Return the element sets that name volumes: not those that serve surfaces, nor the
         elements beside a node set of the same name."""
         return {name: members for name, members in self.sets["ELSET"].items()
-                if name and name.upper() not in self.aside and (self.named("NSET", name) is None or self._is_volume(name))}
+                if name and name.upper() not in self.aside
+                and (self.named("NSET", name) is None or self._is_volume(name))}
 
     def _is_volume(self, name: str) -> bool:
         """Return whether an element set of this name has no nodes but those of a node set that is
@@ -219,7 +234,8 @@ def _shape(kind: str, row: Row) -> tuple[str, int]:
         if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
             return _FLAT[kind[len(head)]]
     row.fail(f"elements of type {kind[:12] or '(none)'}",
-             "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")
+             "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are "
+             "passed over")
 
 
 def solid_nodes(kind: str) -> int:

@@ -7,15 +7,14 @@ give nodes and cells an order that does not hang on the number of files.
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from orchestrator.optional import Late, check_there
-from orchestrator.scene.mesh.checks import bad_file, check_content, memory_left
-from orchestrator.scene.mesh.child import apart
+from orchestrator.optional import Late
+from orchestrator.scene.mesh.checks import bad_file
+from orchestrator.scene.mesh.readers.libraries import by_gmsh
 
 # not for who merely asks whether a file is in partitions
 meshio, common = Late("meshio"), Late("meshio.gmsh.common")
@@ -23,9 +22,12 @@ REMARK = "the mesh is in partitions: each is a volume, and with subdomains: grou
 
 
 def in_partitions(path: Path) -> list[Path]:
-    """The files of a mesh in partitions that a path, or a pattern of several paths, stands for; none where it is in none."""
+    """The files of a mesh in partitions that a path, or a pattern of several paths, stands for;
+    none where it is in none.
+    """
     files = [path] if path.is_file() else sorted(path.parent.glob(path.name))
-    return files if files and all(file.suffix.lower() == ".msh" and _announced(file) for file in files) else []
+    return files if files and all(file.suffix.lower() == ".msh" and _announced(file)
+                                  for file in files) else []
 
 
 def _announced(path: Path) -> bool:
@@ -83,19 +85,10 @@ def read_all(paths: Sequence[Path]) -> meshio.Mesh:
 
 def _read(path: Path) -> dict[str, np.ndarray]:
     """Return what gmsh finds in a file, see ``child.by_parts``."""
-    check_there("gmsh")
-    check_content(path, ("mesh", "file"))
-    # gmsh runs options that it finds beside a file
-    with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
-        source, target = Path(folder) / "source.msh", Path(folder) / "mesh.npz"
-        source.symlink_to(path.resolve())
-        if complaint := apart(memory_left(), source, target, folder):
-            complaint = complaint.replace(source.name, path.name)
-            raise bad_file(path, f"cannot be read by gmsh: {complaint}",
-                           "a mesh that gmsh has written whole, in version 4.1",
-                           "save the mesh again with gmsh; or without partitions")
-        with np.load(target) as found:
-            return dict(found)
+    with by_gmsh(path, "mesh.npz", "a mesh that gmsh has written whole, in version 4.1",
+                 "save the mesh again with gmsh; or without partitions") as made, \
+            np.load(made) as found:
+        return dict(found)
 
 
 def _check_whole(about: Sequence[dict], path: Path) -> None:
@@ -126,4 +119,5 @@ def _points(paths: Sequence[Path], read: Sequence[dict[str, np.ndarray]],
 
 
 def _strangers(path: Path, found: str) -> Exception:
-    return bad_file(path, found, "all files of one mesh that gmsh has cut, and no other's", "write them again, into an empty folder")
+    return bad_file(path, found, "all files of one mesh that gmsh has cut, and no other's",
+                    "write them again, into an empty folder")

@@ -9,25 +9,29 @@ from itertools import chain, combinations
 
 import numpy as np
 
+from orchestrator.linalg import svd
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.linalg import svd
 
 # How good tets (m, 4) of nodes (n, 3) are: below 1 they are bad, without volume not above 0.
 Fitness = Callable[[np.ndarray, np.ndarray], np.ndarray]
-# A node is moved until the worst tet around is this good, with some room above 1; a change that makes it better by
+# A node is moved until the worst tet around is this good, with some room above 1; a change that
+# makes it better by
 # less than this share does not count, so that mending ends.
 GOOD, GAIN = 1.5, 0.01
-# Random directions tried at a time, times that they are, and the share of the way that is left after none was better:
+# Random directions tried at a time, times that they are, and the share of the way that is left
+# after none was better:
 # the last steps are a hundredth of the first, which is half the shortest edge.
 DIRECTIONS, TRIALS, SHORTER = 12, 24, 0.7
-# Directions this close to a plane (sine of the angle) lie in it; components this small are rounding.
+# Directions this close to a plane (sine of the angle) lie in it; components this small are
+# rounding.
 IN_PLANE, ROUNDING = 1e-6, 1e-12
 
 
 @dataclass
 class Mended:
-    """Changes made to a mesh: times that a node was moved; edges whose ends have become one node; how many of these had to
+    """Changes made to a mesh: times that a node was moved; edges whose ends have become one node;
+    how many of these had to
     leave a plane face between volumes, and the farthest that a node has left it, a length."""
 
     moved: int = 0
@@ -36,7 +40,8 @@ class Mended:
     by: float = 0.0
 
     def __add__(self, other: Mended) -> Mended:
-        return Mended(self.moved + other.moved, self.merged + other.merged, self.bent + other.bent, max(self.by, other.by))
+        return Mended(self.moved + other.moved, self.merged + other.merged, self.bent + other.bent,
+                      max(self.by, other.by))
 
     def told(self, h: float) -> str:
         """The changes in words, for elements of size h."""
@@ -44,12 +49,14 @@ class Mended:
         return f"{self.moved} node{'s' * (self.moved != 1)} moved, {self.merged} short edge{'s' * (self.merged != 1)} merged{bent}"
 
 
-def mend(mesh: Mesh, fitness: Fitness, held: np.ndarray | None = None) -> tuple[Mesh, np.ndarray, Mended]:
+def mend(mesh: Mesh, fitness: Fitness, held: np.ndarray
+         | None = None) -> tuple[Mesh, np.ndarray, Mended]:
     """Makes bad tets better, the worst first, until none is bad or none gets better.
 
-    What is near a bad tet changes, by the best of: one of its nodes moved, the nodes of one of its edges made one;
-    the worst tet around always gains. Nodes stay on the named surfaces, volumes stay connected as they are
-    (``Stars.may_merge``) and touch node for node. Only where nothing else helps do faces between volumes bend.
+    What is near a bad tet changes, by the best of: one of its nodes moved, the nodes of one of its
+    edges made one; the worst tet around always gains. Nodes stay on the named surfaces, volumes
+    stay connected as they are (``Stars.may_merge``) and touch node for node. Only where nothing
+    else helps do faces between volumes bend.
 
     mesh : its surfaces must cover its outside and be plane, but for faces whose nodes are all held
     held : (n,) bool, nodes that stay as they are; none
@@ -75,7 +82,9 @@ def _bad(stars: Stars, cells: np.ndarray, fitness: Fitness) -> np.ndarray:
 
 
 def _mended_at(stars: Stars, cell: int, fitness: Fitness, bend: bool, done: Mended) -> np.ndarray:
-    """Takes the best change near a bad tet; the tets that it has touched, none where nothing helps."""
+    """Takes the best change near a bad tet; the tets that it has touched, none where nothing
+    helps.
+    """
     if not stars.alive[cell] or fitness(stars.nodes, stars.cells[[cell]])[0] >= 1:
         return np.empty(0, dtype=int)
     corners, best, change = stars.cells[cell].tolist(), 0.0, None
@@ -117,8 +126,11 @@ def _off(way: np.ndarray, free: np.ndarray) -> float:
     return float(np.linalg.norm(way - free @ (free.T @ way)))
 
 
-def _moved(nodes: np.ndarray, cells: np.ndarray, node: int, free: np.ndarray, was: float, fitness: Fitness) -> tuple[float, np.ndarray]:
-    """Best place of a node, in some directions (3, k), and the quality of the worst of its tets (m, 4) there."""
+def _moved(nodes: np.ndarray, cells: np.ndarray, node: int, free: np.ndarray, was: float,
+           fitness: Fitness) -> tuple[float, np.ndarray]:
+    """Best place of a node, in some directions (3, k), and the quality of the worst of its tets (m,
+    4) there.
+    """
     place, best = nodes[node], was
     if not free.shape[1]:
         return best, place
@@ -144,25 +156,32 @@ def _moved(nodes: np.ndarray, cells: np.ndarray, node: int, free: np.ndarray, wa
 
 
 class Stars:
-    """The tets around each node of a mesh that is changed in few places, those beyond its outer surface too.
+    """The tets around each node of a mesh that is changed in few places, those beyond its outer
+    surface too.
 
-    Beyond every outer triangle lies an imagined tet, up to one node at infinity, which belongs to the triangle's
-    named surface as others belong to their volume. So what bounds volumes and what bounds the mesh is one kind of
-    face, between tets of different regions, and nothing has an outside.
+    Beyond every outer triangle lies an imagined tet, up to one node at infinity, which belongs to
+    the triangle's named surface as others belong to their volume. So what bounds volumes and what
+    bounds the mesh is one kind of face, between tets of different regions, and nothing has an
+    outside.
 
     nodes : (n, 3) coordinates
-    cells : (m, 4) int, the mesh's tets, then the imagined ones, whose last node is n; real : how many are the mesh's
+    cells : (m, 4) int, the mesh's tets, then the imagined ones, whose last node is n; real : how
+        many are the mesh's
     region : (m,) int, index of the volume; surfaces follow
     alive : (m,) bool, tets that have not vanished
     held : (n,) bool, nodes that stay as they are: the tets around them are not all here
     """
 
     def __init__(self, mesh: Mesh, held: np.ndarray | None = None):
-        self.mesh, self.nodes, self.real, n = mesh, mesh.nodes.copy(), len(mesh.cells), len(mesh.nodes)
+        self.mesh, self.nodes, self.real, n = mesh, mesh.nodes.copy(), len(mesh.cells), len(
+            mesh.nodes)
         self.held = np.zeros(n, dtype=bool) if held is None else held
-        beyond = [np.c_[triangles, np.full(len(triangles), n)] for triangles in mesh.surfaces.values()]
+        beyond = [np.c_[triangles, np.full(len(triangles), n)]
+                  for triangles in mesh.surfaces.values()]
         self.cells = np.concatenate([mesh.cells, *beyond])
-        self.region = np.r_[mesh.volume, np.repeat(len(mesh.volumes) + np.arange(len(beyond)), [len(part) for part in beyond])]
+        self.region = np.r_[mesh.volume,
+                            np.repeat(len(mesh.volumes) + np.arange(len(beyond)),
+                                      [len(part) for part in beyond])]
         self.alive = np.ones(len(self.cells), dtype=bool)
         order = np.argsort(self.cells.reshape(-1), kind="stable")
         start = np.searchsorted(self.cells.reshape(-1)[order], np.arange(1, n + 1))
@@ -173,7 +192,8 @@ class Stars:
         return np.unique(self._at[node][self.alive[self._at[node]]])
 
     def free(self, node: int, bend: bool = False) -> np.ndarray:
-        """(3, k) orthonormal directions in which a node moves within all faces between regions that it lies on.
+        """(3, k) orthonormal directions in which a node moves within all faces between regions that
+        it lies on.
 
         bend : faces between two volumes may bend
         """
@@ -182,19 +202,23 @@ class Stars:
             for pair in _opposite(self.cells[cell].tolist(), node):
                 cells_at.setdefault(pair, []).append(cell)
         between = [(node, *pair) for pair, (one, other) in cells_at.items()
-                   if pair[1] < len(self.nodes) and self.region[one] != self.region[other] and not (bend and max(one, other) < self.real)]
+                   if pair[1] < len(self.nodes) and self.region[one] != self.region[other]
+                   and not (bend and max(one, other) < self.real)]
         if not between:
             return np.eye(3)
         _, lengths, axes = svd(facet_normals(self.nodes, np.array(between))[0])
         free = axes[int(np.sum(lengths > IN_PLANE * lengths[0])):].T
-        return np.where(np.abs(free) < ROUNDING, 0.0, free)  # so that what lies on a side of a box stays on it exactly
+        # so that what lies on a side of a box stays on it exactly
+        return np.where(np.abs(free) < ROUNDING, 0.0, free)
 
     def may_merge(self, u: int, v: int) -> bool:
-        """Whether nodes u and v of an edge can become one so that every region stays what it is: a ball stays a ball.
+        """Whether nodes u and v of an edge can become one so that every region stays what it is: a
+        ball stays a ball.
 
-        This is so when what surrounds both surrounds their edge: among all tets, in each region and on its surface
-        (the link conditions of Dey, Edelsbrunner, Guha & Nekhayev, Publ. Inst. Math. 66, 1999). Faces between two
-        regions stay in one piece, or vanish where they are a triangle with one side too short.
+        This is so when what surrounds both surrounds their edge: among all tets, in each region and
+        on its surface (the link conditions of Dey, Edelsbrunner, Guha & Nekhayev, Publ. Inst. Math.
+        66, 1999). Faces between two regions stay in one piece, or vanish where they are a triangle
+        with one side too short.
         """
         at_u, at_v = self.star(u), self.star(v)
         around_u, around_v = set(self.region[at_u].tolist()), set(self.region[at_v].tolist())
@@ -204,7 +228,8 @@ class Stars:
         if _links_meet_elsewhere(self.cells[at_u].tolist(), self.cells[at_v].tolist(), u, v):
             return False
         for region in around_u & around_v:
-            inside_u, inside_v = (self.cells[at[self.region[at] == region]].tolist() for at in (at_u, at_v))
+            inside_u, inside_v = (self.cells[at[self.region[at] == region]].tolist()
+                                  for at in (at_u, at_v))
             if _links_meet_elsewhere(inside_u, inside_v, u, v):
                 return False
             surface_u, surface_v = _surface(inside_u, u), _surface(inside_v, v)
@@ -226,9 +251,13 @@ class Stars:
         kept, mesh = np.flatnonzero(self.alive), self.mesh
         inside, beyond = kept[kept < self.real], kept[kept >= self.real]
         used, cells = np.unique(self.cells[inside], return_inverse=True)
-        surfaces = {name: np.searchsorted(used, self.cells[beyond[self.region[beyond] == len(mesh.volumes) + i], :3])
+        surfaces = {
+            name: np.searchsorted(used,
+                                  self.cells[beyond[self.region[beyond] == len(mesh.volumes) + i],
+                                             :3])
                     for i, name in enumerate(mesh.surfaces)}
-        return Mesh(self.nodes[used], cells.reshape(-1, 4), self.region[inside], mesh.volumes, surfaces, mesh.source, list(mesh.remarks)), used
+        return Mesh(self.nodes[used], cells.reshape(-1, 4), self.region[inside], mesh.volumes,
+                    surfaces, mesh.source, list(mesh.remarks)), used
 
 
 def _opposite(cell: list[int], node: int) -> Iterable[tuple[int, ...]]:
@@ -238,14 +267,17 @@ def _opposite(cell: list[int], node: int) -> Iterable[tuple[int, ...]]:
 
 def _parts(simplices: Iterable[list[int]]) -> set[frozenset[int]]:
     """Simplices, their sides and their corners."""
-    return {frozenset(part) for nodes in simplices for k in range(1, len(nodes) + 1) for part in combinations(nodes, k)}
+    return {frozenset(part) for nodes in simplices for k in range(1, len(nodes) + 1)
+            for part in combinations(nodes, k)}
 
 
 def _links_meet_elsewhere(at_u: list[list[int]], at_v: list[list[int]], u: int, v: int) -> bool:
-    """Whether the links of two nodes, which are what faces them in their tets or triangles, have more in common than the link of
+    """Whether the links of two nodes, which are what faces them in their tets or triangles, have
+    more in common than the link of
     their edge; or there is no such edge."""
     edge = [[w for w in cell if w not in (u, v)] for cell in at_u if v in cell]
-    link_u, link_v = (_parts([w for w in cell if w != node] for cell in at) for at, node in ((at_u, u), (at_v, v)))
+    link_u, link_v = (_parts([w for w in cell if w != node] for cell in at)
+                      for at, node in ((at_u, u), (at_v, v)))
     return not edge or link_u & link_v != _parts(edge)
 
 

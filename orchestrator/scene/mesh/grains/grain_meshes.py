@@ -16,19 +16,22 @@ import numpy as np
 from orchestrator.processes import mallopt
 from orchestrator.scene.mesh.faces import components, LOCAL_FACES
 from orchestrator.scene.mesh.gmsh_session import gmsh, HXT, last_complaint, session, TET, TRIANGLE
-from orchestrator.scene.mesh.mending import Fitness, mend, Mended
+from orchestrator.scene.mesh.grains.polyhedra import SIDES
+from orchestrator.scene.mesh.grains.skeleton import Skeleton
+from orchestrator.scene.mesh.grains.mending import Fitness, mend, Mended
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.polyhedra import SIDES
-from orchestrator.scene.mesh.skeleton import Skeleton
 
-
-ROUNDING = 1e-9  # how far off gmsh may place the nodes of an edge, which are then where the skeleton has them; the box is 1 long at most
+# how far off gmsh may place the nodes of an edge, which are then where the skeleton has them; the
+# box is 1 long at most
+ROUNDING = 1e-9
 PERTURB = -6  # glibc's M_PERTURB
 
 
 @dataclass(frozen=True)
 class GrainMesh:
-    """Tets of one or several grains: tags (n,) of the nodes, ascending, points (n, 3), cells (m, 4) int, and the grain (m,) of each."""
+    """Tets of one or several grains: tags (n,) of the nodes, ascending, points (n, 3), cells (m, 4)
+    int, and the grain (m,) of each.
+    """
 
     tags: np.ndarray
     points: np.ndarray
@@ -38,20 +41,25 @@ class GrainMesh:
     @classmethod
     def joined(cls, meshes: Sequence[GrainMesh]) -> GrainMesh:
         """Of all their tets, by grains; what has one tag is one node."""
-        tags, first, place = np.unique(np.concatenate([m.tags for m in meshes]), return_index=True, return_inverse=True)
+        tags, first, place = np.unique(np.concatenate([m.tags for m in meshes]), return_index=True,
+                                       return_inverse=True)
         starts = np.cumsum([0, *(len(m.tags) for m in meshes)])
         cells = np.concatenate([m.cells + start for m, start in zip(meshes, starts)])
         grain = np.concatenate([m.grain for m in meshes])
         order = np.argsort(grain, kind="stable")
-        return cls(tags, np.concatenate([m.points for m in meshes])[first], place.ravel()[cells[order]], grain[order])
+        return cls(tags, np.concatenate([m.points for m in meshes])[first],
+                   place.ravel()[cells[order]], grain[order])
 
     def some(self, cells: np.ndarray) -> GrainMesh:
         """Of some of its tets, (m,) bool."""
         used, corners = np.unique(self.cells[cells], return_inverse=True)
-        return GrainMesh(self.tags[used], self.points[used], corners.reshape(-1, 4), self.grain[cells])
+        return GrainMesh(self.tags[used], self.points[used], corners.reshape(-1, 4),
+                         self.grain[cells])
 
     def sides(self, size: np.ndarray) -> dict[str, np.ndarray]:
-        """Triangles (k, 3) on each side of the box from the origin, of lengths ``size`` (3,), outward."""
+        """Triangles (k, 3) on each side of the box from the origin, of lengths ``size`` (3,),
+        outward.
+        """
         triangles, found = self.cells[:, LOCAL_FACES].reshape(-1, 3), {}
         for index, name in enumerate(SIDES):
             on = self.points[:, index // 2] == (size[index // 2] if index % 2 else 0.0)
@@ -75,7 +83,8 @@ class GrainMesher:
         """Meshes of some grains, ascending. Raises Failed: for the first of which there is none"""
         with session(), _blank_memory():
             gmsh.option.setNumber("Mesh.MeshSizeMax", self.skeleton.h)
-            # Inside, h counts alone: following the sizes on the faces, which short edges refine, makes 12 % more nodes.
+            # Inside, h counts alone: following the sizes on the faces, which short edges refine,
+            # makes 12 % more nodes.
             gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
             gmsh.option.setNumber("Mesh.Algorithm3D", HXT)
             for grain in grains:
@@ -107,7 +116,8 @@ class GrainMesher:
         other = self.skeleton.cells.cells[face, 1]
         if other < 0:  # a side of the box
             found[:, (-1 - other) // 2] = points[0, (-1 - other) // 2]
-        self._faces[face] = np.concatenate([tags, self.skeleton.in_face(face, len(found) - len(tags))]), found, triangles
+        self._faces[face] = np.concatenate(
+            [tags, self.skeleton.in_face(face, len(found) - len(tags))]), found, triangles
         return self._faces[face]
 
     def _grain(self, grain: int) -> GrainMesh:
@@ -115,7 +125,8 @@ class GrainMesher:
         starts = np.cumsum([0, *map(len, tags)])
         tags, first, place = np.unique(np.concatenate(tags), return_index=True, return_inverse=True)
         points = np.concatenate(points)[first]
-        triangles = place.ravel()[np.concatenate([own + start for own, start in zip(triangles, starts)])]
+        triangles = place.ravel()[
+            np.concatenate([own + start for own, start in zip(triangles, starts)])]
         gmsh.model.add("grain")
         surface = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, surface, np.arange(len(points)) + 1, points.ravel())
@@ -126,13 +137,16 @@ class GrainMesher:
             raise RuntimeError("a grain without tetrahedra")
         if not np.array_equal(found[: len(points)], points):
             raise RuntimeError("nodes of a grain's faces have moved")
-        return GrainMesh(np.concatenate([tags, self.skeleton.in_grain(grain, len(found) - len(tags))]), found, cells,
+        return GrainMesh(
+            np.concatenate([tags, self.skeleton.in_grain(grain, len(found) - len(tags))]), found,
+            cells,
                          np.full(len(cells), grain))
 
 
 @contextmanager
 def _blank_memory() -> Iterator[None]:
-    """New memory holds zeros, where the C library can see to it: HXT reads some that it has not written, and what happened to be there
+    """New memory holds zeros, where the C library can see to it: HXT reads some that it has not
+    written, and what happened to be there
     decides on a few tets of one grain in a thousand."""
     mallopt(PERTURB, 0xFF)  # its complement is what new memory gets
     try:
@@ -142,7 +156,9 @@ def _blank_memory() -> Iterator[None]:
 
 
 def _meshed(dimension: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and elements (k, 3 or 4) of gmsh's model, which then goes; nodes of vertices come first, then of edges, faces."""
+    """Points (n, 3) and elements (k, 3 or 4) of gmsh's model, which then goes; nodes of vertices
+    come first, then of edges, faces.
+    """
     try:
         gmsh.model.geo.synchronize()
         gmsh.model.mesh.generate(dimension)
@@ -156,7 +172,8 @@ def _meshed(dimension: int, kind: int) -> tuple[np.ndarray, np.ndarray]:
         gmsh.model.remove()
 
 
-def mended(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray, fitness: Fitness) -> tuple[GrainMesh, Mended]:
+def mended(mesher: GrainMesher, whole: GrainMesh, bad: np.ndarray,
+           fitness: Fitness) -> tuple[GrainMesh, Mended]:
     """Return all grains with bad tets mended, and what was done.
 
     A bad tet may change with what is around its own nodes and those next to them: the grains there
@@ -189,7 +206,8 @@ def _clusters(patches: list[list[int]], grains: int) -> list[list[int]]:
 def _mended(mesher: GrainMesher, cluster: list[int], fitness: Fitness) -> tuple[GrainMesh, Mended]:
     """The grains of a cluster, and what was done."""
     whole, skeleton = GrainMesh.joined(mesher.of(cluster)), mesher.skeleton
-    mesh = Mesh(whole.points, whole.cells, np.searchsorted(cluster, whole.grain), [str(grain) for grain in cluster],
+    mesh = Mesh(whole.points, whole.cells, np.searchsorted(cluster, whole.grain),
+                [str(grain) for grain in cluster],
                 whole.sides(skeleton.cells.size))
     mesh, kept, done = mend(mesh, fitness, ~skeleton.all_at(whole.tags, cluster))
     return GrainMesh(whole.tags[kept], mesh.nodes, mesh.cells, np.array(cluster)[mesh.volume]), done

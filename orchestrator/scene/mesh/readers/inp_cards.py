@@ -1,9 +1,11 @@
 """CalculiX's and Abaqus's .inp files: cards, and files included.
 
-Read here, not by a library: meshio 5.3 takes no nodes that an *INCLUDE gives before the elements, no *SURFACE and no exponent
-D, and tells no line. Beside meshes, decks that are parts are read, which have more cards than a mesh.
+Read here, not by a library: meshio 5.3 takes no nodes that an *INCLUDE gives before the elements,
+no *SURFACE and no exponent D, and tells no line. Beside meshes, decks that are parts are read,
+which have more cards than a mesh.
 
-Messages tell file and line and never what stands there: an *INCLUDE may name any file of the machine.
+Messages tell file and line and never what stands there: an *INCLUDE may name any file of the
+machine.
 """
 
 from __future__ import annotations
@@ -64,7 +66,8 @@ class Row:
     def integer(self, word: str) -> int:
         """A number among its entries."""
         if not word.isdigit():
-            self.fail("a word that is no number and names no set", "a whole number, or the name of a set defined before")
+            self.fail("a word that is no number and names no set",
+                      "a whole number, or the name of a set defined before")
         if int(word) >= PER_SCOPE:
             self.fail(f"the number {word}", f"numbers below {PER_SCOPE}")
         return int(word)
@@ -74,7 +77,9 @@ Card = tuple[str, dict[str, str], list[Row]]  # keyword, its options, its lines
 
 
 def numbers(rows: list[Row]) -> np.ndarray:
-    """(…,) float, the entries of lines one after the other; raises InputError for what is no number."""
+    """(…,) float, the entries of lines one after the other; raises InputError for what is no
+    number.
+    """
     text = ",".join(row.text for row in rows)
     try:
         return np.array(text.upper().replace("D", "E").split(","), dtype=float)
@@ -97,20 +102,24 @@ class Inclusion:
         self.path, self.stack = path, [*(above.stack if above else []), path.resolve()]
         self.opened = above.opened if above else []
         self.opened.append(path)
-        if path.resolve() in self.stack[:-1] or len(self.stack) > _DEPTH or len(self.opened) > _MOST:
+        if path.resolve() in self.stack[:-1] or len(self.stack) > _DEPTH or len(
+            self.opened) > _MOST:
             raise problem(where, "files that include each other without end", "a deck that ends")
 
     def include(self, options: dict[str, str], line: int) -> Inclusion:
-        """The file that a line includes: beside the including file, or beside the deck, where CalculiX looks; raises InputError
+        """The file that a line includes: beside the including file, or beside the deck, where
+        CalculiX looks; raises InputError
         for two different ones."""
         where, name = f"{self.path}:{line}: ", options.get("INPUT", "").strip("\"'")
         beside, main = self.path.parent / name, self.opened[0].parent / name
         if main.is_file() and beside.is_file() and not main.samefile(beside):
-            raise problem(where, f"two files of this name, {beside} and {main}", "one: CalculiX reads the latter")
+            raise problem(where, f"two files of this name, {beside} and {main}",
+                          "one: CalculiX reads the latter")
         return Inclusion(main if main.is_file() else beside, where, self)
 
     def spliced(self) -> Iterator[tuple[str, Path, int]]:
-        """Lines that say something, with file and number; those of an included file stand where *INCLUDE stood, as CalculiX
+        """Lines that say something, with file and number; those of an included file stand where
+        *INCLUDE stood, as CalculiX
         reads them: data there continues the card above, and a card there takes the data below."""
         try:
             if not self.path.is_file():  # devices and pipes are none: they have no end
@@ -133,13 +142,17 @@ class Inclusion:
 def heading(text: str) -> tuple[str, dict[str, str]]:
     """Keyword of a card's line, and its options."""
     head, *rest = (part.strip() for part in text[1:].split(","))
-    return " ".join(head.upper().split()), {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
+    return " ".join(head.upper().split()), {key.strip().upper(): value.strip()
+                                            for key, _, value in (
+                                                part.partition("=") for part in rest)}
 
 
 def cards(path: Path) -> Iterator[Card]:
-    """The cards that have lines, up to the first *STEP; the keyword is empty for data above the first card.
+    """The cards that have lines, up to the first *STEP; the keyword is empty for data above the
+    first card.
 
-    Raises InputError: two instances of a part, which would be at one place: those that are moved are refused by ``inp``
+    Raises InputError: two instances of a part, which would be at one place: those that are moved
+    are refused by ``inp``
     """
     card, options, rows, scope = "", {}, [], _WHOLE
     parts: dict[str, Scope] = {}
@@ -153,12 +166,14 @@ def cards(path: Path) -> Iterator[Card]:
         if card == "STEP":
             return
         if card == "PART":
-            scope = parts[options.get("NAME", "").upper()] = Scope((len(parts) + 1) * PER_SCOPE, options.get("NAME", ""))
+            scope = parts[options.get("NAME", "").upper()] = Scope(
+                (len(parts) + 1) * PER_SCOPE, options.get("NAME", ""))
         elif card == "INSTANCE":
             part = options.get("PART", "").upper()
             scope = parts.setdefault(part, Scope((len(parts) + 1) * PER_SCOPE))
             if scope.placed:
-                raise problem(f"{file}:{number}: ", "a second instance of a part", "one instance of each part")
+                raise problem(f"{file}:{number}: ", "a second instance of a part",
+                              "one instance of each part")
             scope.name, scope.placed = options.get("NAME", ""), True
         elif card in ("END PART", "ASSEMBLY", "END INSTANCE", "END ASSEMBLY"):
             scope = _WHOLE
@@ -176,4 +191,5 @@ def cards_of_a_model(path: Path) -> list[Card]:
 
 def problem(where: str, found: str, expected: str) -> InputError:
     """Problem of a file, ``where`` in it."""
-    return wrong(("mesh", "file"), where + found, expected, "mend the file, or save it again as gmsh's .msh")
+    return wrong(("mesh", "file"), where + found, expected,
+                 "mend the file, or save it again as gmsh's .msh")

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import Card, Row, Scope, numbers
+from orchestrator.scene.mesh.readers.inp_cards import Card, numbers, Row, Scope
 
 
 def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
-    """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third coordinate (a normal) is passed over,
+    """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third
+    coordinate (a normal) is passed over,
     coordinates that are left out are 0.
 
     Raises InputError: what is no number; coordinates that are not Cartesian
@@ -25,7 +26,8 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     table = numbers(full).reshape(-1, 4)
     bad = np.flatnonzero(~((table[:, 0] >= 1) & (table[:, 0] == np.floor(table[:, 0]))))
     if len(bad):
-        rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node", "a whole number from 1")
+        rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node",
+                          "a whole number from 1")
     return table
 
 
@@ -33,14 +35,16 @@ class Model:
     """Nodes, elements and sets of a file.
 
     cards : of the file
-    shape : type of an element, and the line that has it → a name for its shape and its number of nodes; None: passed over
+    shape : type of an element, and the line that has it → a name for its shape and its number of
+        nodes; None: passed over
     sets : kinds of sets that are read
     nodes : (n, 4) float, numbers and coordinates; of equal numbers CalculiX takes the last
     blocks : shape → (m, 1 + nodes) int, numbers of elements and of their nodes
     sets : kind → name → members, ascending; names as they are written first, capitals do not count
     """
 
-    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None], sets: Sequence[str] = ("NSET", "ELSET")):
+    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None],
+                 sets: Sequence[str] = ("NSET", "ELSET")):
         nodes, blocks, tables, self._parts = [np.empty((0, 4))], {}, [], {kind: {} for kind in sets}
         for card, options, rows in cards:
             if card == "NODE":
@@ -51,13 +55,15 @@ class Model:
                 kind, count = known
                 table = numbers(rows).astype(int)
                 if len(table) % (count + 1):
-                    rows[0].fail(f"{len(table)} numbers for elements of {count} nodes", f"a number and {count} nodes for each")
+                    rows[0].fail(f"{len(table)} numbers for elements of {count} nodes",
+                                 f"a number and {count} nodes for each")
                 table = table.reshape(-1, count + 1) + rows[0].scope.start
                 blocks.setdefault(kind, []).append(table)
                 tables.append(("ELSET", blocks[kind][-1][:, 0]))
             else:
                 tables.append(("", np.empty(0, dtype=int)))
-        self.nodes, self.blocks = np.vstack(nodes), {kind: np.vstack(tables) for kind, tables in blocks.items()}
+        self.nodes, self.blocks = np.vstack(nodes), {kind: np.vstack(tables)
+                                                     for kind, tables in blocks.items()}
         self.scopes = {row[0].scope.name.upper(): row[0].scope for *_, row in cards}
         known = {kind: np.unique(np.concatenate(
             [np.empty(0, dtype=int), *(own for of, own in tables if of == kind)]))
@@ -68,11 +74,13 @@ class Model:
             elif card in self._parts:
                 members = self._members(card, options, rows, known[card])
                 self._put(card, {card: "", **options}, rows[0].scope, members)
-        self.sets = {kind: {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()} for kind, sets in self._parts.items()}
+        self.sets = {kind: {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()}
+                     for kind, sets in self._parts.items()}
 
     def named(self, kind: str, name: str) -> np.ndarray | None:
         """Members of the set of a name; None where there is none."""
-        return next((members for own, members in self.sets[kind].items() if own.upper() == name.upper()), None)
+        return next((members for own, members in self.sets[kind].items()
+                     if own.upper() == name.upper()), None)
 
     def _put(self, kind: str, options: dict[str, str], scope: Scope,
              members: list[np.ndarray]) -> None:
@@ -108,5 +116,6 @@ class Model:
 
 def outer(faces: np.ndarray) -> np.ndarray:
     """Outer faces: those of faces (f, n) of elements that only one has."""
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
+                                return_counts=True)
     return faces[np.sort(first[count == 1])]

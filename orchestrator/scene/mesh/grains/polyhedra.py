@@ -1,4 +1,6 @@
-"""Polyhedral cells of a box: Voronoi cells of random seeds, their faces cut into triangles, and what these tell of the bodies within."""
+"""Polyhedral cells of a box: Voronoi cells of random seeds, their faces cut into triangles, and
+what these tell of the bodies within.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,16 @@ from functools import cache
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import Voronoi, cKDTree
+from scipy.spatial import cKDTree, Voronoi
 
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors, cross
 
-# Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 - s.
+# Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 -
+# s.
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
-# Vertices closer than this share of the box are one: on the sides, seeds and mirror copies are cospherical.
+# Vertices closer than this share of the box are one: on the sides, seeds and mirror copies are
+# cospherical.
 SAME = 1e-9
 
 
@@ -78,7 +82,9 @@ def tessellated(points: np.ndarray, size: np.ndarray) -> Tessellation:
 
 
 def _snapped(vertices: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices inside the box, exactly on its sides where they belong there; (v, 6) those sides; old → new index."""
+    """Vertices inside the box, exactly on its sides where they belong there; (v, 6) those sides;
+    old → new index.
+    """
     vertices = vertices.copy()
     near = SAME * size.max()
     for axis in range(3):
@@ -91,7 +97,8 @@ def _snapped(vertices: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.nda
     merged = np.full(len(vertices), -1)
     merged[inside] = label
     kept = vertices[first]
-    sides = np.stack([kept[:, axis] == plane for axis in range(3) for plane in (0.0, size[axis])], axis=1)
+    sides = np.stack([kept[:, axis] == plane for axis in range(3) for plane in (0.0, size[axis])],
+                     axis=1)
     return kept, sides, merged
 
 
@@ -133,7 +140,8 @@ def loop_vectors(points: np.ndarray, loops: Sequence[list[int]]) -> np.ndarray:
     return np.add.reduceat(cross(at, at[after]), ends - count) / 2
 
 
-# From some point of a body all planes of its surface are this far at least, per cube root of its volume; and
+# From some point of a body all planes of its surface are this far at least, per cube root of its
+# volume; and
 # for how long to look for the point.
 SEEN, LOOKS = 0.02, 50
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
@@ -141,20 +149,24 @@ Triangles = list[tuple[int, int, int]]
 
 
 def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
-    """Cuts polygons, not necessarily plane, into triangles whose smallest angle is as large as possible.
+    """Cuts polygons, not necessarily plane, into triangles whose smallest angle is as large as
+    possible.
 
     points : (v, 3) coordinates
     loops : per polygon the indices of its corners, in order
-    Returns per polygon triangles turning like the loop, or None when it is so bent that there are none
+    Returns per polygon triangles turning like the loop, or None when it is so bent that there are
+    none
     """
     chosen = [_triples(len(loop))[0] for loop in loops]
     corners = np.concatenate([np.array(loop)[triples] for loop, triples in zip(loops, chosen)])
     # Negative where a triangle turns the other way.
     turns = np.repeat(loop_vectors(points, loops), [len(triples) for triples in chosen], axis=0)
     angle = corner_angles(points[corners]).min(axis=1)
-    angle = np.where(np.einsum("ij,ij->i", area_vectors(points, corners), turns) > 0, angle, -1.0).tolist()
+    angle = np.where(np.einsum("ij,ij->i", area_vectors(points, corners), turns) > 0, angle,
+                     -1.0).tolist()
     ends = np.cumsum([len(triples) for triples in chosen]).tolist()
-    return [_best(loop, angle[end - len(triples):end]) for loop, triples, end in zip(loops, chosen, ends)]
+    return [_best(loop, angle[end - len(triples):end])
+            for loop, triples, end in zip(loops, chosen, ends)]
 
 
 @cache
@@ -165,16 +177,20 @@ def _triples(k: int) -> tuple[np.ndarray, dict[tuple[int, ...], int]]:
 
 
 def _best(loop: list[int], angle: list[float]) -> Triangles | None:
-    """The triangles of a polygon, given the smallest angle of each that there may be (``_triples``)."""
+    """The triangles of a polygon, given the smallest angle of each that there may be
+    (``_triples``).
+    """
     k, place = len(loop), _triples(len(loop))[1]
     if k == 3:  # most often
         return [tuple(loop)] if angle[0] > 0 else None
-    # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their third corner.
+    # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their
+    # third corner.
     best, split = {(i, i + 1): np.inf for i in range(k - 1)}, {}
     for span in range(2, k):
         for i in range(k - span):
             j = i + span
-            choices = [(min(best[i, m], best[m, j], angle[place[i, m, j]]), m) for m in range(i + 1, j)]
+            choices = [(min(best[i, m], best[m, j], angle[place[i, m, j]]), m)
+                       for m in range(i + 1, j)]
             best[i, j], split[i, j] = max(choices, key=lambda choice: choice[0])
     if best[0, k - 1] <= 0:
         return None
@@ -202,9 +218,9 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np
     points : (v, 3) coordinates
     triangles : (t, 3) int, indices into the points, turning outward
     body : (t,) int, ascending, the body each triangle bounds
-    Returns of each body the smallest angle in radians, in a triangle or between two neighbours through the body; or None
-    when one of them is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and
-    fill a space cannot overlap.
+    Returns of each body the smallest angle in radians, in a triangle or between two neighbours
+    through the body; or None when one of them is no ball or cannot be seen as a whole from a point
+    inside. Bodies that can, share faces and fill a space cannot overlap.
     """
     body = np.unique(body, return_inverse=True)[1]
     mate = _mates(triangles, body, len(points))
@@ -220,19 +236,24 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np
     moment = volume[:, None] * (p + q + r) / 4
     centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre, SEEN * np.cbrt(total)):
+    if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre,
+                       SEEN * np.cbrt(total)):
         return None
     along = (shape[:, NEXT] - shape).reshape(-1, 3)
     along /= np.linalg.norm(along, axis=1)[:, None]
     one, other = np.repeat(normal, 3, axis=0), normal[mate // 3]
-    turn = np.arctan2(np.einsum("ij,ij->i", cross(one, other), along), np.einsum("ij,ij->i", one, other))
+    turn = np.arctan2(np.einsum("ij,ij->i", cross(one, other), along),
+                      np.einsum("ij,ij->i", one, other))
     least = np.minimum((np.pi - turn).reshape(-1, 3), corner_angles(shape)).min(axis=1)
     return np.minimum.reduceat(least, np.flatnonzero(np.diff(body, prepend=-1)))
 
 
 def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray | None:
-    """Per side of a triangle (3 t) the same side of the neighbour; None unless every body's surface is a ball's."""
-    start, end, label = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1), np.repeat(body, 3)
+    """Per side of a triangle (3 t) the same side of the neighbour; None unless every body's surface
+    is a ball's.
+    """
+    start, end, label = triangles.reshape(-1), np.roll(triangles, -1,
+                                                       axis=1).reshape(-1), np.repeat(body, 3)
     key, opposite = (label * points + start) * points + end, (label * points + end) * points + start
     order, back = np.argsort(key), np.argsort(opposite)
     if np.any(key[order] != opposite[back]) or np.any(np.diff(key[order]) == 0):
@@ -246,7 +267,8 @@ def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray |
     return mate
 
 
-def _seen_whole(normal: np.ndarray, offset: np.ndarray, body: np.ndarray, point: np.ndarray, margin: np.ndarray) -> bool:
+def _seen_whole(normal: np.ndarray, offset: np.ndarray, body: np.ndarray, point: np.ndarray,
+                margin: np.ndarray) -> bool:
     """Whether in every body there is a point with all planes of the surface a margin before it.
 
     normal, offset : (t, 3) and (t,), the planes normal · x = offset

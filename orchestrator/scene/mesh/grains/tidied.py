@@ -6,17 +6,22 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from orchestrator.scene.mesh.polyhedra import Tessellation, area_vector, cut, loop_vectors, narrowest, without_repeats
+from orchestrator.scene.mesh.grains.polyhedra import (
+    area_vector, cut, loop_vectors, narrowest, Tessellation, without_repeats)
 
-# Edges are removed below 2.2 h, so that they have two elements, but never above a fifth of a grain's size,
+# Edges are removed below 2.2 h, so that they have two elements, but never above a fifth of a
+# grain's size,
 # where grains lose their shape.
 SHORT_H, SHORT_GRAIN = 2.2, 0.2
-# An interface needs 6 nodes for the 12 affine modes of traction and more; edges up to this share of a
+# An interface needs 6 nodes for the 12 affine modes of traction and more; edges up to this share of
+# a
 # grain's size go for it.
 FEW_NODES, LONG_GRAIN = 6, 0.5
-# No merger may make an angle smaller than this, in radians (10 degrees; 5 where a tiny interface is at stake).
+# No merger may make an angle smaller than this, in radians (10 degrees; 5 where a tiny interface is
+# at stake).
 NARROW, NARROWEST = np.pi / 18, np.pi / 36
-# Faces whose corners leave their plane by more than this share of the box's longest side are cut into triangles.
+# Faces whose corners leave their plane by more than this share of the box's longest side are cut
+# into triangles.
 FLAT = 1e-7
 
 
@@ -52,28 +57,34 @@ class Grains:
                  for part in ([loop] if _flat(self.points[loop]) else self.triangles[face])]
         kept, corners = np.unique(np.concatenate([loop for loop, _ in parts]), return_inverse=True)
         loops = np.split(corners, np.cumsum([len(loop) for loop, _ in parts])[:-1])
-        return Tessellation(self.size, self.points[kept], self.sides[kept], [loop.tolist() for loop in loops],
+        return Tessellation(self.size, self.points[kept], self.sides[kept],
+                            [loop.tolist() for loop in loops],
                             np.array([cells for _, cells in parts]))
 
     def edges(self, faces: Iterable[int]) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) lengths, and (k, 2) int lower and higher vertex, of the edges of faces, one face after the other in the order of its loop."""
+        """(k,) lengths, and (k, 2) int lower and higher vertex, of the edges of faces, one face
+        after the other in the order of its loop.
+        """
         loops = [self.loops[face] for face in faces]
         ends = np.array([(v, w) for loop in loops for v, w in zip(loop, [*loop[1:], loop[0]])])
         ends.sort(axis=1)
         return np.linalg.norm(self.points[ends[:, 0]] - self.points[ends[:, 1]], axis=1), ends
 
     def merge(self, a: int, b: int, narrow: float) -> bool:
-        """Makes b and a one vertex, unless a grain around would lose its soundness or get an angle below ``narrow``.
+        """Makes b and a one vertex, unless a grain around would lose its soundness or get an angle
+        below ``narrow``.
 
         Returns whether they are one now
         """
         around = self.faces_at[a] | self.faces_at[b]
-        loops = {face: without_repeats([a if v == b else v for v in self.loops[face]]) for face in sorted(around)}
+        loops = {face: without_repeats([a if v == b else v for v in self.loops[face]])
+                 for face in sorted(around)}
         if any(loop.count(a) > 1 for loop in loops.values()):
             return False
         grains = {cell for face in around for cell in self.cells[face] if cell >= 0}
         narrow = min(narrow, *(self._narrow[grain] for grain in grains))
-        return any(self._merge_at(a, b, place, loops, grains, narrow) for place in self._places(a, b))
+        return any(self._merge_at(a, b, place, loops, grains, narrow)
+                   for place in self._places(a, b))
 
     def _places(self, a: int, b: int) -> list[np.ndarray]:
         """Places for the merged vertex, so that what lies on sides of the box stays there."""
@@ -82,11 +93,13 @@ class Grains:
             return [(self.points[a] + self.points[b]) / 2, self.points[a], self.points[b]]
         return [self.points[a]] if more else [self.points[b]] if less else []
 
-    def _merge_at(self, a: int, b: int, place: np.ndarray, loops: dict[int, list[int]], grains: set[int], narrow: float) -> bool:
+    def _merge_at(self, a: int, b: int, place: np.ndarray, loops: dict[int, list[int]],
+                  grains: set[int], narrow: float) -> bool:
         before = self.points[a].copy()
         self.points[a] = place
         whole = {face: loop for face, loop in loops.items() if len(loop) > 2}
-        triangles = {face: [] for face in loops} | dict(zip(whole, cut(self.points, list(whole.values()))))
+        triangles = {face: [] for face in loops} | dict(
+            zip(whole, cut(self.points, list(whole.values()))))
         found = self._narrowest(grains, triangles)
         if found is None or min(found.values()) < narrow:
             self.points[a] = before
@@ -106,7 +119,8 @@ class Grains:
         del self.faces_at[b]
         return True
 
-    def _narrowest(self, grains: set[int], changed: dict[int, list | None]) -> dict[int, float] | None:
+    def _narrowest(self, grains: set[int],
+                   changed: dict[int, list | None]) -> dict[int, float] | None:
         """See ``narrowest``; ``changed`` takes the place of some faces' triangles."""
         triangles, body = [], []
         for grain in sorted(grains):
@@ -114,7 +128,8 @@ class Grains:
                 parts = changed.get(face, self.triangles[face])
                 if parts is None:
                     return None
-                triangles += parts if self.cells[face][0] == grain else [part[::-1] for part in parts]
+                triangles += parts if self.cells[face][0] == grain else [
+                    part[::-1] for part in parts]
                 body += [grain] * len(parts)
         found = narrowest(self.points, np.array(triangles), np.array(body))
         return None if found is None else dict(zip(sorted(grains), found.tolist()))
@@ -126,7 +141,8 @@ def _flat(corners: np.ndarray) -> bool:
 
 
 def tidied(cells: Tessellation, h: float) -> Grains:
-    """The grains of a tessellation fit for elements of size h: short edges and tiny interfaces merged away.
+    """The grains of a tessellation fit for elements of size h: short edges and tiny interfaces
+    merged away.
 
     Where merging would fold, flatten or tear a grain, the edge stays.
     """
@@ -150,7 +166,8 @@ def _merge_short(grains: Grains, limit: float) -> None:
             # Around a merged vertex lengths have changed: their turn comes in the next round.
             if a in touched or b in touched or not grains.merge(a, b, NARROW):
                 continue
-            merged, touched = True, touched | {v for face in grains.faces_at[a] for v in grains.loops[face]} | {b}
+            merged, touched = True, touched | {v for face in grains.faces_at[a]
+                                               for v in grains.loops[face]} | {b}
 
 
 def _merge_tiny(grains: Grains, h: float, limit: float) -> None:
@@ -159,7 +176,9 @@ def _merge_tiny(grains: Grains, h: float, limit: float) -> None:
     while merged:
         merged = False
         inner = [face for face, (_, other) in grains.cells.items() if other >= 0]
-        tiny = sorted((count, face) for face, count in zip(inner, expected_nodes(grains, inner, h).tolist()) if count < FEW_NODES)
+        tiny = sorted((count, face)
+                      for face, count in zip(inner, expected_nodes(grains, inner, h).tolist())
+                      if count < FEW_NODES)
         for _, face in tiny:
             if face not in grains.loops or expected_nodes(grains, [face], h)[0] >= FEW_NODES:
                 continue

@@ -1,11 +1,14 @@
-"""Reads a file of a stranger by gmsh or VTK in a process of its own, which can start no other and takes no more memory than is free.
+"""Reads a file of a stranger by gmsh or VTK in a process of its own, which can start no other and
+takes no more memory than is free.
 
-    python -P child.py BYTES FILE MESH.msh    by gmsh, which also knows a language with SystemCall: its groups become physical names
-    python -P child.py BYTES FILE.msh MESH.npz    by gmsh, of a mesh in partitions, what is in each
-    python -P child.py BYTES FILE GRID.npz    by VTK, which would end this program where a file declares more than there is
+    python -P child.py BYTES FILE MESH.msh    by gmsh, which also knows a language with SystemCall:
+    its groups become physical names python -P child.py BYTES FILE.msh MESH.npz    by gmsh, of a
+    mesh in partitions, what is in each python -P child.py BYTES FILE GRID.npz    by VTK, which
+    would end this program where a file declares more than there is
 
-It ends with 1 and the reader's complaint on standard output where something is wrong. FILE is for gmsh in a folder of its own: gmsh runs
-the options FILE.opt that it finds beside. Nothing of the orchestrator is imported: that takes longer than to read.
+It ends with 1 and the reader's complaint on standard output where something is wrong. FILE is for
+gmsh in a folder of its own: gmsh runs the options FILE.opt that it finds beside. Nothing of the
+orchestrator is imported: that takes longer than to read.
 """
 
 from __future__ import annotations
@@ -24,11 +27,14 @@ from pathlib import Path
 from typing import Any
 
 PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, FILTER = 38, 22, 2
-LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06  # instructions of the kernel's filter
-NUMBER, ARCHITECTURE, ARGUMENT = 0, 4, 16  # where they find the call's number, the machine's, its first argument's lower half
+# instructions of the kernel's filter
+LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
+# where they find the call's number, the machine's, its first argument's lower half
+NUMBER, ARCHITECTURE, ARGUMENT = 0, 4, 16
 ALLOW, REFUSE = 0x7FFF0000, 0x00050000
 THREAD = 0x00010000  # clone's flag: no process of its own
-# machine → its number; calls that start programs, fork, trace others or open connections; clone; clone3
+# machine → its number; calls that start programs, fork, trace others or open connections; clone;
+# clone3
 MACHINES = {"x86_64": (0xC000003E, (59, 322, 57, 58, 101, 310, 311, 41), 56, 435),
             "aarch64": (0xC00000B7, (221, 281, 117, 270, 271, 198), 220, 435)}
 
@@ -37,36 +43,46 @@ SHOWN = 200  # letters of a complaint
 
 
 def apart(room: float, source: Path, target: Path, folder: str) -> str:
-    """Runs this module in a folder; what the reader complains of, empty where it has written the target.
+    """Runs this module in a folder; what the reader complains of, empty where it has written the
+    target.
 
     room : bytes that it may take; source, target : as above
     """
-    done = subprocess.run([sys.executable, "-P", __file__, str(int(room)), str(source), str(target)], cwd=folder, stdin=subprocess.DEVNULL,
-                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", process_group=0)
+    done = subprocess.run([sys.executable, "-P", __file__, str(int(room)), str(source),
+                           str(target)], cwd=folder, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                          errors="replace", process_group=0)
     if not done.returncode and target.is_file():
         return ""
     said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
-    return said[0].replace(str(source), source.name)[:SHOWN] if said else f"its reader ended with {done.returncode}"
+    return said[0].replace(str(source),
+                           source.name)[
+                               :SHOWN] if said else f"its reader ended with {done.returncode}"
 
 
 def locked() -> bool:
-    """Takes from this process, for good, the right to start others; False where the system knows no such thing."""
+    """Takes from this process, for good, the right to start others; False where the system knows no
+    such thing.
+    """
     if sys.platform != "linux" or platform.machine() not in MACHINES:
         return False
     machine, calls, clone, clone3 = MACHINES[platform.machine()]
     refuse, unknown = REFUSE | errno.EPERM, REFUSE | errno.ENOSYS
     steps = [(LOAD, 0, 0, ARCHITECTURE), (EQUAL, 1, 0, machine), (RETURN, 0, 0, refuse),
-             (LOAD, 0, 0, NUMBER), (AT_LEAST, 0, 1, 0x40000000), (RETURN, 0, 0, refuse)]  # calls of another width
+             # calls of another width
+             (LOAD, 0, 0, NUMBER), (AT_LEAST, 0, 1, 0x40000000), (RETURN, 0, 0, refuse)]
     for call in calls:
         steps += [(EQUAL, 0, 1, call), (RETURN, 0, 0, refuse)]
     # clone3 hides its flags behind a pointer: the C library then takes clone
     steps += [(EQUAL, 0, 1, clone3), (RETURN, 0, 0, unknown), (EQUAL, 0, 3, clone),
-              (LOAD, 0, 0, ARGUMENT), (ANY_BIT, 1, 0, THREAD), (RETURN, 0, 0, refuse), (RETURN, 0, 0, ALLOW)]
+              (LOAD, 0, 0, ARGUMENT), (ANY_BIT, 1, 0, THREAD), (RETURN, 0, 0, refuse),
+              (RETURN, 0, 0, ALLOW)]
     # each: code, jumps if true and if false, value
     code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
     program = struct.pack("HP", len(steps), ctypes.addressof(code))
     prctl = ctypes.CDLL(None, use_errno=True).prctl
-    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
+    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0,
+                     0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
 
 
 def by_gmsh(source: str, target: str) -> None:
@@ -131,7 +147,8 @@ def by_parts(source: str, target: str) -> None:
 def _free_volumes(model: Any, groups: Iterable[tuple[int, int]]) -> dict[tuple[int, int], str]:
     """Put gmsh's volumes that are in no physical group in groups, if anything is in one, and
     return the names of these: without, meshio reads no such file."""
-    held = [tag for d, number in groups if d == 3 for tag in model.getEntitiesForPhysicalGroup(3, number)]
+    held = [tag for d, number in groups if d == 3
+            for tag in model.getEntitiesForPhysicalGroup(3, number)]
     free = [tag for _, tag in model.getEntities(3) if groups and tag not in held
             and len(model.mesh.getElementTypes(3, tag))]
     asked = [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]
@@ -139,7 +156,8 @@ def _free_volumes(model: Any, groups: Iterable[tuple[int, int]]) -> dict[tuple[i
 
 
 def by_vtk(source: str, target: str) -> None:
-    """Writes points, cells, and arrays of one component on the cells and of the file, with their names.
+    """Writes points, cells, and arrays of one component on the cells and of the file, with their
+    names.
 
     Raises RuntimeError: VTK complains
     """
@@ -159,7 +177,8 @@ def by_vtk(source: str, target: str) -> None:
         reader.ReadAllScalarsOn()
         reader.ReadAllFieldsOn()
     reader.Update()
-    if complaints := heard.GetOutput().strip():  # of a grid half read too: "ERROR: In file, line\nvtkReader (0x…): what is wrong"
+    # of a grid half read too: "ERROR: In file, line\nvtkReader (0x…): what is wrong"
+    if complaints := heard.GetOutput().strip():
         first = re.search(r"\(0x\w+\): (.+)", complaints)
         raise RuntimeError(first[1] if first else complaints)
     grid, found = reader.GetOutput(), {}
@@ -167,15 +186,18 @@ def by_vtk(source: str, target: str) -> None:
         cells = grid.GetCells()
         renamed = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
         kinds = grid.GetCellTypes() if renamed else grid.GetCellTypesArray()
-        found = {"points": vtk_to_numpy(grid.GetPoints().GetData()), "nodes": vtk_to_numpy(cells.GetConnectivityArray()),
+        found = {"points": vtk_to_numpy(grid.GetPoints().GetData()),
+                 "nodes": vtk_to_numpy(cells.GetConnectivityArray()),
                  "ends": vtk_to_numpy(cells.GetOffsetsArray()), "types": vtk_to_numpy(kinds)}
     for what, data in (("cell", grid.GetCellData()), ("field", grid.GetFieldData())):
         arrays = [data.GetAbstractArray(i) for i in range(data.GetNumberOfArrays())]
-        arrays = [a for a in arrays if a.GetName() and (what == "field" or a.GetNumberOfComponents() == 1)]
+        arrays = [a for a in arrays if a.GetName()
+                  and (what == "field" or a.GetNumberOfComponents() == 1)]
         found[f"{what}_names"] = np.array([a.GetName() for a in arrays], dtype=str)
         for i, a in enumerate(arrays):
             if a.IsA("vtkStringArray"):
-                found[f"{what}_{i}"] = np.array([a.GetValue(j) for j in range(a.GetNumberOfValues())], dtype=str)
+                found[f"{what}_{i}"] = np.array([a.GetValue(j)
+                                                 for j in range(a.GetNumberOfValues())], dtype=str)
             else:
                 found[f"{what}_{i}"] = vtk_to_numpy(a).ravel()
     np.savez(target, **found)

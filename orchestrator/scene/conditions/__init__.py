@@ -1,1 +1,0 @@
-"""Supports, loads, materials and codes, resolved to nodes and cells; rigid motions that supports leave."""

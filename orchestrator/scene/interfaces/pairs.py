@@ -1,0 +1,129 @@
+"""The search for pairs in its four steps: which bodies may have one (``candidates``), where their
+faces lie on each other (``facing``), the interfaces there (``fitting``) and, once it is known what
+supports hold, their operators (``freedom``)."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+from orchestrator.errors import Problems, some
+from orchestrator.scene.interface import ends_of, Interface
+from orchestrator.scene.interfaces.candidates import candidates
+from orchestrator.scene.interfaces.distances import tell_distances
+from orchestrator.scene.interfaces.facing import matching_faces, meshed_apart
+from orchestrator.scene.interfaces.fitting import of_matching, of_surfaces
+from orchestrator.scene.interfaces.governing import Laws
+from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours
+from orchestrator.scene.interfaces.opposite import COINCIDE, nearest, REACH
+from orchestrator.scene.interfaces.parts import Parts
+from orchestrator.scene.interfaces.shared import hinges, shared_faces
+from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.names import suggestion
+from orchestrator.scene.overview import Beside
+
+# Pairs of parts beyond which it is not said how far apart the nearest ones are.
+MOST = 50
+
+
+def make_interfaces(parts: Parts, laws: Laws,
+                    problems: Problems) -> tuple[list[Interface], dict[tuple[int, int], Beside]]:
+    """Return all interfaces, ordered by pair of subdomains, then by their lowest face; then those
+    of opposite faces, then ``hinges``.
+
+    Pairs that touch along an edge or in a node are one only where nothing else joins them there.
+    All components count as free, see ``leave_free``.
+
+    Returns interfaces, and the pairs of volumes that are near each other without one, as
+    ``report_neighbours``
+    """
+    found, near = shared_faces(parts, laws, problems), {}
+    count, piece = components(*ends_of(found).T, len(parts.partition.names))
+    if count > 1:  # pieces of one volume that no faces connect
+        report_loose_pieces(parts, piece[parts.partition.subdomain], problems)
+    found += _opposite(parts, laws, problems)
+    body = parts.partition.body
+    within = [body(one) == body(two) for one, two in (i.subdomains for i in found)]
+    cuts, pairs = ([parts.names(i.subdomains) for i, cut in zip(found, within) if cut == wanted]
+                   for wanted in (True, False))
+    found += hinges(parts, laws, found)
+    for number, interface in enumerate(found):
+        interface.index = number
+    laws.refuse_within(cuts, problems)
+    if laws.asked:
+        _report_unused(parts, laws, list(dict.fromkeys(pairs)), problems)
+    if parts.bodies and not problems.found:
+        tell_distances(parts, laws, found, problems)
+        near = report_neighbours(parts, laws, found, problems)
+    return found, near
+
+
+def _opposite(parts: Parts, laws: Laws, problems: Problems) -> list[Interface]:
+    """Interfaces of parts that share no faces there."""
+    result, slaves = [], {}
+    for one in candidates(parts, laws):
+        patches, surfaces = matching_faces(parts, one), []
+        if laws.asked and parts.matter is not None and one.index >= 0:
+            surfaces = meshed_apart(parts, one, patches, slaves, problems)
+        if patches or surfaces:
+            laws.between(*one.known)
+        result += of_surfaces(parts, laws, one, surfaces, problems) if surfaces else of_matching(
+            parts, laws, one, patches, problems)
+    return result
+
+
+def _report_unused(parts: Parts, laws: Laws, pairs: list[tuple[str, str]],
+                   problems: Problems) -> None:
+    """Adds a problem for each entry that matched no interface; one for all parts may, where there
+    are no two.
+
+    pairs : names of the two sides of existing interfaces, for the cure
+    """
+    for i, (entry, used) in enumerate(zip(laws.entries, laws.used)):
+        for key, pattern in [*((("exclude", k), p) for k, two in enumerate(entry.exclude or [])
+                               for p in two), (("slave",), entry.slave)]:
+            if pattern is not None and not laws.meant(pattern):
+                problems.add(("interfaces", i, *key),
+                             f"{pattern!r} matches no subdomain and no volume",
+                             "names of parts, shell wildcards allowed",
+                             suggestion(pattern, laws.names, "part"))
+        everything = entry.pair == ("*", "*")
+        if used or entry.found or entry.tool is not None or (everything and parts.pieces[0] < 2):
+            continue  # of pairs that are found, ``report_neighbours`` says which are missing
+        where = entry.apart or "between"
+        if unknown := [p for p in entry.pair if not laws.meant(p)]:
+            where, found = "between", f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
+            cure = "; ".join(suggestion(p, laws.names, "part") for p in unknown)
+        elif everything:
+            found = f"no interface in all the scene: its {parts.pieces[0]} separate pieces share no face" + _how_far(parts, laws, entry)
+            cure = (
+                "mesh what touches alike on both sides; for gaps, let the law read them (contact: "
+                "gap: geometry); for parts that have nothing to do with each other leave "
+                "interfaces out")
+        else:
+            found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" + _how_far(parts, laws, entry)
+            beside = [pair for pair in pairs
+                      if any(laws.means(p, pair) for p in entry.pair if p != "*")] or pairs
+            cure = "interfaces exist between " + some([" | ".join(b) for b in beside],
+                                                      6) if pairs else "there are no interfaces at all"
+        problems.add(("interfaces", i, where), found,
+                     "names of two parts that share faces, or have opposite faces with matching "
+                     "nodes; shell wildcards allowed", cure)
+
+
+def _how_far(parts: Parts, laws: Laws, entry: Any) -> str:
+    """Distance of the nearest nodes of the parts that an entry names."""
+    sides = [[b for b in parts.bodies if laws.means(pattern, parts.known(b))]
+             for pattern in entry.pair]
+    pairs = [(a, b) for a, b in product(*sides) if a.volume != b.volume]
+    if not pairs or len(pairs) > MOST:
+        return ""
+    for a, b in pairs:
+        if (inside := parts.inside(a.volume, b.volume)) is not None:
+            return f"; {parts.mesh.volumes[a.volume]} and {parts.mesh.volumes[b.volume]} are inside each other by about " \
+                   f"{inside.depth:.3g}, at {format_point(inside.where)}"
+    distance, where, size = min((nearest(a, b) for a, b in pairs), key=lambda f: f[0])
+    allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
+               if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
+    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"
