@@ -46,7 +46,8 @@ def begin(target: Path, sources: Sequence[Path], h: float | None) -> list[str]:
         raise wrong((), f"{target}, which is there already", "the name of a new file", "name another one, or remove it") from None
     except OSError as error:
         raise wrong((), f"{target}: {error.strerror}", "a place that can be written to", "name another one") from error
-    return [*remarks, f"{target} is written: look for EDIT in it, then",
+    edit = ": it runs once you have been at every EDIT in it" * bool(sources)
+    return [*remarks, f"{target} is written{edit}; then",
             f"    orchestrator check {target}", f"    orchestrator run {target}"]
 
 
@@ -124,7 +125,7 @@ name: {re.sub(r"[^A-Za-z0-9_. -]", "_", target.stem)}
 
 subdomains: {subdomains}
 
-materials:                          # EDIT: the last match wins
+materials:                          # EDIT: the moduli; the last match wins
   - {{young: 200e3, poisson: 0.3}}    # everywhere; a part of its own: {{young: 70e3, poisson: 0.33, on: {json.dumps(mesh.volumes[-1])}}}
 
 {proposal.boundary(held, loaded)}{proposal.interfaces()}
@@ -151,7 +152,7 @@ def _beam(name: str) -> str:
     return f"""# A first configuration, by orchestrator init. Units are yours: one system throughout, such as N, mm, MPa.
 name: {re.sub(r"[^A-Za-z0-9_. -]", "_", name)}
 
-mesh: {{beam: {{size: [160, 10, 10], h: 2.5}}}}    # EDIT: or file: my.msh, or step: my.stp (orchestrator init my.stp)
+mesh: {{beam: {{size: [160, 10, 10], h: 2.5}}}}    # or file: my.msh, or step: my.stp (orchestrator init my.stp)
 subdomains: {{slices: {{axis: x, count: 8}}}}
 materials:
   - {{young: 200e3, poisson: 0.3}}

@@ -89,7 +89,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
 
         return checked(config, run_programs)
 
-    print(visible("\n".join(asked_of(config, overrides or [], lines))))
+    print(visible("\n".join(asked_of(config, overrides or [], lines, edited=True))))
 
 
 @command(BEGIN)

@@ -26,7 +26,8 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Scene
 
-CAD = {".stp", ".step", ".brep"}
+STEP = {".stp", ".step"}
+CAD = {*STEP, ".brep"}
 PAIRS = 50  # that ``check`` shows; ``inspect`` shows all
 
 
@@ -37,6 +38,8 @@ def inspected(path: Path, h: float | None = None) -> list[str]:
     """
     failed: dict[str, Problem] = {}
     mesh, faces = make_mesh(section_of(path, h), failed)
+    if path.suffix.lower() in STEP and not any("unit of length" in text for text in mesh.remarks):
+        mesh.remarks.insert(0, "the file's unit of length is the mm, and so is that of h")
     return [*_lines(mesh, faces), *(f"remark: {problem.found}; {problem.cure}" for problem in failed.values())]
 
 
@@ -105,7 +108,11 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
     lines += [*_pairs(scene, config), *bolt_table(scene)]
     gaps = [beside.gap for beside in scene.near.values() if beside.gap]
     lines += [f"gap: {sentence}" for sentence in gaps[:PAIRS]] + [f"… and {len(gaps) - PAIRS} gaps more"] * (len(gaps) > PAIRS)
-    return lines + [f"warning: {sentence}" for sentence in [*scene_cautions(scene), *stabilisation_cautions(config.method)]]
+    laws = dict.fromkeys(f"{i.name} {i.law.caution}" for i in scene.interfaces if i.law.caution)
+    said = [*scene_cautions(scene), *stabilisation_cautions(config.method), *laws]
+    if config.output.units is None:
+        lines.append(f"units: {units_remark(scene.mesh, [matter.young for matter in config.matter])}")
+    return lines + [f"warning: {sentence}" for sentence in said]
 
 
 def _parts_alone(config: Config) -> list[str]:

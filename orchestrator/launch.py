@@ -38,7 +38,7 @@ def _lead(team: Team, config: Path, overrides: list[str], verbose: bool, **optio
     from orchestrator.config.load import load_config, located  # other ranks read none
     from orchestrator.results.figures.artist import artist_for
 
-    loaded = load_config(config, overrides)
+    loaded = load_config(config, overrides, edited=True)
     with artist_for(loaded.config.output.figures) as artist:  # before the run's imports: it has as much to import
         from orchestrator.run import Means, Ranks, run
         if loaded.config.refines:

@@ -1,4 +1,4 @@
-"""``orchestrator init``: what it writes can be checked and run as it stands; ``inspect`` beside it."""
+"""``orchestrator init``: what it writes can be checked and run, guesses once they are edited; ``inspect`` beside it."""
 
 
 import numpy as np
@@ -41,6 +41,7 @@ def test_files_that_are_not_there(tmp_path, target, source, words):
 
 def test_moduli_tell_units_that_do_not_fit():
     mesh = bricks(np.array([200.0, 10.0, 10.0]), np.array([4, 1, 1]), "bar")
+    assert "and then is 0.2 GPa" in units_remark(mesh, [200.0]) and "then is 200 GPa" in units_remark(mesh, [2e11])
     assert "200 m is implausible" in units_remark(mesh, [2.1e11]) and "implausible" not in units_remark(mesh, [2.1e5])
     mesh.nodes *= 1e-6
     assert "implausible" in units_remark(mesh, [2.1e5]) and "takes a factor" in units_remark(mesh)

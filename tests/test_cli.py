@@ -62,6 +62,17 @@ def test_check_shows_the_scene_or_its_problems():
     assert done.exit_code == 2 and f"{BEAM}:{line}: boundary[1].on\n  found:    no boundary face lies on the plane x = 161" in done.stderr
 
 
+@pytest.mark.parametrize("change, words", [
+    ("interfaces=[{law: contact, friction: 20}]", "with friction 20: above 1, which few surfaces have"),
+    ("output.units={length: m, force: N}", "young: 200000 is 0.0002 GPa with units N and m"),
+    ("boundary.1={on: xmin, traction: [1, 0, 0]}", "goes straight into the support and moves nothing"),
+    ("boundary.1={on: xmax, displacement: [0, 0, 0]}", "nothing loads the scene"),
+    ("output={directory: out}", "units: extent 160 × 10 × 10; a modulus of 200000 looks like N/mm², so that lengths are in mm, and then is 200 GPa")])
+def test_check_tells_what_hardly_is_meant(change, words):
+    done = call("check", BEAM, "--set", "mesh.beam.h=5", "--set", "subdomains.slices.count=2", "--set", change)
+    assert done.exit_code == 0 and words in " ".join(done.stdout.split()), done.stdout
+
+
 def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
     """With the words of ``run``."""
     own = ["--set", "blackbox.code=calculix", "--set", "blackbox.element=P2", "--set", "mesh.beam.h=5"]

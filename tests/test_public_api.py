@@ -1,9 +1,11 @@
 """What is public: listed, light to import, and shown by examples that run."""
 
 import doctest
+import re
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +36,13 @@ def test_what_is_to_be_called_or_derived_from_has_an_example():
     for name in set(orchestrator.__all__) - PLAIN:
         thing = getattr(orchestrator, name)
         assert any(test.examples for test in finder.find(thing, name)), name
+
+
+def test_the_page_tells_every_name_without_the_site():
+    page, _, reference = (Path(__file__).parents[1] / "docs/api.md").read_text(encoding="utf-8").partition("## Reference")
+    for name in orchestrator.__all__:
+        assert re.search(rf"`[^`]*\b{name}\b[^`]*`", page), name
+    assert "eval-rst" not in page and "eval-rst" in reference
 
 
 def test_all_names_are_there():

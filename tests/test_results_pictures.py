@@ -14,6 +14,7 @@ from pictures import is_drawn, pixels, share
 from processes import gone
 
 from orchestrator.errors import InputError
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
 from orchestrator.results.figures.exaggeration import exaggeration
@@ -21,6 +22,7 @@ from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.pictures import compose, deformed, interfaces, outer_surface, shares
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.sources import bricks
 
 # one process opens the window in which all draw
 in_a_window = pytest.mark.xdist_group("window")
@@ -72,6 +74,17 @@ def test_colours_go_from_zero_to_the_peak_and_shapes_are_those_told():
     assert f"displacements × {factor:g}" in picture.told and any(text.startswith("peak von Mises stress") for text in picture.told)
     asked = deformed(fields, {"peak_stress": {"load_step": 1}})
     assert asked.headings == ["load step 1 of 2"] and asked.limits[1] == fields.nodal.von_mises(0).max()
+
+
+def test_a_peak_beyond_the_rest_has_a_colour_of_its_own():
+    """The scale holds 99 % of the surface: one corner that is stressed a thousand times leaves the rest its colours."""
+    mesh = bricks(np.array([8.0, 8.0, 8.0]), np.array([8, 8, 8]), "cube")
+    u = 1e-3 * mesh.nodes * [1.0, 0.0, 0.0]
+    u[np.argmin(np.linalg.norm(mesh.nodes, axis=1))] -= 1.0
+    fields = Fields(mesh.nodes, mesh.cells, np.zeros(len(mesh.cells), int), np.ones((len(mesh.cells), 2)), u[None])
+    picture, values = deformed(fields, {}), fields.nodal.von_mises(0)
+    assert picture.beyond and picture.limits[1] < 0.5 * values.max() and (values > picture.limits[1]).mean() < 0.05
+    assert not deformed(replace(fields, displacement=1e-3 * mesh.nodes[None] * [1.0, 0.0, 0.0]), {}).beyond
 
 
 def test_each_nodes_status_fills_its_share():

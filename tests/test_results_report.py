@@ -8,7 +8,7 @@ import pytest
 import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
-from orchestrator.results.report.report import report
+from orchestrator.results.report.report import cited, report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.results.summary.summary import read_summary
@@ -33,6 +33,21 @@ def test_report(tmp_path):
         assert (tmp_path / link).is_file()
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 3 and "src=\"figures" not in page
+
+
+def test_a_report_ends_with_what_to_cite_for_what_the_run_used():
+    def names(**more):
+        heading, sources = cited(more)
+        return heading, [line.split(":")[0].removeprefix("- ") for line in sources.splitlines()]
+
+    method, contact, anderson, bound, freefem, mesher = (
+        "P. Oumaziz, P. Gosselet, P.-A. Boucard, M. Abbas", "P. Oumaziz, P. Gosselet, P.-A. Boucard, S. Guinard", "D. G. Anderson",
+        "W. Prager, J. L. Synge", "F. Hecht", "C. Geuzaine, J.-F. Remacle")
+    plain = {"config": {"mesh": {"step": None}}, "codes": [], "acceleration": None, "error_kind": None, "status_counts": None}
+    assert names(**plain) == ("## To cite", [method])
+    assert names(**plain | {"config": {"mesh": {"step": "a.stp"}}, "codes": [{"code": "freefem"}], "error_kind": "guaranteed"})[1] == [
+        method, bound, freefem, mesher]
+    assert names(**plain | {"status_counts": {"open": [1]}, "acceleration": "Anderson's acceleration"})[1] == [method, contact, anderson]
 
 
 def test_report_of_a_run_that_failed_early(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -80,11 +81,12 @@ class Loaded:
         return self.source.locate(path)
 
 
-def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
+def load_config(path: str | Path, overrides: Sequence[str] = (), edited: bool = False) -> Loaded:
     """Reads and validates a configuration.
 
     path : YAML file; ``mesh.file`` and ``mesh.step`` in it are relative to its folder, or to the current one
     overrides : ``key.key=value`` texts, values in YAML; applied in order; ``*`` for every entry of a list
+    edited : comments must not say EDIT any more, as ``orchestrator init`` marks what it guesses
     Raises InputError: with all problems, each with file and line
 
     Examples
@@ -109,7 +111,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     text = read_text(Path(path))
     data, lines = parse_yaml(text, str(path))
     source = Source(str(path), lines)
-    problems: list[Problem] = []
+    problems = placeholders(text, str(path)) if edited else []
     for override in overrides:
         try:
             keys, value = parse(override, lambda value: parse_yaml(value, f"--set {override}")[0])
@@ -127,6 +129,14 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     if problems:
         raise InputError(source.located(problems))
     return Loaded(config, source)
+
+
+def placeholders(text: str, file: str) -> list[Problem]:
+    """A problem for each line whose comment says EDIT."""
+    return [Problem((), f"{found[1]}, a guess of orchestrator init", "what is meant",
+                    "write it in this line, and take the word EDIT out", file, number)
+            for number, line in enumerate(text.splitlines(), 1)
+            if (found := re.search(r"(?<=#).*?\b(EDIT\b.*)", line))]
 
 
 def config_from(data: Any) -> Config:
@@ -176,9 +186,10 @@ def settings_from(entry: dict[str, Any]) -> CodeSettings:
         raise InputError(explained(error, entry, model)) from error
 
 
-def asked_of(path: Path, overrides: Sequence[str], ask: Callable[[Config], Answer]) -> Answer:
+def asked_of(path: Path, overrides: Sequence[str], ask: Callable[[Config], Answer],
+             edited: bool = False) -> Answer:
     """Findings of ``ask`` on a configuration; its errors say where in the file they are."""
-    loaded = load_config(path, overrides)
+    loaded = load_config(path, overrides, edited)
     try:
         return ask(loaded.config)
     except InputError as error:

@@ -131,7 +131,8 @@ class Contact(Law):
 
     @property
     def caution(self) -> str:
-        return f"with friction {self.friction:g}: above 1, convergence is not assured" if self.friction > 1 else ""
+        return (f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
+                "convergence is not assured" if self.friction > 1 else "")
 
     @classmethod
     def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Contact:

@@ -189,7 +189,7 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
             free = shutil.disk_usage(folder).free
     # Some writers (numpy's tofile, Pillow) lose the error number: then only the free space tells.
     if error.errno in _FULL or (error.errno is None and free is not None and free < 1 << 20):
-        left = "" if free is None else f", {_readable(free)} free"
+        left = "" if free is None else f", {free / 1e6:,.0f} MB free"
         over = "disk quota exceeded" if error.errno == errno.EDQUOT else "disk full"
         return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}", "room for the results",
                        "free some space (--resume computes nothing again that has been computed), choose another "
@@ -197,14 +197,6 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
     return Problem(DIRECTORY_KEY, f"cannot write {what} in {directory}: {error.strerror or error}",
                    "a folder that can be created and written to",
                    "check the path and its permissions, or choose another folder with --output")
-
-
-def _readable(size: float) -> str:
-    for unit in ("bytes", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.3g} {unit}"
-        size /= 1000
-    return f"{size:.3g} GB"
 
 
 LOCK, HOLDER = f"{OWN}/lock", f"{OWN}/holder.json"

@@ -74,8 +74,9 @@ class Progress(Subscriber):
     def iteration(self, event: Iteration) -> None:
         name, target = event.target
         value, label = float(getattr(event, name, math.nan)), name.replace("_", " ")
-        known = f"{label} {value:.1e}" if math.isfinite(value) else ""
-        shown = known or f"indicator {event.indicator:.1e}, {label}"
+        shown = f"{label} {value:.1e}"
+        if not math.isfinite(value):
+            shown = f"indicator {event.indicator:.1e}, {label}"
         self._remaining.iterated(event, time.monotonic())
         self._stage, self._text = f"iteration {event.iteration}", f"{shown} → {target:.0e}"
         self._changed()
@@ -98,7 +99,7 @@ class Progress(Subscriber):
             print(ERASE, end="", file=self._stream, flush=True)
             self._live = False
 
-    def line(self, width: float = math.inf) -> str:
+    def line(self, width: int = 1000) -> str:
         """Return what is told now, in so many columns: what matters least is left out first."""
         now, doing = time.monotonic(), self._usage and self._usage.doing
         left, spent = self._remaining.left(doing, now), now - self._begun
@@ -108,7 +109,7 @@ class Progress(Subscriber):
         parts = [part for part in (*parts, self._text) if part]
         while len(parts) > 1 and len(" · ".join(parts)) > width:
             parts.pop()
-        return " · ".join(parts)[: None if math.isinf(width) else int(width)]
+        return " · ".join(parts)[:width]
 
     def _tick(self) -> None:
         while not self._closed.wait(OFTEN if self._live else EVERY):
@@ -127,11 +128,10 @@ class Progress(Subscriber):
 
 
 def duration(seconds: float) -> str:
-    """Return seconds as people say them, in one digit."""
-    size, unit = next(
-        (s, u) for s, u in ((3600, "h"), (60, "min"), (1, "s")) if seconds > 1.5 * s or s == 1
-    )
-    return f"{max(float(f'{seconds / size:.1g}'), 1):g} {unit}"
+    """Return seconds as people say them, below two minutes in one digit."""
+    if seconds >= 90:
+        return f"{seconds / 60:.0f} min"
+    return f"{max(float(f'{seconds:.1g}'), 1):g} s"
 
 
 class Remaining:
@@ -204,11 +204,8 @@ class Remaining:
 
 def measure(event: Iteration) -> float:
     """What an iteration waits for, or what goes with it where that is not evaluated yet."""
-    name = event.target[0]
-    for value in (getattr(event, name, math.nan), event.law_residual, event.force_imbalance):
-        if math.isfinite(value) and value > 0:
-            return float(value)
-    return math.nan
+    told = getattr(event, event.target[0], math.nan), event.law_residual, event.force_imbalance
+    return float(next((value for value in told if 0 < value < math.inf), math.nan))
 
 
 def pace_of(values: Sequence[float]) -> float:

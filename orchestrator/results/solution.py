@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from orchestrator.blackbox.codes.parts import fields_of_parts
 from orchestrator.config.model import Config
+from orchestrator.errors import Problems, wrong
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
@@ -23,10 +25,14 @@ from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import columns, read_history, write_history
-from orchestrator.results.probes import NAME as PROBES, PATHS
+from orchestrator.results.probes import NAME as PROBES, PATHS, along
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
+from orchestrator.scene.conditions.finder import Finder
+from orchestrator.scene.conditions.probes import Line
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene
+from orchestrator.scene.names import matching
 
 
 @dataclass(frozen=True)
@@ -162,6 +168,40 @@ class Solution:
         """(T, n, 3) in the node order of the input mesh, where interfaces open the mean of the sides; None without
         fields."""
         return None if self.fields is None else self.fields.displacement
+
+    def at(self, points: ArrayLike, part: str = "*") -> dict[str, np.ndarray]:
+        """Return displacement (T, k, 3), stress (T, k, 6) and von_mises (T, k) at any points, nan
+        outside the body; stress in the order XX, YY, ZZ, XY, YZ, XZ, as probes have it.
+
+        points : (k, 3), or (3,) for one
+        part : name of the part that is meant where several meet, shell wildcards allowed
+        Raises InputError: the run was asked for no fields
+
+        Examples
+        --------
+        >>> from orchestrator import config_from, solve
+        >>> solution = solve(config_from({
+        ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+        ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.0}],
+        ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]}))
+        >>> found = solution.at([[1.0, 0.3, 0.5], [3.0, 0.3, 0.5]])
+        >>> print(found["displacement"][0, :, 0].round(7), found["stress"][0, :, 0].round(4))
+        [5.0e-05 1.5e-04] [10. 10.]
+        """
+        if self.fields is None:
+            raise wrong(("output", "fields"), "a run that was asked for no fields",
+                        "the displacements of all nodes", "run it again without fields: false")
+        fields, at = self.fields, np.atleast_2d(np.array(points, float))
+        volume = np.zeros(len(fields.cells), int) if fields.part is None else fields.part
+        mesh = Mesh(fields.nodes, fields.cells, volume, [*fields.parts, ""])
+        allowed = np.isin(mesh.volumes, matching(part, mesh.volumes))[volume]
+        finder, cells, weights = Finder(mesh, None, fields.subdomain, (), (), Problems()), [], []
+        for tets in (finder.around(point, allowed) for point in at):
+            cells.append(next(iter(tets.number), -1))
+            weights.append(next(iter(tets.weights), np.zeros(4)))
+        u, sigma = (along(Line("", quantity, at, at, np.array(cells), np.array(weights), at), fields.nodal)[1]
+                    for quantity in ("displacement", "stress"))
+        return {"displacement": u[..., :3], "stress": sigma[..., :6], "von_mises": sigma[..., 6]}
 
     @property
     def sides(self) -> list[np.ndarray] | None:

@@ -156,7 +156,7 @@ class Sweep:
 
 def _loaded(config: Path, overrides: list[str]) -> Loaded | InputError:
     try:
-        return load_config(config, overrides)
+        return load_config(config, overrides, edited=True)
     except InputError as error:
         return error
 

@@ -25,10 +25,22 @@ def screwed(tmp_path_factory):
     assert call("init", folder / "screwed.yaml", folder / "screwed.step").code == 0
     text = (folder / "screwed.yaml").read_text()
     text = re.sub(r", h: {[^}]*}", ", h: {curvature: 8, max: 8}", text)
+    text = re.sub(r" *# EDIT.*", "", text)
     text = re.sub(r"  - {on: \"bolt_1:\d\".*\n", "", text)  # tightened alone
     text = re.sub(r"(tighten|pull): +\[.*\n", r"\1: [1]\n", text).replace("element: auto", "element: P1, workers: 1")
     (folder / "screwed.yaml").write_text(text)
     return folder / "screwed.yaml"
+
+
+def test_nothing_runs_until_the_guesses_of_init_are_edited(screwed):
+    """Supports, forces and frictions that a program has guessed are nobody's problem."""
+    path = screwed.with_name("guessed.yaml")
+    path.write_text(screwed.read_text() + "# EDIT: the friction\n")
+    for command in ("check", "run"):
+        done = call(command, path)
+        assert done.code == 2 and "EDIT: the friction, a guess of orchestrator init" in done.err
+    line = len(path.read_text().splitlines())
+    assert f"guessed.yaml:{line}" in done.err and "1 problem in the input" in done.err
 
 
 def test_init_writes_a_cut_between_head_and_thread(screwed):

@@ -14,7 +14,7 @@ import pytest
 import pyvista
 import scipy.io
 import scipy.sparse as sp
-from helpers import HELD, STEEL, bricks, on, rollers, solved
+from helpers import HELD, STEEL, bricks, call, on, rollers, solved
 
 CUBE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
 TET = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n"
@@ -306,6 +306,7 @@ def test_lengths_of_step_files_are_mm(unit, factor, words, tmp_path):
     assert np.ptp(made.mesh.nodes, axis=0) == pytest.approx(factor * np.array([1, 2, 3]))
     told = [sentence for sentence in made.warnings if "unit of length" in sentence]
     assert bool(told) == bool(words) and words in str(told)
+    assert f"the file's unit of length {words or 'is the mm'}" in call("inspect", tmp_path / "box.step", "--h", factor).out
 
 
 @pytest.mark.parametrize("length, force, young, poisson, meant", [

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.events import HISTORY_COLUMNS
-from orchestrator.registry import LAWS
 from orchestrator.results.figures.plotting import (
-    BLUE, BROWN, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, tidy)
+    BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, tidy)
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, code_label, stage_seconds
 
 if TYPE_CHECKING:
@@ -20,14 +17,13 @@ if TYPE_CHECKING:
 # column, label, colour, marker
 _MAIN = {"error_bound", "law_residual"}
 _FLOOR = 1e-17  # rounding: values below only stretch the axis
-_OF_LAWS = [(SKY, "<"), ("0.5", ">"), (BROWN, "P"), (OLIVE, "X")]  # colours and markers of the laws' measures, in turn
 _CURVES = [("error_bound", "error bound", "black", "o"),
-           ("law_residual", "law residual (the largest)", "0.35", "o"),
+           ("law_residual", "law residual, the largest", SKY, "P"),
            ("true_error", "true error", RED, "*"),
            ("residual", "residual ‖Δs‖", PURPLE, "v"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
            ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
-           ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
+           ("indicator", "indicator η, a squared ratio", ORANGE, "D")]
 
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> Figure:
@@ -37,10 +33,7 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if laws else (0.1, 0.12, 0.86, 0.78))
     x = np.asarray(history["iteration"])
     every = max(1, len(x) // 12)
-    own = [name for name in history if name not in HISTORY_COLUMNS and history[name].dtype.kind == "f"]  # the scene's laws' measures
-    labels = {measure.name: measure.label for law in LAWS.values() for measure in law.measures} if own else {}
-    curves = [(name, labels.get(name, name.replace("_", " ")), *_OF_LAWS[k % len(_OF_LAWS)]) for k, name in enumerate(own)]
-    for column, label, colour, marker in [*_CURVES[:3], *curves, *_CURVES[3:]]:
+    for column, label, colour, marker in _CURVES:
         y = np.array(history.get(column, np.full(len(x), np.nan)), float)
         known = np.isfinite(y) & (y > _FLOOR)
         if laws and column == "displacement_jump":  # interfaces that open are meant to jump
@@ -49,9 +42,6 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
             main = column in _MAIN
             axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker, markevery=every,
                           markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
-    true = summary.get("true_error")
-    if true and math.isfinite(true) and not np.isfinite(history.get("true_error", np.nan)).any():
-        axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5, label=f"true error {true:.1e}")
     target = tolerance(summary)
     if target is not None:
         name, value = target
@@ -110,7 +100,6 @@ def time_per_stage(summary: Mapping[str, object]) -> Figure:
         axes.bar_label(drawn, fmt="%.2f", padding=3, fontsize=8, color=GREY)
         ticks, labels, y = [*ticks, *places], [*labels, *(label for label, _ in bars)], y + len(bars) + 1.2
     axes.set_yticks(ticks, labels, fontsize=8.5)
-    axes.tick_params(axis="y", length=0)
     axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
     axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
     tidy(axes)

@@ -16,7 +16,7 @@ import numpy as np
 
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.exaggeration import exaggeration, largest_displacement
-from orchestrator.results.figures.plotting import DPI, new_figure, short
+from orchestrator.results.figures.plotting import DPI, RED, new_figure, short
 from orchestrator.results.summary.summary import units_of
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ WIDTH = 9.0  # of a figure, inches
 UNKNOWN = "#bfbfbf"
 SHARP = 30.0  # degrees by which faces turn at an edge that is drawn
 MARGIN = 1.04
+HIGH = 0.99  # share of the surface that the scale holds; what is beyond stands out
+ABOVE = 1.5  # of that, from which the peak is beyond; else the scale ends there
 FLATTEST, TALLEST = 0.25, 0.75  # height of a view over its width
 
 
@@ -40,6 +42,7 @@ class Picture:
     limits : ends of the scale; palette : its colours
     kinds : names of the values 0, 1, 2 …; none: values are a quantity
     label : what the colours say; told : sentences below
+    beyond : whether values are beyond the scale, in a colour of its own
     """
 
     surfaces: Sequence[PolyData]
@@ -50,15 +53,19 @@ class Picture:
     label: str
     told: Sequence[str]
     kinds: Sequence[str] = ()
+    beyond: bool = False
 
 
 def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
-    """Return the deformed surface, colours from zero to the peak of von Mises stress; None where no part has a mesh of ours.
+    """Return the deformed surface, coloured by von Mises stress; None where no part has a mesh of ours.
+
+    Colours go up to what ``HIGH`` of the surface stays below: a peak at an edge leaves the rest its colours.
 
     Where no stress is known, colours are the size of the displacement.
     """
     from matplotlib import colormaps
 
+    palette = colormaps["viridis"].with_extremes(over=RED)
     kept = np.flatnonzero(fields.lame[:, 1] > 0)
     if not len(kept):
         return None
@@ -75,10 +82,16 @@ def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
         moved[-1].points = surface.points + factor * u
         moved[-1]["colour"] = values[place] if known else np.linalg.norm(u, axis=1)
     name, unit = ("von Mises stress", units["stress"]) if known else ("displacement", units["length"])
+    faces, area = surface.regular_faces, surface.compute_cell_sizes()["Area"]
+    shown = np.concatenate([shape["colour"][faces].mean(axis=1) for shape in moved])
+    order = np.argsort(shown)  # what is not known comes last, and counts nothing
+    below = np.cumsum(np.where(np.isfinite(shown), np.tile(area, len(steps)), 0.0)[order])
+    top = float(shown[order][np.searchsorted(below, HIGH * below[-1])])
+    top = top if peak > ABOVE * top > 0 else peak or 1.0
     told = [f"displacements × {factor:g}", f"largest displacement {short(most)}{units['length']}",
             f"peak {name} {short(peak)}{unit}", *["grey: stress not known"] * bool(known and np.isnan(stress).any())]
-    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, peak or 1.0), colormaps["viridis"],
-                   name + (unit and "," + unit), told)
+    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, top), palette,
+                   name + (unit and "," + unit), told, beyond=peak > top)
 
 
 def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
@@ -173,7 +186,8 @@ def draw(picture: Picture, step: int, width: int) -> np.ndarray:
     plotter.clear_actors()
     plotter.render_window.SetSize(width, round(width * extent[1] / extent[0]))
     plotter.add_mesh(picture.surfaces[step], scalars="colour", cmap=picture.palette, clim=picture.limits, nan_color=UNKNOWN,
-                     interpolate_before_map=True, show_scalar_bar=False, lighting=light, ambient=0.75 if light else 1.0,
+                     interpolate_before_map=True, above_color=RED if picture.beyond else None,
+                     show_scalar_bar=False, lighting=light, ambient=0.75 if light else 1.0,
                      diffuse=0.3 * light, reset_camera=False, render=False)
     if picture.lines[step].n_points:
         actor = plotter.add_mesh(picture.lines[step], color="black", opacity=0.45, lighting=False, line_width=max(1.0, width / 900),
@@ -229,7 +243,7 @@ def compose(picture: Picture, title: str) -> Figure:
         figure.legend(handles=[Patch(color=colour, label=name) for colour, name in zip(colours, picture.kinds)], title=picture.label,
                       fontsize=8.5, frameon=False, loc="outside lower center", ncols=len(picture.kinds))
     else:
-        bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette), ax=panels.tolist(), location="bottom",
-                              shrink=0.6, aspect=40, label=picture.label)
+        bar = figure.colorbar(ScalarMappable(Normalize(*picture.limits), picture.palette), ax=panels.tolist(),
+                              location="bottom", extend="max" if picture.beyond else "neither", shrink=0.6, aspect=40, label=picture.label)
         bar.set_ticks(np.linspace(*picture.limits, 5), labels=[short(value) for value in np.linspace(*picture.limits, 5)])
     return figure

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
 import os
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +23,26 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.results.summary.verdict import verdict
 
+# words of the summary → what to cite where they are there
+CITED = {
+    "": "P. Oumaziz, P. Gosselet, P.-A. Boucard, M. Abbas: A parallel non-invasive multiscale strategy for a mixed "
+        "domain decomposition method with frictional contact. Int. J. Numer. Meth. Eng. 115 (2018) 893–912 (the method).",
+    r'"status_counts": {': "P. Oumaziz, P. Gosselet, P.-A. Boucard, S. Guinard: A non-invasive implementation of a mixed domain "
+        "decomposition method for frictional contact problems. Comput. Mech. 60 (2017) 797–812 (contact).",
+    r'"acceleration": "Anderson': "D. G. Anderson: Iterative procedures for nonlinear integral equations. J. ACM 12 (1965) "
+        "547–560 (acceleration).",
+    r'"error_kind": "': "W. Prager, J. L. Synge: Approximations in elasticity based on the concept of function space. "
+        "Quart. Appl. Math. 5 (1947) 241–269 (error bound).",
+    r'"code": "freefem"': "F. Hecht: New development in FreeFem++. J. Numer. Math. 20 (2012) 251–265 (finite elements).",
+    r'"code": "calculix"': "G. Dhondt: The Finite Element Method for Three-Dimensional Thermomechanical Applications. "
+        "Wiley, 2004 (finite elements: CalculiX).",
+    r'"code": "scikit-fem"': "T. Gustafsson, G. D. McBain: scikit-fem: A Python package for finite element assembly. "
+        "J. Open Source Softw. 5 (2020) 2369 (finite elements).",
+    r'"(step|polycrystal)": ["{]': "C. Geuzaine, J.-F. Remacle: Gmsh: a 3-D finite element mesh generator with built-in pre- and "
+        "post-processing facilities. Int. J. Numer. Meth. Eng. 79 (2009) 1309–1331 (meshes).",
+    r'"metis": \d': "G. Karypis, V. Kumar: A fast and high quality multilevel scheme for partitioning irregular graphs. "
+        "SIAM J. Sci. Comput. 20 (1998) 359–392 (subdomains).",
+}
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; lines: sharp edges and borders of the subdomains."),
              ("interfaces.png", "The interfaces that are not perfect: where they are open, stick or slip."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
@@ -50,7 +72,7 @@ def report(directory: str | os.PathLike[str]) -> Path:
     first = _PICTURES[0][0] in there
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
     parts += section("Figures", *pictures[first:])
-    text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
+    text = "\n\n".join(parts + _configuration(solution.summary) + cited(solution.summary)) + "\n"
     folder.write("report.html", page(text, folder.path, name))
     return folder.write("report.md", text)
 
@@ -63,6 +85,13 @@ def _parts(solution: Solution, pictures: list[str]) -> list[str]:
     return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), *pictures,
             table(("", ""), [row for row in summary_rows(summary) if row[0] != "verdict"]),
             *(part for each in tables(summary, solution.history, solution.directory) for part in each.markdown)]
+
+
+def cited(summary: Mapping[str, object]) -> list[str]:
+    """Return what to cite for what a run has used."""
+    used = json.dumps(summary)
+    return [heading("To cite"), "\n".join(
+        f"- {plain(source)}" for words, source in CITED.items() if re.search(words, used))]
 
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:

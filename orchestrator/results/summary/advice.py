@@ -9,8 +9,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from orchestrator.config.method import Method
 from orchestrator.errors import some
 from orchestrator.method.delivery.loose import Stabilised
@@ -52,6 +50,12 @@ class Stopped:
             return math.nan
         return (values[-1] / values[0]) ** (1 / (len(values) - 1))
 
+    @property
+    def reached(self) -> float:
+        """What the tolerance is compared with, as it is in the end; nan where it is not known."""
+        last = self.iterated.last
+        return last.law_residual if last.target[0] == "law_residual" else self.iterated.bound.relative
+
 
 def how_far(run: Stopped) -> Iterator[str]:
     """max_iterations: whether more of them would do."""
@@ -59,8 +63,7 @@ def how_far(run: Stopped) -> Iterator[str]:
     if not pace < MOVING:
         yield "it hardly gets any better: more iterations will not do"
         return
-    measure = last.law_residual if last.target[0] == "law_residual" else math.nan if run.scene.bonded else run.iterated.bound.relative
-    more, left = "", measure / last.tolerance
+    more, left = "", run.reached / last.tolerance
     if math.isfinite(left) and left > 1:
         more = f", about {math.ceil(math.log(left) / -math.log(pace))} more iterations at this pace"
     yield (f"it was still getting better, by a factor of {1 / pace:.2g} per iteration{more}: --resume goes on from here, "
@@ -69,8 +72,7 @@ def how_far(run: Stopped) -> Iterator[str]:
 
 def rounding(run: Stopped) -> Iterator[str]:
     """stagnated: double precision leaves no more."""
-    last = run.iterated.last
-    reached = last.law_residual if last.target[0] == "law_residual" else run.iterated.bound.relative
+    reached = run.reached
     wanted = f"method.tolerance.error={2 * reached:.0e} would be met" if math.isfinite(reached) and reached < 1 else \
         "raise method.tolerance"
     yield (f"the state changes by less than {ROUNDING:g} and what is left is rounding: {wanted}; less rounding comes with "
@@ -123,15 +125,8 @@ def shape(run: Stopped) -> Iterator[str]:
     worst = float(difficulty(scene).slenderness[~scene.stand_ins].max(initial=1.0))
     if worst < SLENDER:
         return
-    extent, count = np.ptp(scene.mesh.box, axis=0), len(scene.subdomains)
-    side = (extent.prod() / count) ** (1 / 3)
-    for axis in np.argsort(extent):  # a side that is shorter than a compact subdomain's is not cut; the others make up for it
-        if extent[axis] < side:
-            others = [other for other in range(3) if extent[other] > extent[axis]]
-            side = (extent[others].prod() / count) ** (1 / len(others)) if others else side
-    grid = [max(1, round(float(length / side))) for length in extent]
-    yield (f"subdomains are up to {worst:.0f} times as long as thick, which slows convergence: cut so that they are about as thick "
-           f"as long and wide, in a box by subdomains: {{grid: {grid}}}, say, else by {{metis: {count}}}")
+    yield (f"subdomains are up to {worst:.0f} times as long as thick, which slows convergence: cut so that they are "
+           f"about as thick as long and wide, as by subdomains: {{metis: {len(scene.subdomains)}}} or more")
 
 
 def contact(run: Stopped) -> Iterator[str]:

@@ -68,7 +68,7 @@ class Finder:
 
     def _point(self, asked: PointProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Point | None:
         at = np.array(asked.at, dtype=float)
-        tets = self._around(at, allowed)
+        tets = self.around(at, allowed)
         if len(tets.number):
             names = self._apart(tets)
             if len(names) > 1:
@@ -85,7 +85,7 @@ class Finder:
                      f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
         return None
 
-    def _around(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
+    def around(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
         """Return tets that have a point; beside a curved surface the nearest one, farther away none."""
         cells, mesh = np.flatnonzero(allowed), self.mesh
         corners = mesh.nodes[mesh.cells[cells, :4]]
@@ -111,7 +111,7 @@ class Finder:
         at = ends[0] + np.linspace(0.0, 1.0, asked.points)[:, None] * (ends[1] - ends[0])
         cells, weights, before, of = np.full(len(at), -1), np.zeros((len(at), 4)), None, set()
         for k, point in enumerate(at.copy()):
-            tets = self._around(point, allowed)
+            tets = self.around(point, allowed)
             if len(tets.number):
                 at[k] = tets.place
                 same = [] if before is None else np.flatnonzero(tets.subdomain == before)
