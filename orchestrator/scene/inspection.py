@@ -212,8 +212,7 @@ def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
     if not unit:
         return text
     meant = "N/m², so that lengths are in m" if unit == "m" else "N/mm², so that lengths are in mm"
-    giga = stiff / (1e9 if unit == "m" else 1e3)
-    text += f"; a modulus of {stiff:g} looks like {meant}, and then is {giga:.3g} GPa"
+    text += f"; a modulus of {stiff:g} looks like {meant}, and then is {stiff / (1e9 if unit == 'm' else 1e3):.3g} GPa"
     if unit in fits:
         return text
     return text + f": {size * metres[unit]:g} m is implausible; scale: under mesh: takes a factor, or change the moduli"
