@@ -39,20 +39,19 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     run_programs : whether parts that are programs are started; they alone know their joints
     meshed : what makes the mesh; one that has been used before has it already where nothing that
         makes it has changed
-    Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials
-    and interfaces;
-        a bad mesh is reported alone, since nothing else can be judged without it; programs that may
-        not be started
+    Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and
+        interfaces; a bad mesh is reported alone, since nothing else can be judged without it;
+        programs that may not be started
 
     Examples
     --------
     >>> from orchestrator import build_scene, config_from
     >>> scene = build_scene(config_from({
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3,
-    "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10,
-    0, 0]}]}))
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+    ...                  {"on": "xmax", "traction": [10, 0, 0]}]}))
     >>> scene
     Scene(bar: 4 subdomains, 3 interfaces, 243 dofs, 1 load steps)
     >>> [interface.subdomains for interface in scene.interfaces]
