@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.start import find_codes
-from orchestrator.config.mesh import Mesh as Section
+from orchestrator.config.mesh import MeshEntry as Section
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problem

@@ -16,13 +16,13 @@ from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver
-from orchestrator.method.delivery.flux import Forces
+from orchestrator.method.delivery.flux import ForceProbes
 from orchestrator.method.delivery.recovery import on_mesh
 from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, load_cases
-from orchestrator.method.setup import Part, prepare
+from orchestrator.method.setup import RankPart, prepare
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
@@ -68,8 +68,8 @@ class Solving:
         """Return the solution on rank 0, None elsewhere."""
         team, watch, wanted = self.ranks.team, self.watch, self.config.method.tolerance.error == "auto"
         with watch("parts"):
-            part = Part.handed_out(self.whole, self.rank_of, team)
-        forces = team.share(None if team.rank else Forces.of(self.whole))
+            part = RankPart.handed_out(self.whole, self.rank_of, team)
+        forces = team.share(None if team.rank else ForceProbes.of(self.whole))
         self.forces = forces.of_rank(part.space.subdomains)
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
         self.cases: LoadCases = load_cases(part.scene, self.config.method.skip, own, team)
@@ -100,7 +100,7 @@ class Solving:
         with self.watch("reference"), make_blackbox(self.codes[0]) as whole:
             return solve_reference(self.whole, whole)
 
-    def _part_solved(self, part: Part) -> tuple[Delivered, float, list[Spent] | None]:
+    def _part_solved(self, part: RankPart) -> tuple[Delivered, float, list[Spent] | None]:
         """Return what this rank's part delivers, back-substitutions in set-up, and on rank 0 what all have spent."""
         team, method, watch, savings = self.ranks.team, self.config.method, self.watch, Savings()
         placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)

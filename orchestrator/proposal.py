@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orchestrator.scene.fits import Bolt, Fit, Pressed, bolts, fits, pressed, round_faces
+from orchestrator.scene.fits import ClampingBolt, Fit, PlanePatch, bolts, fits, pressed, round_faces
 from orchestrator.scene.inspection import ROOM, SurfaceRow, pairs_of_mesh
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.mesh import Mesh
@@ -34,8 +34,8 @@ class Proposal:
 
     mesh: Mesh
     fits: list[Fit]
-    pressed: list[Pressed]
-    bolts: list[Bolt]
+    pressed: list[PlanePatch]
+    bolts: list[ClampingBolt]
     pairs: int
     roles: dict[str, str]
     cuts: list[str] = field(default_factory=list)
@@ -143,7 +143,7 @@ interfaces:                         # {count} on each other
         return text
 
 
-def _cut(mesh: Mesh, faces: Faces, bolt: Bolt) -> str:
+def _cut(mesh: Mesh, faces: Faces, bolt: ClampingBolt) -> str:
     """The cut of a bolt between its head and what its thread is bonded to, as a key of its entry; empty where it has no round shank."""
     own = np.flatnonzero(mesh.volume == bolt.volume)
     shank = across_shank(mesh, faces, own)

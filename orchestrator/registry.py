@@ -119,7 +119,7 @@ IN_VOLUMES = Registry({
 })
 
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
-GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:Coupling"})
+GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:CouplingLaw"})
 
 ACCELERATIONS = Registry({
     "none": "orchestrator.method.acceleration.relaxation:Relaxation",

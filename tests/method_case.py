@@ -11,7 +11,7 @@ from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.setup import Part, prepare
+from orchestrator.method.setup import RankPart, prepare
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -49,7 +49,7 @@ def solved(reference=True, **changes) -> Solution:
 
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
-    return prepare(Part.of(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
+    return prepare(RankPart.of(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.config.load import Source, load_config
+from orchestrator.config.load import KeyPlaces, load_config
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -243,6 +243,6 @@ def test_problems_of_overrides_show_the_override(write, override, key, words):
 
 def test_a_default_is_not_blamed_on_an_override_beside_it():
     """As when a run resumes from a folder that only the name of the configuration says; what an override left out is."""
-    source = Source("it.yaml", {}, {("output", "fields"): "output.fields=false", ("mesh", "box", "size"): "mesh.box.size=[1,1,1]"})
+    source = KeyPlaces("it.yaml", {}, {("output", "fields"): "output.fields=false", ("mesh", "box", "size"): "mesh.box.size=[1,1,1]"})
     assert source.locate(("output", "directory")) == ("it.yaml", 1)
     assert source.locate(("mesh", "box", "cells")) == ("--set mesh.box.size=[1,1,1]", None)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orchestrator.method.stopping.held_jumps import Charges, Held
+from orchestrator.method.stopping.held_jumps import Charges, HeldJumps
 
 NORMAL = np.array([[0.0], [0.0], [1.0]])
 YIELDS = np.array([2.0])  # how far a unit force moves the sides
@@ -21,7 +21,7 @@ def laws(pressure):
 
 
 def closed(soft=0.0, priced=True):
-    return Held(np.array([0]), NORMAL.T, np.zeros(1), np.atleast_1d(soft), np.array([priced]))
+    return HeldJumps(np.array([0]), NORMAL.T, np.zeros(1), np.atleast_1d(soft), np.array([priced]))
 
 
 def pulled(held, wants):

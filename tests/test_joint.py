@@ -8,7 +8,7 @@ from yaml_case import call
 
 from orchestrator import InputError
 from orchestrator.config.load import load_config
-from orchestrator.config.mesh import Mesh as Section
+from orchestrator.config.mesh import MeshEntry as Section
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.results.summary.verdict import verdict
 from orchestrator.scene.fits import bolts

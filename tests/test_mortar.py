@@ -15,7 +15,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.mortar.operators import make_mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.opposite import Facets
+from orchestrator.scene.interfaces.opposite import Triangles
 
 # --- two surfaces ---------------------------------------------------------------------------------------------
 
@@ -43,7 +43,7 @@ def surfaces(n, m, shape=lambda p: p, seeds=(1, 2), move=(0, 0, 0), reach=0.5) -
     sides = t, s + len(p)
     room = np.full(len(t), reach / n)
     return Surfaces.of(x, sides, tuple(np.arange(len(side)) for side in sides),
-                       find_segments(*(Facets.of(x[side]) for side in sides), room))
+                       find_segments(*(Triangles.of(x[side]) for side in sides), room))
 
 
 def mortar_of(two: Surfaces, held=0, crossed=0):

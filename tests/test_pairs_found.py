@@ -11,7 +11,7 @@ from quick import late
 from yaml_case import call
 
 from orchestrator.config.load import config_from
-from orchestrator.config.mesh import Mesh as Section, Move
+from orchestrator.config.mesh import MeshEntry as Section, Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions

@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 
 from orchestrator.config.load import config_from
-from orchestrator.config.mesh import Mesh
+from orchestrator.config.mesh import MeshEntry
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.gmsh_session import session
@@ -57,8 +57,8 @@ def test_an_element_said_by_parts_holds_for_the_code():
 # --- solid by solid ---------------------------------------------------------------------------------------
 
 
-def section(**keys) -> Mesh:
-    return Mesh.model_validate({"step": AS1, "conforming": False, **keys})
+def section(**keys) -> MeshEntry:
+    return MeshEntry.model_validate({"step": AS1, "conforming": False, **keys})
 
 
 @pytest.fixture(scope="module")

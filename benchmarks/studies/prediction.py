@@ -37,7 +37,7 @@ from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
-from orchestrator.method.setup import Part
+from orchestrator.method.setup import RankPart
 from orchestrator.parallel.placement import Placement
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.answers import InterfaceTable
@@ -150,7 +150,7 @@ def measure_parts(cubes: Callable[[Sequence[int], int], Config]) -> Parts:
     known, begin = overview(scene), time.process_time()
     part = part_of(scene, np.flatnonzero(rank_of == 0), known)
     handed, told = time.process_time(), len(pickle.dumps(part))
-    Part.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
+    RankPart.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
     make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
     done, none = time.process_time(), np.zeros((scene.steps, len(scene.interfaces), 3))
     table = InterfaceTable.of(scene, Resultants(none, none, none, none[0], none[0, :, 0]), None)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from orchestrator.accuracy.measured import Energies
 from orchestrator.accuracy.nested import Stressed
-from orchestrator.accuracy.sizes import Wanted
+from orchestrator.accuracy.sizes import WantedMesh
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import some
 from orchestrator.folders import read_arrays, write_arrays
@@ -126,7 +126,7 @@ class Passes:
     """
 
     done: list[Pass] = field(default_factory=list)
-    mesh: Wanted = Wanted()
+    mesh: WantedMesh = WantedMesh()
     before: Energies | None = None
     tolerance: float = 0.0
     element: str = ""
@@ -152,7 +152,7 @@ class Passes:
                 for k, (part, name) in enumerate(told["keys"])}
         solved = {name.partition("/")[2]: array for name, array in arrays.items() if name.startswith(f"{SOLVED}/")}
         before = told["before"] and Energies(**told["before"], solved=Stressed(**solved) if solved else None)
-        mesh = Wanted(maps, *(told[name] for name in OF_MESH))
+        mesh = WantedMesh(maps, *(told[name] for name in OF_MESH))
         return cls([Pass(**one) for one in told["done"]], mesh, before, told["tolerance"], told["element"])
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.config.mesh import Mesh as Source
+from orchestrator.config.mesh import MeshEntry as Source
 from orchestrator.config.model import Config
 from orchestrator.scene.conditions.ground import GROUND
 from orchestrator.scene.mesh.mesh import Mesh
@@ -58,7 +58,7 @@ def ratios(errors: np.ndarray, order: int, count: float) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WantedMesh:
     """A finer mesh, before it is made; by default the one that the configuration says.
 
     maps : of all that is not as the configuration says
@@ -74,7 +74,7 @@ class Wanted:
     had: float = 0.0
 
 
-def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: Maps, smallest: float) -> Wanted:
+def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: Maps, smallest: float) -> WantedMesh:
     """Sizes for about ``count`` elements, part by part: what is fine enough keeps the mesh that it has.
 
     mesh : of the scene; errors : (T, m) of its elements at every load step; the largest counts
@@ -104,7 +104,7 @@ def wanted(config: Config, mesh: Mesh, errors: np.ndarray, count: float, known: 
             frame = moved(np.vstack([np.zeros(3), np.eye(3)]), move)
             points = (points - frame[0]) @ (frame[1:] - frame[0]).T
         maps[key] = SizeMap(points / factor, local, at_nodes / factor)
-    return Wanted(maps, elements, refined, kept, float(had / (squares.sum() or 1.0)))
+    return WantedMesh(maps, elements, refined, kept, float(had / (squares.sum() or 1.0)))
 
 
 def _source(config: Config, part: int) -> Source:

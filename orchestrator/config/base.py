@@ -90,7 +90,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, eq=False)
-class Made(Chosen):
+class MadeModel(Chosen):
     """The model is made by ``make``, of the keys that a registry has."""
 
     base: type[Part]

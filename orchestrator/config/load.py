@@ -22,7 +22,7 @@ Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True)
-class Source:
+class KeyPlaces:
     """The places of a configuration's keys in its file.
 
     file : the YAML file as the user named it; empty for a configuration built in Python
@@ -74,10 +74,10 @@ class Loaded:
     """A valid configuration that remembers where it came from."""
 
     config: Config
-    source: Source = field(default_factory=Source)
+    source: KeyPlaces = field(default_factory=KeyPlaces)
 
     def locate(self, path: KeyPath) -> tuple[str, int | None]:
-        """(file, line) of a key, see ``Source.locate``."""
+        """(file, line) of a key, see ``KeyPlaces.locate``."""
         return self.source.locate(path)
 
 
@@ -110,7 +110,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = (), edited: bool = 
     """
     text = read_text(Path(path))
     data, lines = parse_yaml(text, str(path))
-    source = Source(str(path), lines)
+    source = KeyPlaces(str(path), lines)
     problems = placeholders(text, str(path)) if edited else []
     for override in overrides:
         try:

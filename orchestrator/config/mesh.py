@@ -65,7 +65,7 @@ class Refined(Part):
     h: Positive = Field(description="element size there; sizes grow into the solid from there on")
 
 
-class Mesh(Part):
+class MeshEntry(Part):
     """Exactly one source, and how to scale it."""
 
     beam: Beam | None = Field(None, description="a structured beam: {size, h}")
@@ -115,7 +115,7 @@ class Subdomains(Part):
         return {"anyOf": [handler(core), {"const": "groups"}]}
 
 
-class Material(Part):
+class MaterialEntry(Part):
     """Isotropic linear elasticity on the volumes it names; the last match wins."""
 
     young: Positive = Field(description="Young's modulus, above 0, in force per area of your units")
@@ -199,12 +199,12 @@ class Move(Part):
     translate: Vector | None = Field(None, description="a shift [x, y, z], after the turns")
 
 
-class Matter(Part):
+class PartMatter(Part):
     """Isotropic linear elasticity of a whole part."""
 
-    young: Positive = Material.model_fields["young"]
-    poisson: float = Material.model_fields["poisson"]
-    density: Positive | None = Material.model_fields["density"]
+    young: Positive = MaterialEntry.model_fields["young"]
+    poisson: float = MaterialEntry.model_fields["poisson"]
+    density: Positive | None = MaterialEntry.model_fields["density"]
 
 
 class OnePart(Part):
@@ -212,14 +212,14 @@ class OnePart(Part):
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
         description="letters, digits, '-', '_', '.' and spaces: its volumes go by it, its surfaces by name/surface")
-    mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
+    mesh: MeshEntry | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
     matrix: MatrixPart | None = Field(None, description="in place of mesh: a stiffness matrix, {stiffness: K.mtx, nodes: nodes.csv, …}")
     deck: DeckPart | None = Field(None, description="in place of mesh: a CalculiX deck, {calculix: part.inp, joints: [flange], …}")
     program: ProgramPart | None = Field(None, description=(
         "in place of mesh: a program of your own, {run: ./my_solver.sh, outward: [0, 0, 1], …}"))
     h: Positive | None = Field(None, description="element size for a mesh from `step`, in place of the mesh's own h")
     move: Move | None = Field(None, description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; none: it stays where it is")
-    material: Matter | None = Field(None, description=(
+    material: PartMatter | None = Field(None, description=(
         "{young, poisson}; none: what `materials` says; it comes after those entries, so that it wins"))
     element: Literal["P1", "P2"] | None = Field(None, description=(
         "as under blackbox; none: what is said there; one element for all parts"))
@@ -230,7 +230,7 @@ class OnePart(Part):
         return next((given for kind in KINDS if (given := getattr(self, kind)) is not None), None)
 
     @property
-    def source(self) -> Mesh:
+    def source(self) -> MeshEntry:
         """The mesh with the part's own element size."""
         return self.mesh if self.h is None else self.mesh.model_copy(update={"h": self.h})
 

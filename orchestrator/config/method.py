@@ -13,94 +13,114 @@ from orchestrator.registry import ACCELERATIONS
 RATIO_RANGE = (1e-3, 1e2)
 STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
 FRACTION = 0.1  # of the mesh's error, for the iterations'
-ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
+# relative energy error that double precision leaves in back-substitutions and their differences
+ROUNDING = 1e-11
 
 AutoPositive = auto_or(Positive, "a number > 0")
 AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")
 AutoRelaxation = auto_or(Annotated[float, Field(gt=0, le=1)], "a number > 0 and <= 1")
 Fraction = Annotated[float, Field(gt=0, lt=1)]
-AutoStabilisation = auto_or(Annotated[float, Field(ge=0, le=STABLEST)], f"a number from 0 to {STABLEST:g}")
+AutoStabilisation = auto_or(Annotated[float, Field(ge=0, le=STABLEST)],
+                            f"a number from 0 to {STABLEST:g}")
 AutoFraction = auto_or(Fraction, "a number > 0 and < 1")
 
 
-class Sole(Part):
-    """The layer of plain matter glued to each interface: the search direction in mechanical form."""
+class SoleSettings(Part):
+    """The layer of plain matter glued to each interface: the search direction in mechanical
+    form.
+    """
 
     kind: Literal["auto", "layer", "symmetric", "overlap", "springs"] = Field("auto", description=(
         "symmetric: half the layer on each side of the interface, so both neighbours get the same "
-        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: a copy of the first row "
-        "of elements of both sides, most of it the neighbour's, for mixed moduli, ν above 0.49 and slender parts. "
-        "auto: overlap there, else symmetric"))
+        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: a copy of "
+        "the first row of elements of both sides, most of it the neighbour's, for mixed moduli, ν "
+        "above 0.49 and slender parts. auto: overlap there, else symmetric"))
     modulus_ratio: Positive = Field(0.5, description=(
-        "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum (0.35-0.8)"))
+        "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum "
+        "(0.35-0.8)"))
     contact: Literal["layer", "symmetric", "springs"] = Field("springs", description=(
-        "kind on interfaces that are not perfect; springs: a layer so thin that nodes do not couple, "
-        "which pointwise laws converge best with"))
+        "kind on interfaces that are not perfect; springs: a layer so thin that nodes do not "
+        "couple, which pointwise laws converge best with"))
     contact_ratio: Positive = Field(1.2, description=(
-        "on interfaces that are not perfect: modulus over thickness of the sole, over E/√(h L) with h the local "
-        "element size, L the size of the smaller body and E between the two moduli, one to four times the smaller "
-        "(the larger under laws that impose the jump); 0.6-2.5 is a flat optimum"))
+        "on interfaces that are not perfect: modulus over thickness of the sole, over E/√(h L) "
+        "with h the local element size, L the size of the smaller body and E between the two "
+        "moduli, one to four times the smaller (the larger under laws that impose the jump); "
+        "0.6-2.5 is a flat optimum"))
     fit: bool = Field(True, description=(
-        "springs where bodies may part begin at contact_ratio; before the iterations two solves tell how stiff the bodies "
-        "behind them are, and springs that are off by more than about a half follow, all by one factor, for another factorisation"))
-    thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
+        "springs where bodies may part begin at contact_ratio; before the iterations two solves "
+        "tell how stiff the bodies behind them are, and springs that are off by more than about a "
+        "half follow, all by one factor, for another factorisation"))
+    thickness: AutoPositive = Field("auto",
+                                    description="auto: the local element size, shrunk where it "
+                                                "would invert")
     poisson: AutoPoisson = Field("auto", description=(
-        "auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction"))
+        "auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong "
+        "direction"))
     allow_extreme: bool = Field(False, description=(
-        f"permits a modulus_ratio outside [{RATIO_RANGE[0]:g}, {RATIO_RANGE[1]:g}], where rounding spoils the "
-        "result; false because only studies want that"))
+        f"permits a modulus_ratio outside [{RATIO_RANGE[0]:g}, {RATIO_RANGE[1]:g}], where rounding "
+        "spoils the result; false because only studies want that"))
 
 
-class Macro(Part):
-    """The macro problem, linear: it carries resultants over interfaces through the whole structure at once."""
+class MacroSettings(Part):
+    """The macro problem, linear: it carries resultants over interfaces through the whole structure
+    at once.
+    """
 
     strategy: Literal["none", "equilibrium", "continuity"] = Field("equilibrium", description=(
         "equilibrium: the number of iterations then hardly grows with the number of subdomains"))
-    basis: Literal["auto", "translations", "rigid", "affine", "quadratic", "modes"] = Field("auto", description=(
-        "affine: rotations are needed in bending, extensions and shears save iterations; "
-        "modes: affine and the subdomains' soft modes, computed at set-up. "
-        "auto: affine, rigid from 1,500 interfaces on; with soft modes of subdomains 10 times longer than thick, or of ν above 0.49 "
-        "(0.4995 with ten-node tets)"))
+    basis: Literal["auto", "translations", "rigid", "affine", "quadratic",
+                   "modes"] = Field("auto", description=(
+        "affine: rotations are needed in bending, extensions and shears save iterations; modes: "
+        "affine and the subdomains' soft modes, computed at set-up. auto: affine, rigid from 1,500 "
+        "interfaces on; with soft modes of subdomains 10 times longer than thick, or of ν above "
+        "0.49 (0.4995 with ten-node tets)"))
     on: Literal["perfect", "all"] = Field("perfect", description=(
-        "perfect: on perfect interfaces; the coarse contact problem does better on contact. all: the paper's"))
+        "perfect: on perfect interfaces; the coarse contact problem does better on contact. all: "
+        "the paper's"))
 
 
-class SearchDirection(Part):
+class SearchDirectionSettings(Part):
     """k⁺, from the linear stage to the local stage; for studies."""
 
     kplus: Literal["exchange", "full", "diagonal"] = Field("exchange", description=(
-        "exchange: the neighbour's own sole, which needs no interface factorisation. full, diagonal: where all interfaces are perfect"))
+        "exchange: the neighbour's own sole, which needs no interface factorisation. full, "
+        "diagonal: where all interfaces are perfect"))
 
 
-class Contact(Part):
+class ContactSettings(Part):
     """Settings where laws do not join their sides."""
 
     stabilisation: AutoStabilisation = Field("auto", description=(
-        "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that bodies that "
-        "nothing else holds have one position; it leaves a law residual of about 2 ε. auto: springs between loose bodies and their "
-        "neighbours alone, which begin anew where bodies are and leave nothing; 0: none"))
+        "share ε of a weak viscous spring that keeps facing nodes where they were at the end of "
+        "the load step before, so that bodies that nothing else holds have one position; it leaves "
+        "a law residual of about 2 ε. auto: springs between loose bodies and their neighbours "
+        "alone, which begin anew where bodies are and leave nothing; 0: none"))
 
 
 class Tolerance(Part):
     """Exactly one criterion: error, law or indicator."""
 
     error: AutoFraction | None = Field(None, description=(
-        "bound on the relative energy error, between 0 and 1: guaranteed for convex laws, such as bonds and contact without friction, "
-        "mostly an estimate with Coulomb's; where bodies are loose, or matter is nonlinear, as law; auto: a fraction of the estimated "
-        "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
+        "bound on the relative energy error, between 0 and 1: guaranteed for convex laws, such as "
+        "bonds and contact without friction, mostly an estimate with Coulomb's; where bodies are "
+        "loose, or matter is nonlinear, as law; auto: a fraction of the estimated discretisation "
+        "error, since nobody should pay for 1e-9 on a 3 % mesh"))
     law: Fraction | None = Field(None, description=(
-        "where interfaces are not perfect: the largest relative residual of equilibrium and laws, of all together and of each body beside its "
-        "own forces; it says nothing of the error"))
+        "where interfaces are not perfect: the largest relative residual of equilibrium and laws, "
+        "of all together and of each body beside its own forces; it says nothing of the error"))
     fraction: Fraction | None = Field(None, description=(
-        f"beside error: auto only: the iterations' error over the mesh's, {FRACTION} if not given; their squares add up, "
-        "so that 0.1 adds half a per cent"))
-    indicator: Positive | None = Field(None, description="the paper's indicator, a squared ratio; for studies")
+        f"beside error: auto only: the iterations' error over the mesh's, {FRACTION} if not given; "
+        "their squares add up, so that 0.1 adds half a per cent"))
+    indicator: Positive | None = Field(None,
+                                       description="the paper's indicator, a squared ratio; for "
+                                                   "studies")
 
     @model_validator(mode="before")
     @classmethod
     def _fraction(cls, value: Any) -> Any:
         """A fraction belongs to ``error: auto``, and there it has a default."""
-        if isinstance(value, dict) and value.get("error") == "auto" and value.get("fraction") is None:
+        if isinstance(value,
+                      dict) and value.get("error") == "auto" and value.get("fraction") is None:
             return {**value, "fraction": FRACTION}
         return value
 
@@ -108,61 +128,92 @@ class Tolerance(Part):
 class Accuracy(Part):
     """The error allowed in all, and what that may cost. A number stands for ``{error: number}``."""
 
-    error: Fraction = Field(description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
-    elements: Count | None = Field(None, description="no mesh has more tets than about this; none: no limit")
+    error: Fraction = Field(
+        description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
+    elements: Count | None = Field(None,
+                                   description="no mesh has more tets than about this; none: no "
+                                               "limit")
     memory: Positive | None = Field(None, description=(
-        "GB that the program and its codes may take on all ranks together: meshes are only as fine as that is foreseen to hold; none: no "
-        "limit but the machine's"))
-    seconds: Positive | None = Field(None, description="meshes are only as fine as will likely be solved on in time; none: no limit")
+        "GB that the program and its codes may take on all ranks together: meshes are only as fine "
+        "as that is foreseen to hold; none: no limit but the machine's"))
+    seconds: Positive | None = Field(None,
+                                     description="meshes are only as fine as will likely be "
+                                                 "solved on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(
-        "elements are not made smaller than this, in the model's unit of length, where stresses grow without limit; none: no limit"))
+        "elements are not made smaller than this, in the model's unit of length, where stresses "
+        "grow without limit; none: no limit"))
 
     @model_validator(mode="before")
     @classmethod
     def _number(cls, value: Any) -> Any:
-        return {"error": value} if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+        return {"error": value} if isinstance(value,
+                                              (int, float)) and not isinstance(
+                                                  value, bool) else value
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"anyOf": [handler(core), {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1}]}
+    def __get_pydantic_json_schema__(cls, core: Any,
+                                     handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {
+            "anyOf": [handler(core),
+                      {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1}]}
 
 
 class Skip(Part):
     """Work left out where a scene does not need it; true leaves it to the program where it pays."""
 
     congruent: bool = Field(True, description=(
-        "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))
-    repeated: bool = Field(True, description=("right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
+        "subdomains, soles and rims that differ by a translation alone share one stiffness and "
+        "one factorisation"))
+    repeated: bool = Field(True,
+                           description=(
+                               "right-hand sides that are zero, equal or unchanged since the last "
+                               "stage are not solved"))
     superposition: bool = Field(True, description=(
         "perfect interfaces: load steps that are combinations of others follow from their solutions"))
     bound: bool = Field(True, description=(
-        "the error bound's second part, which costs solves, is evaluated only once its first is below the tolerance"))
+        "the error bound's second part, which costs solves, is evaluated only once its first is "
+        "below the tolerance"))
 
 
 class Method(Part):
-    sole: Sole = Field(Sole(), description="the search direction k⁻ as a layer of matter")
-    macro: Macro = Field(Macro(), description="the macro problem: linear, of interface resultants, for perfect interfaces")
-    search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
+    sole: SoleSettings = Field(SoleSettings(),
+                               description="the search direction k⁻ as a layer of matter")
+    macro: MacroSettings = Field(MacroSettings(),
+                                 description="the macro problem: linear, of interface resultants, "
+                                             "for perfect interfaces")
+    search_direction: SearchDirectionSettings = Field(SearchDirectionSettings(),
+                                                      description="k⁺, for studies")
     acceleration: Literal[tuple(ACCELERATIONS)] = Field("anderson", description=(
-        "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, and anderson and "
-        "gmres both minimise the residual over all iterations so far: the generalised conjugate residual method, equivalent to GMRES; "
-        "anderson may forget (memory). none: relaxation alone; aitken: relaxation by the last two residuals"))
+        "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the "
+        "fixed point is affine, and anderson and gmres both minimise the residual over all "
+        "iterations so far: the generalised conjugate residual method, equivalent to GMRES; "
+        "anderson may forget (memory). none: relaxation alone; aitken: relaxation by the last two "
+        "residuals"))
     memory: AutoCount = Field("auto", description=(
         "depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact"))
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
-        "the coarse contact problem: where interfaces are not perfect every body moves in its affine, or its "
-        "rigid, fields under the true laws, after every linear stage; it removes the plateau of the fixed point. "
-        "auto: affine, slender bodies in modes of their own"))
-    contact: Contact = Field(Contact(), description="what keeps bodies in place that contact alone holds")
+        "the coarse contact problem: where interfaces are not perfect every body moves in its "
+        "affine, or its rigid, fields under the true laws, after every linear stage; it removes "
+        "the plateau of the fixed point. auto: affine, slender bodies in modes of their own"))
+    contact: ContactSettings = Field(ContactSettings(),
+                                     description="what keeps bodies in place that contact alone "
+                                                 "holds")
     increment: AutoCount = Field("auto", description=(
-        "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch starting from the last"))
+        "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each "
+        "batch starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
-        "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
-    skip: Skip = Field(Skip(), description=("work that is left out because the result does not need it; all of it by default"))
+        "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search "
+        "direction"))
+    skip: Skip = Field(Skip(),
+                       description=(
+                           "work that is left out because the result does not need it; all of it "
+                           "by default"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
     accuracy: Accuracy | None = Field(None, description=(
-        "the error that is asked for, 0.02 say: the run is repeated on meshes that are finer where it pays until its estimated error is "
-        "below; in place of tolerance; or {error, elements, memory, seconds, smallest}; none: the mesh stays as it is"))
+        "the error that is asked for, 0.02 say: the run is repeated on meshes that are finer where "
+        "it pays until its estimated error is below; in place of tolerance; or {error, elements, "
+        "memory, seconds, smallest}; none: the mesh stays as it is"))
     max_iterations: Count = Field(500, description=(
-        "of the whole run, all batches of load steps together; far above what a healthy run needs, so it only stops sick ones"))
+        "of the whole run, all batches of load steps together; far above what a healthy run "
+        "needs, so it only stops sick ones"))

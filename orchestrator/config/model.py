@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from orchestrator.config.base import Name, Part, Vector
 from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
 from orchestrator.config.boundary import Bolt, Boundary, Entry, Interfaces, Loads
-from orchestrator.config.mesh import Material, Mesh, OnePart, Subdomains, elements_of
+from orchestrator.config.mesh import MaterialEntry, MeshEntry, OnePart, Subdomains, elements_of
 from orchestrator.config.method import Method
 from orchestrator.config.probes import Probe
 from orchestrator.config.tools import Tool
@@ -56,11 +56,11 @@ class Config(Part):
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
         description="letters, digits, '-', '_', '.' and spaces, a letter or digit first: it names the results folder")
-    mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step; or parts")
+    mesh: MeshEntry | None = Field(None, description="exactly one of beam, box, polycrystal, file and step; or parts")
     parts: Annotated[list[OnePart], Field(min_length=1)] | None = Field(None, description=(
         "in place of mesh: several, each part with its own: [{name: base, mesh: {step: base.stp, h: 4}}, …]"))
     subdomains: Subdomains = Field(description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
-    materials: Annotated[list[Material], Field(min_length=1)] | None = Field(
+    materials: Annotated[list[MaterialEntry], Field(min_length=1)] | None = Field(
         None, description="at least one, such as {young: 200e3, poisson: 0.3}; none where each part has its own")
     boundary: Boundary = Field(description="where the body is held and loaded")
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
@@ -105,9 +105,9 @@ class Config(Part):
         return self.method.accuracy is not None
 
     @property
-    def matter(self) -> list[Material]:
+    def matter(self) -> list[MaterialEntry]:
         """The materials in the order in which they are given to volumes, parts' own after the general ones."""
-        own = [Material(**part.material.model_dump(), on=[part.name]) for part in self.parts or [] if part.material]
+        own = [MaterialEntry(**part.material.model_dump(), on=[part.name]) for part in self.parts or [] if part.material]
         return [*(self.materials or []), *own]
 
     @property

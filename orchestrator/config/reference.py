@@ -33,7 +33,7 @@ def schema() -> str:
 
 
 @dataclass(frozen=True)
-class Section:
+class KeySection:
     """A mapping of the YAML: where it stands, which of several it is, and the model of its keys."""
 
     path: str
@@ -56,12 +56,12 @@ def reference() -> str:
     return "\n".join(parts)
 
 
-def sections() -> list[Section]:
+def sections() -> list[KeySection]:
     """All mappings, each before those inside it; a model that stands in several places is told at the first."""
-    found: list[Section] = []
+    found: list[KeySection] = []
     told: set[type[Part]] = set()
 
-    def tell(section: Section) -> None:
+    def tell(section: KeySection) -> None:
         if section.model in told:
             return
         told.add(section.model)
@@ -70,9 +70,9 @@ def sections() -> list[Section]:
             path = name if section.model is Config else f"{section.path}.{name}"
             for suffix, inside in mappings(field.annotation, field.metadata):
                 for kind, model in inside.shipped().items() if isinstance(inside, Chosen) else [("", inside)]:
-                    tell(Section(path + suffix, f"{inside.key}: {kind}" if kind else "", model))
+                    tell(KeySection(path + suffix, f"{inside.key}: {kind}" if kind else "", model))
 
-    tell(Section("the whole", "", Config))
+    tell(KeySection("the whole", "", Config))
     return found
 
 

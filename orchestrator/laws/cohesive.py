@@ -39,7 +39,7 @@ STEPS = 50  # of Newton's method, which doubles its digits in each; it stops whe
 FINAL = 1e-14  # change of κ, relative, that is none
 
 
-class Parameters(Entry):
+class CohesiveEntry(Entry):
     """Glue that breaks."""
 
     stiffness: Positive = Field(description="stiffness of the undamaged glue, above 0: force per area and per length")
@@ -67,7 +67,7 @@ class Cohesive(Law):
     strength: float
     toughness: float
 
-    name, Parameters = "cohesive", Parameters
+    name, Parameters = "cohesive", CohesiveEntry
     formula = "f = (1 − D) K A d, D from the largest δ so far;  pressed: f_n = K A d_n"
     meaning = "glue that breaks: traction up to the strength, then less, until the toughness is spent"
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
@@ -80,7 +80,7 @@ class Cohesive(Law):
         return self.stiffness
 
     @classmethod
-    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Cohesive:
+    def of(cls, entry: CohesiveEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Cohesive:
         return cls(entry.stiffness, entry.strength, entry.toughness)
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:

@@ -37,7 +37,7 @@ SLIP = Status(SLIPS, "slip", "#E69F00", Hold.PRESSED, Hold.NEVER)
 Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
 
 
-class Parameters(Entry):
+class ContactEntry(Entry):
     """Unilateral contact with Coulomb friction."""
 
     friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above; none: 0")
@@ -95,7 +95,7 @@ class Contact(Law):
     follows: bool = False
 
     name = "contact"
-    Parameters = Parameters
+    Parameters = ContactEntry
     formula = ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where equal: slip along f_t")
     meaning = "unilateral contact with Coulomb friction"
     statuses = (OPEN, STICK, SLIP, BONDED)
@@ -135,7 +135,7 @@ class Contact(Law):
                 "convergence is not assured" if self.friction > 1 else "")
 
     @classmethod
-    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Contact:
+    def of(cls, entry: ContactEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Contact:
         if entry.apart:  # faces that are shared touch: a gap read from the geometry is zero there
             gap = np.zeros(count) if distance is None else distance
         else:

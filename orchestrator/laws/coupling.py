@@ -25,7 +25,7 @@ COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 
 
 @dataclass(frozen=True, eq=False)
-class Coupling(Law):
+class CouplingLaw(Law):
     """A surface that follows a point.
 
     motions : (6, 3, n) R: displacement of each node in the three translations of the point and the rotations about it
@@ -70,7 +70,7 @@ class Coupling(Law):
         """(3, n) displacements where they are held."""
         return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
 
-    def within(self, free: np.ndarray, moved: np.ndarray) -> Coupling | None:
+    def within(self, free: np.ndarray, moved: np.ndarray) -> CouplingLaw | None:
         """The law itself where all components (n, 3) are free; there is none elsewhere."""
         return self if free.all() else None
 

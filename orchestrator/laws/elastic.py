@@ -26,7 +26,7 @@ TAUT = Status(5, "taut", "#56B4E9", Hold.PULLED, Hold.ALWAYS)
 SLACK = Status(6, "slack", "#F0E442", Hold.NEVER, Hold.ALWAYS)
 
 
-class Parameters(Entry):
+class ElasticEntry(Entry):
     """Springs along the normal and across it."""
 
     stiffness_n: Positive = Field(description="stiffness of the normal springs, above 0: force per area and per length")
@@ -47,7 +47,7 @@ class Elastic(Law):
     tension_only: bool = False
 
     name = "elastic"
-    Parameters = Parameters
+    Parameters = ElasticEntry
     formula = "f_n = k_n A d_n,  f_t = k_t A d_t;  tension_only: f_n = k_n A max(d_n, 0)"
     meaning = "springs of the stiffness k per area"
     has_history = False
@@ -69,7 +69,7 @@ class Elastic(Law):
         return min(self.stiffness_n, self.stiffness_t)
 
     @classmethod
-    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Elastic:
+    def of(cls, entry: ElasticEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Elastic:
         return cls(entry.stiffness_n, entry.stiffness_t, entry.tension_only)
 
     def along(self, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

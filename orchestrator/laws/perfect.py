@@ -48,7 +48,7 @@ class Perfect(Law):
 Imposed = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
 
 
-class Parameters(Entry):
+class JumpEntry(Entry):
     """An imposed jump of displacement."""
 
     per_step: ClassVar[tuple[str, ...]] = ("jump",)
@@ -81,7 +81,7 @@ class Jump(Law):
     jump: np.ndarray
 
     name = "jump"
-    Parameters = Parameters
+    Parameters = JumpEntry
     formula, meaning = "d = given", "imposed jump of displacement"
     as_one, joins, has_history = True, True, False
     convex = True
@@ -95,7 +95,7 @@ class Jump(Law):
         return self.jump
 
     @classmethod
-    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
+    def of(cls, entry: JumpEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
         return cls(direction * np.asarray(entry.jump, dtype=float))
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:

@@ -28,7 +28,7 @@ TIGHTENED = Status(7, "tightened", "#D55E00", Hold.NEVER, Hold.ALWAYS)
 LOCKED = Status(8, "locked", "#009E73", Hold.ALWAYS, Hold.ALWAYS)
 
 
-class Parameters(Entry):
+class PretensionEntry(Entry):
     """The force of a bolt, and what comes after it."""
 
     force: Positive = Field(description="pretension, above 0: the force that pulls at the bolt while it is tightened")
@@ -72,7 +72,7 @@ class Pretension(Law):
     pull: float | None
 
     name = "pretension"
-    Parameters = Parameters
+    Parameters = PretensionEntry
     formula = "tightened: d = d n, Σ f·n = N;  locked: d = d at the load step before"
     meaning = "a bolt's cut: its force is given, then its length"
     as_one = axial = joins = True
@@ -81,7 +81,7 @@ class Pretension(Law):
     measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N", "bolts whose force is not what is prescribed"),)
 
     @classmethod
-    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Pretension:
+    def of(cls, entry: PretensionEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Pretension:
         return cls(entry.force)
 
     @property

@@ -44,7 +44,7 @@ from orchestrator.timing import Savings, Stopwatch
 
 
 @dataclass
-class Part:
+class RankPart:
     """A rank's part of a scene; all of it where there is one.
 
     scene : own subdomains, their interfaces, and of their neighbours what meets these
@@ -57,7 +57,7 @@ class Part:
     carried: Carried
 
     @classmethod
-    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> Part:
+    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> RankPart:
         """Part of a scene: all of it, or a rank's; all ranks ask together.
 
         rank_of : (subdomains,) int, the rank of each; None: all are this one's
@@ -68,7 +68,7 @@ class Part:
         return cls(scene, TraceSpace.of(scene, sides, traces, rank_of, team), Carried.of(scene, rank_of, team))
 
     @classmethod
-    def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> Part:
+    def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> RankPart:
         """The rank's own part.
 
         scene : the whole one, on rank 0
@@ -80,7 +80,7 @@ class Part:
         return cls.of(team.hand_out(lambda rank: part_of(scene, np.flatnonzero(rank_of == rank), known)), rank_of, team)
 
 
-def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,
+def prepare(part: RankPart, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
@@ -97,7 +97,7 @@ def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: Bl
 class _SetUp:
     """State shared by the steps of a set-up."""
 
-    def __init__(self, part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch):
+    def __init__(self, part: RankPart, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch):
         self.scene, self.space, self.carried = _own_copy(part.scene), part.space, part.carried
         self.soles, self.method, self.blackbox, self.watch = soles, method, blackbox, watch
         self.own = [self.scene.subdomains[e] for e in self.space.subdomains]

@@ -31,7 +31,7 @@ _LISTENING = 0.1  # seconds between two looks for failures elsewhere
 _GATHERED = 1 << 16  # numbers, over all ranks, up to which a sum is gathered, in one message, rather than reduced and sent back
 
 
-class Ranks(Team):
+class MpiRanks(Team):
     """All ranks that mpiexec has started."""
 
     def __init__(self) -> None:

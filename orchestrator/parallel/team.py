@@ -1,6 +1,6 @@
 """The processes that solve one scene together, and what they tell each other.
 
-``Team`` is the single process: everything is local and costs nothing. ``mpi.Ranks`` is the same over MPI. Sums are taken in
+``Team`` is the single process: everything is local and costs nothing. ``mpi.MpiRanks`` is the same over MPI. Sums are taken in
 the order of the ranks, so that all of them hold the same bits and take the same decisions. Whether mpiexec (or srun) has started this
 process is told from the environment; of MPI nothing is imported unless it has.
 """
@@ -143,7 +143,7 @@ def join() -> Team:
         return ALONE
     _share_memory()
     try:
-        team = import_module("orchestrator.parallel.mpi").Ranks()
+        team = import_module("orchestrator.parallel.mpi").MpiRanks()
     except (ImportError, RuntimeError) as error:
         found = f"mpi4py cannot be imported: {error}"
         cure = f"{command('mpi4py')} brings mpi4py and an MPI with its mpiexec"

@@ -18,7 +18,7 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.probes import NAME as PROBES, read_paths, read_probes, write_paths
 from orchestrator.results.summary.summary import place_text
-from orchestrator.scene.conditions.probes import Section
+from orchestrator.scene.conditions.probes import ProbeSection
 from orchestrator.scene.model import Scene
 
 INTERFACES = "interfaces.csv"
@@ -97,7 +97,7 @@ def of_unheld(scene: Scene, detached: Sequence[list[str]]) -> list[str]:
     """
     told = []
     for probe in scene.probes:
-        if isinstance(probe, Section) or "displacement" not in (probe.quantity, getattr(probe, "of", "")) or probe.quantity == "resultant":
+        if isinstance(probe, ProbeSection) or "displacement" not in (probe.quantity, getattr(probe, "of", "")) or probe.quantity == "resultant":
             continue
         bodies = {scene.subdomains[e].body for e in probe.subdomains}
         steps = [step for step, names in enumerate(detached, 1) if bodies & set(names)]

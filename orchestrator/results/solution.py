@@ -29,7 +29,7 @@ from orchestrator.results.probes import NAME as PROBES, PATHS, along
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.conditions.finder import Finder
-from orchestrator.scene.conditions.probes import Line
+from orchestrator.scene.conditions.probes import ProbeLine
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Scene
 from orchestrator.scene.names import matching
@@ -199,7 +199,7 @@ class Solution:
         for tets in (finder.around(point, allowed) for point in at):
             cells.append(next(iter(tets.number), -1))
             weights.append(next(iter(tets.weights), np.zeros(4)))
-        u, sigma = (along(Line("", quantity, at, at, np.array(cells), np.array(weights), at), fields.nodal)[1]
+        u, sigma = (along(ProbeLine("", quantity, at, at, np.array(cells), np.array(weights), at), fields.nodal)[1]
                     for quantity in ("displacement", "stress"))
         return {"displacement": u[..., :3], "stress": sigma[..., :6], "von_mises": sigma[..., 6]}
 

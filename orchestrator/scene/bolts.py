@@ -41,7 +41,7 @@ class BoltCut:
 
 
 @dataclass(frozen=True)
-class Plane:
+class BoltPlane:
     """Where a bolt is cut.
 
     index, name, axis, point : as of ``BoltCut``
@@ -87,13 +87,13 @@ def bolt_cells(mesh: Mesh, bolt: Any) -> np.ndarray:
 
 def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
            around: Sequence[tuple],
-           problems: Problems) -> list[Plane]:
+           problems: Problems) -> list[BoltPlane]:
     """Return the planes of the bolts.
 
     around : the shank of each, where other parts end beside it, and its threads; None, None and
         nothing of one that has none
     """
-    made: list[Plane] = []
+    made: list[BoltPlane] = []
     for i, (bolt, (shank, ends, threads)) in enumerate(zip(bolts, around)):
         def wrong(key: str, *said: str, i: int = i) -> None:
             problems.add(("bolts", i, key), *said)
@@ -122,7 +122,7 @@ def planes(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
             height = (mesh.nodes[mesh.cells[own, :4]] - point) @ axis
             ahead, crossed = ahead_of(mesh, own, axis,
                                       point), (height.min(axis=1) < 0) & (height.max(axis=1) > 0)
-            made.append(Plane(i, name, axis, point, own,
+            made.append(BoltPlane(i, name, axis, point, own,
                               ahead ^ _lonely(faces, own, ahead, crossed)))
     return made
 
@@ -132,7 +132,7 @@ def ahead_of(mesh: Mesh, cells: np.ndarray, axis: np.ndarray, point: np.ndarray)
     return (mesh.nodes[mesh.cells[cells, :4]].mean(axis=1) - point) @ axis > 0
 
 
-def cut_at(made: Sequence[Plane], faces: Faces, partition: Partition,
+def cut_at(made: Sequence[BoltPlane], faces: Faces, partition: Partition,
            problems: Problems) -> tuple[Partition, list[BoltCut]]:
     """Return the partition with bolts cut at planes, and the cuts."""
     if not made:

@@ -23,7 +23,7 @@ from orchestrator.scene.conditions.selection import assign_codes, cells_loaded
 from orchestrator.scene.conditions.supports import joins
 from orchestrator.scene.interfaces.freedom import leave_free, straighten
 from orchestrator.scene.joints import Joined, joined, with_grounds, with_tools
-from orchestrator.scene.loads.base import InVolumes, Strain
+from orchestrator.scene.loads.base import VolumePlace, Strain
 from orchestrator.scene.loads.temperature import thermal_loads
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import split_numbering, SplitNumbering
@@ -102,7 +102,7 @@ def divided(config: Config, body: Body, problems: Problems) -> Divided:
 
 
 @dataclass(frozen=True)
-class Acting:
+class SceneLoads:
     """What loads the scene.
 
     loads : (steps, N, 3) forces on split nodes
@@ -114,7 +114,7 @@ class Acting:
     body_force: np.ndarray | None
 
 
-def loaded(config: Config, plain: Body, whole: Joined, problems: Problems) -> Acting:
+def loaded(config: Config, plain: Body, whole: Joined, problems: Problems) -> SceneLoads:
     """Return what loads the scene.
 
     plain : without tools and grounds, on which nothing acts
@@ -130,7 +130,7 @@ def loaded(config: Config, plain: Body, whole: Joined, problems: Problems) -> Ac
     for i, (entry, times) in enumerate(zip(config.loads, config.factors(config.loads))):
         cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
         volumes = tet_volumes(mesh.nodes, mesh.cells[cells])
-        made = entry.kind.made(entry.given, InVolumes(
+        made = entry.kind.made(entry.given, VolumePlace(
             ("loads", i, entry.acts), mesh, cells, volumes, matter, plain.material[cells],
             np.array(times, dtype=float), problems))
         if isinstance(made, Strain):
@@ -146,7 +146,7 @@ def loaded(config: Config, plain: Body, whole: Joined, problems: Problems) -> Ac
             body_force[:, cells] += density
     if thermal is not None:
         thermal_loads(body.mesh, thermal, body.materials, body.material, numbering.corners, loads)
-    return Acting(loads, thermal, body_force)
+    return SceneLoads(loads, thermal, body_force)
 
 
 def supported(steps: int, whole: Joined, problems: Problems) -> Held:
@@ -209,7 +209,7 @@ def _remark(config: Config, body: Body, problems: Problems) -> None:
                           for name in config.histories if name not in used]
 
 
-def owned(config: Config, whole: Joined, held: Held, acting: Acting) -> list[Subdomain]:
+def owned(config: Config, whole: Joined, held: Held, acting: SceneLoads) -> list[Subdomain]:
     """Return the subdomains with all that is theirs, and the code that solves each."""
     body, partition, numbering = whole.cut.body, whole.cut.partition, whole.cut.numbering
     mesh, fixed, thermal, made = body.mesh, held.fixed, acting.thermal, []

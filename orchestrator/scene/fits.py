@@ -106,7 +106,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Pressed:
+class PlanePatch:
     """A plane patch on which two volumes lie on each other: its normal (3,), outward of the first, and its area."""
 
     volumes: tuple[int, int]
@@ -115,7 +115,7 @@ class Pressed:
 
 
 @dataclass(frozen=True)
-class Bolt:
+class ClampingBolt:
     """A volume that clamps others.
 
     shank : its longest round face that is in holes; threads : fits in which it is held, none where planes of its own press on both sides
@@ -190,7 +190,7 @@ def exact_distance(mesh: Mesh, found: Sequence[Fit]) -> np.ndarray:
     return result
 
 
-def pressed(mesh: Mesh, faces: Faces) -> Iterator[Pressed]:
+def pressed(mesh: Mesh, faces: Faces) -> Iterator[PlanePatch]:
     """The plane patches on which volumes touch, with meshes of their own."""
     skins = Skins(mesh, faces)
     for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
@@ -199,10 +199,10 @@ def pressed(mesh: Mesh, faces: Faces) -> Iterator[Pressed]:
             whole = one.area[own] @ one.normal[own]
             size = float(np.linalg.norm(whole))
             if size > (1 - SAME) * one.area[own].sum():
-                yield Pressed((one.volume, two.volume), whole / size, patch.area)
+                yield PlanePatch((one.volume, two.volume), whole / size, patch.area)
 
 
-def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[Pressed]) -> list[Bolt]:
+def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[PlanePatch]) -> list[ClampingBolt]:
     """The volumes that clamp others, in the order of the mesh."""
     content = np.bincount(mesh.volume, tet_volumes(mesh.nodes, mesh.cells), len(mesh.volumes))
     result = []
@@ -218,11 +218,11 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[Pressed]) -> list
         ways = [way for way, other in _pressing(volume, shank.axis, touching) if other not in held]
         ways += [way for part in held for way, other in _pressing(part, shank.axis, touching) if other != volume]
         if len(set(ways)) == 2:
-            result.append(Bolt(volume, shank, threads, [fit.hole.volume for fit in nuts]))
+            result.append(ClampingBolt(volume, shank, threads, [fit.hole.volume for fit in nuts]))
     return result
 
 
-def _pressing(volume: int, axis: np.ndarray, touching: Sequence[Pressed]) -> Iterator[tuple[float, int]]:
+def _pressing(volume: int, axis: np.ndarray, touching: Sequence[PlanePatch]) -> Iterator[tuple[float, int]]:
     """Direction, 1 or −1, in which planes of a volume press along an axis, and the volumes pressed on."""
     for patch in touching:
         if volume in patch.volumes:

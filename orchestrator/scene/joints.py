@@ -17,7 +17,7 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.freedom import join_bolts
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.mortar.fitting import fitted
-from orchestrator.scene.interfaces.mortar.surfaces import Matter
+from orchestrator.scene.interfaces.mortar.surfaces import SlaveMatter
 from orchestrator.scene.interfaces.overlap import sagittas
 from orchestrator.scene.interfaces.pairs import make_interfaces
 from orchestrator.scene.interfaces.parts import Parts
@@ -79,7 +79,7 @@ def joined(config: Config, cut: Divided, boundary: list[BoundaryEntry],
                   covered, sagittas(mesh, sorted({v for pair in near for v in pair})))
 
 
-def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
+def _matter(body: Body, boundary: list[BoundaryEntry]) -> SlaveMatter:
     """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
     young = np.array([m.young for m in body.materials] or [1.0])
     young = young[np.maximum(body.material, 0) if body.materials else 0 * body.material]
@@ -89,7 +89,7 @@ def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
             held[entry.nodes] |= entry.prescribed.fixed
     for stand in body.mesh.foreign:
         held[stand.nodes] |= stand.held
-    return Matter(young, held)
+    return SlaveMatter(young, held)
 
 
 def with_tools(config: Config, before: Joined, problems: Problems) -> Joined:

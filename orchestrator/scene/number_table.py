@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?", re.ASCII)
 _NAMES = ("nan", "inf", "infinity")
 
 
-class Table:
+class NumberTable:
     """Lines with numbers of a file.
 
     lines : number of each line in the file

@@ -10,7 +10,7 @@ tightens the bolt against the part that it is screwed into: next to nothing arri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 

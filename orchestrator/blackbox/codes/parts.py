@@ -23,7 +23,7 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.mesh import ForeignPart
 from orchestrator.errors import InputError, wrong
 from orchestrator.processes import end_all
-from orchestrator.scene.foreign.answers import Answers
+from orchestrator.scene.foreign.answers import UnitAnswers
 from orchestrator.scene.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.program import ProgramRuns
@@ -40,7 +40,7 @@ class ForeignCode(Code):
     own_matter: ClassVar[bool] = True
     guarded: ClassVar[bool] = False
 
-    class Settings(CodeSettings):
+    class ForeignSettings(CodeSettings):
         """One part's entry in ``parts``."""
 
         element: Literal["P1"] = "P1"
@@ -60,6 +60,8 @@ class ForeignCode(Code):
         def brings_loads(self) -> bool:
             """Whether it has any; what flows answers to loads and forces together."""
             return bool(getattr(self.part, "loads", None)) and not self.remembers
+
+    Settings = ForeignSettings
 
     @property
     def name(self) -> str:
@@ -140,13 +142,15 @@ class MatrixCode(ForeignCode):
 class ProgramCode(ForeignCode):
     """A part that is a program."""
 
-    class Settings(ForeignCode.Settings):
+    class ProgramSettings(ForeignCode.Settings):
         """One part's entry in ``parts``."""
 
         @property
         def writes_results(self) -> bool:
             """Whether there is a last call."""
             return True
+
+    Settings = ProgramSettings
 
     def runs(self) -> ProgramRuns:
         """Calls of the part's program."""
@@ -158,7 +162,7 @@ class ProgramCode(ForeignCode):
         joints, runs = read_joints(part, path, name), self.runs()
         corners = joints.points[joints.triangles]
         side = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * side)
+        answers = UnitAnswers.of(runs, joints, (self.settings.young or 1.0) * side)
         loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
         if self.settings.brings_loads:
             alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))

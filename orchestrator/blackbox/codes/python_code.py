@@ -75,7 +75,7 @@ class PythonCode(MessageCode):
     mesh_suffix = "npz"
     meanings = {1: "an exception in the solver's Python code"}
 
-    class Settings(CodeSettings):
+    class PythonSettings(CodeSettings):
         """A solver in Python."""
 
         loads: bool = Field(False, description="whether the solver's class brings loads of its own: loads(model, step)")
@@ -102,6 +102,8 @@ class PythonCode(MessageCode):
             if not dot or not (folder / f"{file}.py").is_file():
                 return entry
             return {**entry, "code": os.path.normpath(folder / f"{file}.py") + name}
+
+    Settings = PythonSettings
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
@@ -177,10 +179,12 @@ class PythonCode(MessageCode):
 class FourNodeCode(PythonCode):
     """One whose solver knows four-node tets alone."""
 
-    class Settings(PythonCode.Settings):
+    class FourNodeSettings(PythonCode.Settings):
         """A solver in Python."""
 
         element: Literal["P1"] = Field("P1", description="linear tetrahedra: its adapter knows no other")
+
+    Settings = FourNodeSettings
 
 
 def code_of(named: type) -> type[Code]:

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from orchestrator.blackbox.start import find_codes
 from orchestrator.scene.foreign.condensed import judged
-from orchestrator.scene.foreign.answers import Answers
+from orchestrator.scene.foreign.answers import UnitAnswers
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.trial.conformance import run_checks
 from orchestrator.config.blackbox import settings_class
@@ -77,7 +77,7 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
         joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names, np.zeros((len(ids), 3), bool), np.eye(6))
         yield "a call without joint nodes", f"{len(ids)} nodes" + (f" of {', '.join(names)}" if names else "") + \
             f", between {format_point(points.min(axis=0))} and {format_point(points.max(axis=0))}", ""
-        answers = Answers.of(runs, joints, joints.size)
+        answers = UnitAnswers.of(runs, joints, joints.size)
         n = len(answers.springs)
         yield f"{n + 3:,} cases in one call", f"springs of {answers.springs[0]:.3g} suit it", ""
         yield "repeated, linear, at rest without forces", "", ""
@@ -88,7 +88,7 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
         yield "it stops here", "", f"{error.problems[0].found}; expected {error.problems[0].expected}. {error.problems[0].cure}"
 
 
-def _held(joints: Joints, answers: Answers) -> str:
+def _held(joints: Joints, answers: UnitAnswers) -> str:
     """Whether supports inside hold it; raises InputError where the stiffness is none."""
     try:
         judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)

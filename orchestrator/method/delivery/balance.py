@@ -26,7 +26,7 @@ import numpy as np
 
 from orchestrator.laws.points import BONDED
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.flux import Forces, Measured, Rim
+from orchestrator.method.delivery.flux import ForceProbes, Measured, ProbeRim
 from orchestrator.method.delivery.interface_fields import (
     InterfaceFields, geometry_shown, own_interfaces)
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
@@ -77,7 +77,7 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
 
 
-def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[Rim]) -> np.ndarray:
+def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[ProbeRim]) -> np.ndarray:
     """(T, 6) force and moment of interface forces f (T, D) at some nodes, of all ranks."""
     total = np.zeros((len(f), 6))
     for rim in rims:
@@ -90,7 +90,7 @@ def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[Rim]) -> np.ndarray:
     return d.space.team.sum(total)[0]
 
 
-def carried(d: Decomposition, parts: Parts, f: np.ndarray, wanted: Forces) -> dict[str, np.ndarray]:
+def carried(d: Decomposition, parts: Parts, f: np.ndarray, wanted: ForceProbes) -> dict[str, np.ndarray]:
     """Name of each probe of forces → (T, c) what they are, of all ranks: of displacements in equilibrium with interface forces f (T, D)."""
     own = [Measured(probe.weights, np.zeros_like(probe.given)).of(parts) for probe in wanted.carried.values()]
     found = {name: probe.given + here for (name, probe), here in zip(wanted.carried.items(), d.space.team.sum(*own) if own else ())}

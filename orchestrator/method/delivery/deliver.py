@@ -10,7 +10,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import Resultants, carried, interface_resultants
 from orchestrator.method.delivery.checks import checked
-from orchestrator.method.delivery.flux import Forces
+from orchestrator.method.delivery.flux import ForceProbes
 from orchestrator.method.delivery.guards import failed_guards, told_error, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, own_interfaces
 from orchestrator.method.delivery.lawful import Lawful, Shares, shares
@@ -19,7 +19,7 @@ from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved
 from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
                                                        reactions, recover, repositioned, stored_energy)
-from orchestrator.method.delivery.tools import Placed, placed
+from orchestrator.method.delivery.tools import PlacedTool, placed
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
 from orchestrator.method.stopping.body_residual import body_residual, judged_together
@@ -29,7 +29,7 @@ from orchestrator.timing import Stopwatch
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactFound:
     """Results where interfaces are not perfect."""
 
     laws: LawResiduals  # how well the laws hold there
@@ -49,7 +49,7 @@ class Delivered:
     continuous: Parts  # continuous over perfect interfaces
     interfaces: InterfaceFields | None  # of the interfaces that are not perfect those whose first side is this rank's; None where all are
     met: Met | None  # all of them, on rank 0
-    contact: Contact | None  # None where no interface opens
+    contact: ContactFound | None  # None where no interface opens
     reactions: np.ndarray  # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
     resultants: Resultants  # what all interfaces carry
     energy: np.ndarray  # (T,) stored
@@ -58,9 +58,9 @@ class Delivered:
     discretisation: Estimate | None = None  # its estimated error, if asked for
     moved: Moved | None = None  # how far subdomains have
     carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
-    tools: Sequence[Placed] = ()  # where rigid tools are
+    tools: Sequence[PlacedTool] = ()  # where rigid tools are
 
-    def without(self, wanted: Forces, unsound: Collection[int]) -> Delivered:
+    def without(self, wanted: ForceProbes, unsound: Collection[int]) -> Delivered:
         """The same, but for forces in matter of which stresses are not known: of some subdomains."""
         lost = {name: np.isin(within, list(unsound)).any() for name, within in wanted.within.items()}
         return replace(self, carried={name: np.where(lost[name], np.nan, values) for name, values in self.carried.items()})
@@ -72,7 +72,7 @@ class Delivered:
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
-            wanted: Forces = Forces()) -> Delivered:
+            wanted: ForceProbes = ForceProbes()) -> Delivered:
     """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are rank 0's to add.
 
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
@@ -94,7 +94,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         ours, scale = continuous(d, iterated.bound, parts), LengthScale(d)
         lengths = scale(iterated.fields.u)
         laws = _laws(d, iterated, lengths, scale)
-        contact = Contact(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
+        contact = ContactFound(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
                           backward, lawful and shares(d, lawful, inside.energy))
     # what has stopped by itself says why: far from an answer, or far away, rounding breaks guards
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful) if iterated.converged else []

@@ -39,7 +39,7 @@ ALONG = dict.fromkeys(("names", "laws", "subdomains", "index"), ("interface", 0)
 
 
 @dataclass(frozen=True)
-class Surfaces:
+class OpenSurfaces:
     """All interfaces that are not perfect, interface after interface."""
 
     names: np.ndarray  # (I,) texts
@@ -73,7 +73,7 @@ class Surfaces:
 
 
 @dataclass(frozen=True)
-class InterfaceFields(Surfaces):
+class InterfaceFields(OpenSurfaces):
     """Fields of these interfaces."""
 
     gap: np.ndarray  # (T, N) length, distance of the sides along the normal

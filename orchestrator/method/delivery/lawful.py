@@ -24,7 +24,7 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.recovery import answered, on_boundary, Parts
-from orchestrator.method.interface.rows import Segments, dots, times
+from orchestrator.method.interface.rows import ColumnSegments, dots, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.bound import ROUNDING, relative
 from orchestrator.method.stopping.certificate import Certificate, Certified, Pair
@@ -131,7 +131,7 @@ def shares(d: Decomposition, lawful: Lawful, energy: np.ndarray) -> Shares:
     energy : (T, subdomains) ‖u‖²_K of all ranks, of those whose matter is the scene's
     """
     space, pairs, delta = d.space, d.certificate.pairs, lawful.delta
-    of, change, interfaces = Segments(space.boundary), lawful.change, d.scene.interfaces
+    of, change, interfaces = ColumnSegments(space.boundary), lawful.change, d.scene.interfaces
     each, gaps = (np.zeros((d.steps, len(x))) for x in (d.scene.subdomains, interfaces))
     strain = times(d.certificate.stiffness, delta)
     found = of.sums(delta * (strain - 2 * change) + change * lawful.x)

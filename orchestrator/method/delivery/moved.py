@@ -28,7 +28,7 @@ from orchestrator.method.interface.rows import peak
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.mortar.operators import scalar
-from orchestrator.scene.interfaces.opposite import COINCIDE, Facets
+from orchestrator.scene.interfaces.opposite import COINCIDE, Triangles
 from orchestrator.scene.interfaces.overlap import DEEP, Overlap, overlap, Solid, solid_of
 from orchestrator.scene.interfaces.skins import SMOOTH, surface_of
 from orchestrator.scene.mesh.geometry import node_vectors, unit
@@ -179,7 +179,7 @@ def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray
     normals[own] = _turn(scene, i)
     if not normals.any():
         return 0.0
-    shape = Facets.of(fields.points[0, facets])
+    shape = Triangles.of(fields.points[0, facets])
     cosine = np.einsum("mvi,mvi->mv", fields.normal[facets], np.roll(fields.normal[facets], 1, axis=1)).min(axis=1)
     # normals of the other side are means over as much as a facet: what they differ by from surfaces that conform
     apart = (np.linalg.norm(normals[facets], axis=2) > 1 - cosine[:, None]).any(axis=1)

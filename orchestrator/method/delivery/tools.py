@@ -25,7 +25,7 @@ from orchestrator.scene.tools.motion import Rigid
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedTool:
     """A tool in the end.
 
     moved : (steps, 6) with rotations in radians; parts : names of the volumes that it touches
@@ -42,7 +42,7 @@ class Placed:
 
 
 def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields, interfaces: Sequence[Interface],
-           team: Team) -> list[Placed]:
+           team: Team) -> list[PlacedTool]:
     """All tools of a scene; ranks ask together.
 
     own : this rank's subdomains; sides : per subdomain (steps, n_E, 3) displacement, of these at least
@@ -53,7 +53,7 @@ def placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields
 
 
 def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], fields: InterfaceFields,
-            interfaces: Sequence[Interface], tool: Rigid, team: Team) -> Placed:
+            interfaces: Sequence[Interface], tool: Rigid, team: Team) -> PlacedTool:
     """One of them."""
     meeting = [i for i in scene.interfaces if i.tool is not None and i.tool.name == tool.name]
     touched, moved = {int(scene.mesh.volume[i.cells[0, 0]]) for i in meeting if len(i.cells)}, None
@@ -71,7 +71,7 @@ def _placed(scene: Scene, own: Sequence[int], sides: Sequence[np.ndarray], field
     turned = sum((two for _, two in each), np.zeros((2, scene.steps)))
     every = team.all_gather((amiss, turned, _passed(scene, own, tool, touched, moved, sides)))
     deepest = max((at for *_, at in every if at is not None), key=lambda at: at[0], default=None)
-    return Placed(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}),
+    return PlacedTool(tool, moved, sorted({scene.mesh.volumes[v] for v in touched}),
                   max(a for a, *_ in every), peak(ratio(*sum(t for _, t, _ in every))), deepest)
 
 
@@ -96,7 +96,7 @@ def _amiss(scene: Scene, i: Interface, moved: np.ndarray, sides: Sequence[np.nda
 
 def _passed(scene: Scene, own: Sequence[int], tool: Rigid, touched: Sequence[int], moved: np.ndarray,
             sides: Sequence[np.ndarray]) -> tuple[float, int, np.ndarray] | None:
-    """As of ``Placed``, in own subdomains of some volumes."""
+    """As of ``PlacedTool``, in own subdomains of some volumes."""
     mesh = scene.mesh
     cells = np.flatnonzero(np.isin(mesh.volume, touched))
     faces = faces_of(mesh.cells[cells, :4], len(mesh.nodes))

@@ -202,7 +202,7 @@ def _together(slices: Sequence[slice]) -> np.ndarray:
     return (np.array([each.start for each in slices])[:, None] + np.arange(slices[0].stop - slices[0].start)).astype(np.int32)
 
 
-class Segments:
+class ColumnSegments:
     """Columns that belong to subdomains, one after the other.
 
     parts : columns of each subdomain, without gaps; those that have none are left out

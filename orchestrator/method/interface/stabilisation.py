@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from orchestrator.config.method import STABLEST, Sole
+from orchestrator.config.method import STABLEST, SoleSettings
 from orchestrator.scene.conditions.supports import loose_bodies
 from orchestrator.scene.model import Scene
 
@@ -64,7 +64,7 @@ def begin_anew(scene: Scene, method) -> bool:
 
 def _on_usual_soles(share: float, method, scale: float) -> float:
     """ε that makes the springs' rate ε keq what it is on the default soles: soles are how a scene is solved, not what it is."""
-    return min(share * Sole().contact_ratio / (scale * method.sole.contact_ratio), STABLEST)
+    return min(share * SoleSettings().contact_ratio / (scale * method.sole.contact_ratio), STABLEST)
 
 
 def cautions(method) -> list[str]:

@@ -31,7 +31,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.shared import assembled
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.factor import is_semidefinite
-from orchestrator.method.interface.rows import peak, ratio, Segments, times
+from orchestrator.method.interface.rows import peak, ratio, ColumnSegments, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.loading import RimStiffness
 from orchestrator.scene.conditions.rigid import motions
@@ -57,15 +57,15 @@ class GuardedTraces(BlackBox):
         super().__init__(inner)
         self.solved = 0
         self.names, self.direction, self.parts = names, direction, direction.space.boundary
-        self.all = Segments(self.parts)  # the boundary dofs of the subdomains
+        self.all = ColumnSegments(self.parts)  # the boundary dofs of the subdomains
         self.earlier = np.zeros((2, len(self.all.member)))  # a load of each subdomain and its answer
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
         self.own: dict[int, sp.csr_array] = {}
 
     @cached_property
-    def owned(self) -> Segments:
+    def owned(self) -> ColumnSegments:
         """The trace dofs of the subdomains."""
-        return Segments(self.direction.space.parts)
+        return ColumnSegments(self.direction.space.parts)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
@@ -84,7 +84,7 @@ class GuardedTraces(BlackBox):
                 self.known[e] = self.known[judged[which]]
             elif f.size:
                 judged[which] = e
-                self._judge(f, u, times(self.own[e], u), Segments([slice(0, f.shape[1])]), [e], part)
+                self._judge(f, u, times(self.own[e], u), ColumnSegments([slice(0, f.shape[1])]), [e], part)
         return answers
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
@@ -104,7 +104,7 @@ class GuardedTraces(BlackBox):
             self._judge(forces, answers, space.loads(kw), self.all, self.all.subdomains, slice(None))
         return answers, w, kw
 
-    def _judge(self, f: np.ndarray, u: np.ndarray, ku: np.ndarray, of: Segments, subdomains: Sequence[int], part: slice) -> None:
+    def _judge(self, f: np.ndarray, u: np.ndarray, ku: np.ndarray, of: ColumnSegments, subdomains: Sequence[int], part: slice) -> None:
         """Loads, answers and what the soles answer to these, (rows, columns) each.
 
         of : whose the columns are, one after the other

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import bounds_of, narrow, peak, Segments, times
+from orchestrator.method.interface.rows import bounds_of, narrow, peak, ColumnSegments, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.spread import semidefinite
 from orchestrator.method.interface.traces import TraceSpace
@@ -54,7 +54,7 @@ class RigidModes:
         self._starts = bounds_of(counts[self._seen])
         self.number = runs((np.cumsum(counts) - counts)[self._seen], counts[self._seen])
         self.own = np.flatnonzero(np.repeat(np.isin(self._seen, space.subdomains), counts[self._seen]))
-        self._of = Segments(space.boundary)
+        self._of = ColumnSegments(space.boundary)
         at = np.searchsorted(self._seen, np.asarray(space.subdomains, dtype=int)[self._of.subdomains])
         there = np.arange(RIGID) < counts[self._seen[at], None]
         self._at = np.where(there, self._starts[at, None] + np.arange(RIGID), -1).T  # (6, subdomains): −1 where there is none
@@ -177,7 +177,7 @@ class Balancing:
         q = transfer.carried(f) + 0.5 * self.soles(transfer.jump(w))
         q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
         change = (transfer.opposed(q) - f)[:, : self.space.size]
-        resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), Segments(self.space.boundary)
+        resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), ColumnSegments(self.space.boundary)
         scale = max(peak(of.sums(np.abs(one) * sizes)) for one in self.modes.dense)
         pushed, size = team.max(peak(resultant), scale)
         if pushed <= UNBALANCED * max(size, TINY):

@@ -29,7 +29,7 @@ from orchestrator.laws.points import Answer, norm
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.stopping.continuity import Constraint, Continuity
-from orchestrator.method.stopping.held_jumps import Charges, Held
+from orchestrator.method.stopping.held_jumps import Charges, HeldJumps
 
 RIGID = 1 - 1e-9  # a from which a direction is held
 FELT = 1e-9  # a from which it counts
@@ -134,7 +134,7 @@ class AdmissibleDisplacement:
             held = replace(held, soft=soft).and_then(more)
         return best
 
-    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: Held, joint: Held,
+    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: HeldJumps, joint: HeldJumps,
                  common: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held jointly but for common jumps (r, groups);
         forces (r,) that hold, and how far a unit force moves what it holds (r,)."""
@@ -154,7 +154,7 @@ class AdmissibleDisplacement:
         change, forces = chosen.held(lack[None])
         return mean - change, forces[0, :count], chosen.matrix.diagonal()[chosen.mine][:count] - held.soft
 
-    def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History, number: int) -> Held:
+    def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History, number: int) -> HeldJumps:
         """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside λ̂ (3, P) where they have no price."""
         pairs, force = self.beside, np.where(self.prices, 0.0, force)
         there = pairs.force(force + pairs.points.stiffness(jump), before, number, derivative=True)
@@ -168,7 +168,7 @@ class AdmissibleDisplacement:
         """(3, P) of means (1, classes)."""
         return self.pairs.transfer.jump(self.continuity.traces(mean, known)[0]) + self.pairs.slid
 
-    def _held(self, answer: Answer, chosen: np.ndarray, goal: np.ndarray) -> Held:
+    def _held(self, answer: Answer, chosen: np.ndarray, goal: np.ndarray) -> HeldJumps:
         """What the laws hold at those pairs that are chosen (P,), by their answer; ``goal``: (3, P)."""
         kept = chosen[answer.active]
         if answer.collective is not None:  # pairs that answer together are held together
@@ -187,10 +187,10 @@ class AdmissibleDisplacement:
         priced = self.prices[at]
         gives = priced & (size < RIGID)
         soft = ratio(1 - size, size * self.beside.points.stiff_n[at], gives)
-        held = Held(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
+        held = HeldJumps(at, ways[pair, :, which], np.zeros(len(at)), soft, priced & ~gives)
         return replace(held, goals=held.of(goal))
 
-    def _together(self, answer: Answer, goal: np.ndarray) -> tuple[Held, sp.csr_array]:
+    def _together(self, answer: Answer, goal: np.ndarray) -> tuple[HeldJumps, sp.csr_array]:
         """What pairs that answer together hold, and the common jumps (r, groups) that leave them free; ``goal``: (3, P)."""
         groups = [] if answer.collective is None else [(at, given) for at, given, _ in answer.collective.groups() if self.mine[at].any()]
         pairs = np.unique(np.concatenate([np.zeros(0, int), *(at for at, _ in groups)]))
@@ -201,5 +201,5 @@ class AdmissibleDisplacement:
             jump = self.pairs.compliance(force)[:, pairs].T.ravel()
             common[:, k] = jump / np.linalg.norm(jump)
         none = np.zeros(3 * len(pairs))
-        held = Held(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), none, none > 0)
+        held = HeldJumps(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), none, none > 0)
         return held, sp.csr_array(common)

@@ -14,7 +14,7 @@ from orchestrator.scene.conditions.rigid import motions_about, RIGID
 FREE = 1e-12  # eigenvalue of a body's supports, over the largest, that holds a motion no longer: a millionth of it moves
 
 
-class Bodies:
+class JoinedBodies:
     """The bodies of one decomposition, the same on all ranks.
 
     joins : whether a law makes one body of both sides

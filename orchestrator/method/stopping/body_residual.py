@@ -20,14 +20,14 @@ from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak, ratio, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.local_stage import LocalState
-from orchestrator.method.stopping.bodies import Bodies
+from orchestrator.method.stopping.bodies import JoinedBodies
 from orchestrator.method.stopping.law_residuals import Lengths
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.interface import ends_of
 from orchestrator.scene.model import Scene
 
 
-def judged_together(scene: Scene, bodies: Bodies) -> np.ndarray:
+def judged_together(scene: Scene, bodies: JoinedBodies) -> np.ndarray:
     """(subdomains,) int, the group of each."""
     ends = bodies.body[ends_of(scene.interfaces)]
     touching = ends[bodies.loose.any(axis=(1, 2))[ends].all(axis=1)]

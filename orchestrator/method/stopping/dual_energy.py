@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orchestrator.method.interface.rows import dots, ratio, Segments
+from orchestrator.method.interface.rows import dots, ratio, ColumnSegments
 from orchestrator.method.linear.stage import LinearStage
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
@@ -88,7 +88,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
         bodies that takes long: after ``LONGER`` times as many steps the tail has to do. A function is asked once steps end within ``met``
     begun : what an earlier call has found, from which it goes on if that was of the same h
     """
-    space, of = stage.space, Segments(stage.space.boundary)
+    space, of = stage.space, ColumnSegments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h, above=True)
     if begun is None or space.team.max(not np.array_equal(begun.of, h))[0]:

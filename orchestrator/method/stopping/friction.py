@@ -30,7 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.rows import Blocks, ratio, scattered, Segments, times
+from orchestrator.method.interface.rows import Blocks, ratio, scattered, ColumnSegments, times
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 300  # of either eigenvalue's method at most
@@ -123,7 +123,7 @@ class Friction:
 
     def _of_slips(self, softness: np.ndarray, most: float = np.inf) -> float:
         """λ_T, or any number above ``most`` where it is. K⁻¹ of what is left is known from above, as in ``dual_energy``."""
-        space, pairs, of = self.space, self.pairs, Segments(self.space.boundary)
+        space, pairs, of = self.space, self.pairs, ColumnSegments(self.space.boundary)
         weight = np.where(self.coefficient > 0, self.coefficient * self.weight, 0.0)
 
         def product(x: np.ndarray) -> np.ndarray:

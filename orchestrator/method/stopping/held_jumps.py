@@ -36,7 +36,7 @@ class Charges:
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldJumps:
     """Directions in which laws hold jumps, r of them.
 
     at : (r,) int, pairs; directions : (r, 3) unit vectors
@@ -51,13 +51,13 @@ class Held:
     soft: np.ndarray
     priced: np.ndarray
 
-    def some(self, chosen: np.ndarray) -> Held:
+    def some(self, chosen: np.ndarray) -> HeldJumps:
         """Those that are chosen, (r,) bool or places."""
-        return Held(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        return HeldJumps(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
-    def and_then(self, other: Held) -> Held:
+    def and_then(self, other: HeldJumps) -> HeldJumps:
         """These, and the others behind."""
-        return Held(*(np.concatenate([getattr(held, field.name) for held in (self, other)]) for field in fields(self)))
+        return HeldJumps(*(np.concatenate([getattr(held, field.name) for held in (self, other)]) for field in fields(self)))
 
     def of(self, jump: np.ndarray) -> np.ndarray:
         """(r,) jumps (3, P) in these directions."""

@@ -37,7 +37,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import peak
 from orchestrator.method.local_stage import LocalState
-from orchestrator.method.stopping.bodies import Bodies, FREE, RIGID
+from orchestrator.method.stopping.bodies import JoinedBodies, FREE, RIGID
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 
@@ -89,7 +89,7 @@ class Lengths:
         return REST * max(self.deformation, self.told)
 
 
-class LengthScale(Bodies):
+class LengthScale(JoinedBodies):
     """The lengths of one decomposition, for some or all of its load steps, and its bodies.
 
     fit : (bodies, 6, 6) makes of products with all motions the free ones that fit best

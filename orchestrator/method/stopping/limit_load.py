@@ -20,7 +20,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import peak, ratio
 from orchestrator.method.linear.loading import partway
 from orchestrator.method.local_stage import LawStage
-from orchestrator.method.stopping.bodies import Bodies, RIGID
+from orchestrator.method.stopping.bodies import JoinedBodies, RIGID
 from orchestrator.method.stopping.carrying_points import Reach
 from orchestrator.method.stopping.cone_problem import failing, Motion, unresisted
 from orchestrator.scene.conditions.rigid import DISPLACEMENT
@@ -99,7 +99,7 @@ class LimitLoads:
     """
 
     def __init__(self, d: Decomposition):
-        self.team, self.bodies = d.space.team, Bodies(d, lambda law: law.perfect)
+        self.team, self.bodies = d.space.team, JoinedBodies(d, lambda law: law.perfect)
         self.loads = np.zeros((d.scene.steps, self.bodies.count, RIGID))
         self.noise = np.zeros(self.bodies.count)
         boundary = {}

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.interface.rows import DEPENDENT, Segments, scattered
+from orchestrator.method.interface.rows import DEPENDENT, ColumnSegments, scattered
 from orchestrator.method.linear.stage import LinearStage
 
 STEPS = 12  # by then the largest eigenvalue of ten grains' and of blocks' is known to a hundredth
@@ -30,7 +30,7 @@ class BesideRigid:
     """
 
     def __init__(self, stage: LinearStage, rigid: np.ndarray):
-        self.of, self.rigid = Segments(stage.space.boundary), rigid
+        self.of, self.rigid = ColumnSegments(stage.space.boundary), rigid
         self.carried = np.concatenate([stage.direction.robin(one[None]) for one in rigid])  # all at once take six times as much
         gram = np.stack([self.of.sums(rigid * one) for one in self.carried]).transpose(2, 1, 0)
         self.inverse = np.linalg.pinv(gram, rcond=DEPENDENT, hermitian=True)

@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.errors import some
 from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved, Passed, passing
-from orchestrator.method.delivery.tools import Placed
+from orchestrator.method.delivery.tools import PlacedTool
 from orchestrator.scene.cautions import LOCKING, scene_cautions
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.scene.mesh.geometry import format_point
@@ -107,7 +107,7 @@ def _sliding(met: Met) -> Iterator[str]:
                "contact has pairing: follow")
 
 
-def tool_cautions(placed: Sequence[Placed]) -> Iterator[str]:
+def tool_cautions(placed: Sequence[PlacedTool]) -> Iterator[str]:
     """A sentence on each tool whose contact is not that with its surface, or that faces without contact have passed through."""
     for one in placed:
         told = [f"gaps are off by up to {one.apart:.0%} of what presses"] * (one.apart > AMISS) + \

@@ -26,7 +26,7 @@ MORE = "orchestrator report {} writes a report of all; run --verbose prints it"
 
 
 @dataclass(frozen=True)
-class Line:
+class SummaryLine:
     """A line of the summary.
 
     label : what stands before it
@@ -42,64 +42,64 @@ class Line:
 
 
 LINES = (
-    Line("run", "{name}"),
-    Line("result", "{ended}‹ ({why})›"),
-    Line("verdict", verdict),
-    Line("what to do", "{}", "advice"),
-    Line("bolts", "{name}: axial {force:.5g}{unit[force]}‹, shear {shear:.4g}{unit[force]}, "
+    SummaryLine("run", "{name}"),
+    SummaryLine("result", "{ended}‹ ({why})›"),
+    SummaryLine("verdict", verdict),
+    SummaryLine("what to do", "{}", "advice"),
+    SummaryLine("bolts", "{name}: axial {force:.5g}{unit[force]}‹, shear {shear:.4g}{unit[force]}, "
         "bending {bending:.4g}{unit[moment]}›, {state}",
         "bolts"),
-    Line("tightening", "{name}: shortened by {shortening:.4g}{unit[length]}", "bolts", False),
-    Line("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}"
+    SummaryLine("tightening", "{name}: shortened by {shortening:.4g}{unit[length]}", "bolts", False),
+    SummaryLine("peak stress", "{peak_stress[value]:.5g}{unit[stress]}  (von Mises, at {peak_stress[at]}"
         "‹ of {peak_stress[part]}›‹, load step {peak_stress[load_step]} of {many}›)‹\nsingular: from mesh to mesh "
         "it grows as h^-{peak_stress[grows]:.2f}, h the size of elements there, without limit›"),
-    Line("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}"
+    SummaryLine("peak displ.", "{peak_displacement[value]:.5g}{unit[length]}  (at {peak_displacement[at]}"
         "‹ of {peak_displacement[part]}›‹, load step {peak_displacement[load_step]} of {many}›)"),
-    Line("reactions", lambda summary: sentences.forces(summary, "support")),
-    Line("loads", lambda summary: sentences.forces(summary, "load")),
-    Line("interfaces", sentences.statuses),
-    Line("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
-    Line("probes", sentences.probes),
-    Line("error bound",
+    SummaryLine("reactions", lambda summary: sentences.forces(summary, "support")),
+    SummaryLine("loads", lambda summary: sentences.forces(summary, "load")),
+    SummaryLine("interfaces", sentences.statuses),
+    SummaryLine("tools", "{name}: {displacement}{unit[length]}‹, turned by {rotation}°›", "tools"),
+    SummaryLine("probes", sentences.probes),
+    SummaryLine("error bound",
         "{error_bound:.2e}  ({kind}‹, {error_factor:.3g} times what it is with limits of "
         "friction that are known›, relative, energy norm)"),
-    Line("acceleration", "{acceleration}", brief=False),
-    Line("law residual",
+    SummaryLine("acceleration", "{acceleration}", brief=False),
+    SummaryLine("law residual",
         "{residuals[law_residual]:.2e}  (equilibrium and interface laws, the largest "
         "relative residual)"),
-    Line("own errors", sentences.own_errors),
-    Line("no balance", sentences.unbalanced),
-    Line("places", sentences.places, brief=False),
-    Line("not held", sentences.not_held),
-    Line("stabilised", sentences.stabilised, brief=False),
-    Line("backward",
+    SummaryLine("own errors", sentences.own_errors),
+    SummaryLine("no balance", sentences.unbalanced),
+    SummaryLine("places", sentences.places, brief=False),
+    SummaryLine("not held", sentences.not_held),
+    SummaryLine("stabilised", sentences.stabilised, brief=False),
+    SummaryLine("backward",
         "exact for surfaces shifted by at most {backward[normal]:.1e}{unit[length]} along the "
         "normal, {backward[tangential]:.1e}{unit[length]} across it",
         brief=False),
-    Line("true error", "{true_error:.2e}  (against the undecomposed solution)"),
-    Line("mesh's error",
+    SummaryLine("true error", "{true_error:.2e}  (against the undecomposed solution)"),
+    SummaryLine("mesh's error",
         "{discretisation_error:.2e}  (estimated discretisation error, relative, energy norm)"
         "‹; tolerance {auto:.2e}, {fraction:g} of it›"),
-    Line("accuracy",
+    SummaryLine("accuracy",
         "{accuracy[reached]:.2%} reached‹, {accuracy[asked]:.2%} asked›, energy norm, of mesh and "
         "iterations together; the last mesh of {mesh[elements]:,} elements; the mesh's error is {mesh[checked]}"),
-    Line("off by", sentences.off_by),
-    Line("load path", "{sentence}", "load_path", False),
-    Line("nonlinear",
+    SummaryLine("off by", sentences.off_by),
+    SummaryLine("load path", "{sentence}", "load_path", False),
+    SummaryLine("nonlinear",
         "{subdomains}: load steps one after the other, {answers:,} answers from the last committed "
         "one; no error bound is claimed, residuals are; off: {off}",
         "nonlinear",
         False),
-    Line("warning", "{}", "warnings"),
-    Line("size", sentences.size),
-    Line("time", "{timing[total]:.2f} s"),
-    Line("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step", brief=False),
-    Line("element", "{element}", brief=False),
-    Line("stages", sentences.stages, brief=False),
-    Line("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
-    Line("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests", brief=False),
-    Line("skipped", "{saved}  ({skip})", "skipped", False),
-    Line("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False),
+    SummaryLine("warning", "{}", "warnings"),
+    SummaryLine("size", sentences.size),
+    SummaryLine("time", "{timing[total]:.2f} s"),
+    SummaryLine("sweeps", "{sweeps[total]:.4g} back-substitutions per subdomain and load step", brief=False),
+    SummaryLine("element", "{element}", brief=False),
+    SummaryLine("stages", sentences.stages, brief=False),
+    SummaryLine("codes", "{code} ({transport}): {seconds[total]:.2f} s of CPU", "codes", False),
+    SummaryLine("orchestrator", "{orchestrator_seconds:.2f} s of wall clock, between requests", brief=False),
+    SummaryLine("skipped", "{saved}  ({skip})", "skipped", False),
+    SummaryLine("memory", "{memory_peak_mb:,.0f} MB at the peak", brief=False),
 )
 
 

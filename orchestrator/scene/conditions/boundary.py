@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems, some
-from orchestrator.scene.loads.base import OnFaces, Prescribed
+from orchestrator.scene.loads.base import FacePlace, Prescribed
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.interfaces.parts import bonded
@@ -61,7 +61,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any],
 def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath,
            problems: Problems) -> Any:
     """Effect of an entry of ``boundary:`` on faces (k, 3 or 6)."""
-    where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float),
+    where = FacePlace((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float),
                     Cylindrical.of(entry.frame), problems)
     return entry.kind.made(entry.given, where)
 

@@ -26,7 +26,7 @@ SUITED, ATTEMPTS = (1e-3, 1e3), 4
 
 
 @dataclass(frozen=True)
-class Answers:
+class UnitAnswers:
     """A program's answers to unit forces.
 
     springs : (3n,) k that were added
@@ -58,7 +58,7 @@ class Answers:
         return self.inverse @ (upper + upper.T - np.diag(upper.diagonal())) @ self.inverse
 
     @classmethod
-    def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> Answers:
+    def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> UnitAnswers:
         """Answers of a program that is asked now.
 
         spring : a first guess of k

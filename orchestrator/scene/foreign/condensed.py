@@ -35,7 +35,7 @@ LEAST = 1e-15
 BACKWARD = 1e-9
 
 
-class Elimination:
+class JointElimination:
     """K (n, n) without the dofs ``last`` (j,).
 
     loose : parts of what is eliminated may move by themselves, as a bar between two nodes turns about itself: with a pivot ε
@@ -146,7 +146,7 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     if len(joint) == K.shape[0]:  # by whoever has made it
         return K[joint][:, joint].toarray(), loads[:, joint].copy(), None if sample is None else sample[joint][:, joint].toarray()
     try:
-        eliminated = Elimination(K, joint, loose)
+        eliminated = JointElimination(K, joint, loose)
     except ZeroDivisionError as error:
         raise wrong(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
                     "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is attached to, for "

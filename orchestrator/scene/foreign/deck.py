@@ -20,8 +20,8 @@ from orchestrator.scene.foreign.surfaces import forgotten, holes
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.readers.inp import solid_nodes, SOLIDS
 from orchestrator.scene.mesh.readers.inp_cards import (
-    cards, cards_of_a_model, heading, Inclusion, numbers, Row)
-from orchestrator.scene.mesh.readers.inp_model import Model, outer
+    cards, cards_of_a_model, heading, Inclusion, numbers, CardLine)
+from orchestrator.scene.mesh.readers.inp_model import InpModel, outer
 from orchestrator.scene.mesh.readers.splitting import CORNERS, EDGES, SIDES
 
 # CalculiX has none
@@ -100,7 +100,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
                   quadratic, face, remarks, *deck.moduli())
 
 
-def _solid(kind: str, row: Row) -> tuple[str, int] | None:
+def _solid(kind: str, row: CardLine) -> tuple[str, int] | None:
     if not kind.startswith("C3D"):
         return None
     if (count := solid_nodes(kind)) not in SHAPES:
@@ -108,7 +108,7 @@ def _solid(kind: str, row: Row) -> tuple[str, int] | None:
     return SHAPES[count], count
 
 
-class Deck(Model):
+class Deck(InpModel):
     """Contents of a deck, as far as they are read.
 
     file : the deck
@@ -193,8 +193,8 @@ class Deck(Model):
         return fixed[np.searchsorted(self.ids, ids)], supports_left(points, self.points, fixed)
 
     def _held(self,
-              given: Iterable[tuple[str, dict[str, str], list[Row]]]) -> Iterator[
-                  tuple[Row, np.ndarray, list[int]]]:
+              given: Iterable[tuple[str, dict[str, str], list[CardLine]]]) -> Iterator[
+                  tuple[CardLine, np.ndarray, list[int]]]:
         """Lines of *BOUNDARY, with the nodes that they hold, as places in ``ids``, and
         components.
         """
@@ -298,7 +298,7 @@ def check_kept(files: list[Path], path: KeyPath) -> None:
     """Raises InputError where a file says nothing of a load of the file before: CalculiX would keep
     it from step to step, and
     here a file says all that acts in its load step."""
-    before: dict[tuple[str, ...], Row] = {}
+    before: dict[tuple[str, ...], CardLine] = {}
     for i, file in enumerate(files):
         new = {card for card, options, _ in headings(file, path) if _new(options)}
         said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row

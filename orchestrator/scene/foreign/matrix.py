@@ -19,7 +19,7 @@ from orchestrator.scene.foreign.condensed import check_modulus, condense, Conden
 from orchestrator.scene.foreign.joints import CUT, cut_in_triangles, Joints, read_joints
 from orchestrator.scene.foreign.surfaces import bare, check_surface, holes, of_plane
 from orchestrator.scene.mesh.checks import check_memory
-from orchestrator.scene.number_table import Table
+from orchestrator.scene.number_table import NumberTable
 
 
 def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
@@ -155,7 +155,7 @@ def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
 
 def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
     """Return the lines with numbers, each with its number in the file."""
-    table = Table(file, path, what)
+    table = NumberTable(file, path, what)
     return list(zip(table.lines, table.rows))
 
 

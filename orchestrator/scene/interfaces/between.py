@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.parallel.numbering import runs
-from orchestrator.scene.interfaces.opposite import COINCIDE, Body, Facets
+from orchestrator.scene.interfaces.opposite import COINCIDE, BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Skin, over
 from orchestrator.scene.mesh.geometry import rounding
 
@@ -20,7 +20,7 @@ EDGE = 1e-9  # barycentric coordinates from which a ray meets a facet
 Hidden = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def hidden(bodies: Sequence[Body], skins: Callable[[Body], Skin], one: Body, two: Body) -> Hidden:
+def hidden(bodies: Sequence[BodyFaces], skins: Callable[[BodyFaces], Skin], one: BodyFaces, two: BodyFaces) -> Hidden:
     """Return the test whether a third of the ``bodies`` is between two: it has a face that looks
     at the first one's, on the way along the normal, and nearer than the second one's. Distances
     are those of the surfaces that facets stand for."""
@@ -49,7 +49,7 @@ def hidden(bodies: Sequence[Body], skins: Callable[[Body], Skin], one: Body, two
     return test
 
 
-def _met(one: Facets, i: np.ndarray, at: np.ndarray, third: Facets, theirs: np.ndarray,
+def _met(one: Triangles, i: np.ndarray, at: np.ndarray, third: Triangles, theirs: np.ndarray,
          bulge: np.ndarray, behind: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Return (m,) bool, whether rays along normals meet a body's facets before a distance (m,).
 

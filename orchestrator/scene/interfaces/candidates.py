@@ -9,7 +9,7 @@ from typing import Any
 
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.governing import Laws
-from orchestrator.scene.interfaces.opposite import Body, close_bodies, cosine_of
+from orchestrator.scene.interfaces.opposite import BodyFaces, close_bodies, cosine_of
 from orchestrator.scene.interfaces.parts import Parts
 
 
@@ -24,7 +24,7 @@ class Candidate:
     slave : the side, 0 or 1, that it makes the slave; None: neither
     """
 
-    pair: tuple[Body, Body]
+    pair: tuple[BodyFaces, BodyFaces]
     known: tuple[tuple[str, str], tuple[str, str]]
     index: int
     entry: Any

@@ -23,7 +23,7 @@ from orchestrator.scene.interfaces.matching import back_to_back, match, Patch
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
-from orchestrator.scene.interfaces.opposite import Body, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
+from orchestrator.scene.interfaces.opposite import BodyFaces, COINCIDE, OPPOSITE, REACH, TOUCHING, may_face
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.interfaces.skins import over, Skin, smooth_patches
 from orchestrator.scene.mesh.faces import components, edge_patches
@@ -187,7 +187,7 @@ def _facing(parts: Parts, candidate: Candidate) -> list[Facing]:
                   parts.hidden(*candidate.pair))
 
 
-def _rests(parts: Parts, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
+def _rests(parts: Parts, pair: tuple[BodyFaces, BodyFaces]) -> tuple[str, str, str] | None:
     """Why two bodies cannot slide on each other, what could, and the cure."""
     if any(map(parts.cut_further, pair)):
         return ("pieces of bodies that are cut further",
@@ -209,7 +209,7 @@ def _same_nodes(surfaces: Surfaces) -> bool:
     return len(one) == len(two) and bool((cKDTree(two).query(one)[0] <= near).all())
 
 
-def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
+def _quadratic(mesh: Mesh, pair: tuple[BodyFaces, BodyFaces]) -> int | None:
     """The one of two bodies that is a part of quadratic elements whose mesh is not ours; None:
     neither, or both.
 

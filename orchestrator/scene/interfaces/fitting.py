@@ -15,7 +15,7 @@ from orchestrator.scene.interfaces.distances import paired_gap, surface_gap
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.matching import Patch
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.opposite import Body
+from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.interfaces.parts import Parts
 from orchestrator.scene.interfaces.skins import surface_of
 
@@ -37,7 +37,7 @@ def of_matching(parts: Parts, laws: Laws, candidate: Candidate, patches: Sequenc
         yield interface
 
 
-def _filled(parts: Parts, pair: tuple[Body, Body], patch: Patch) -> np.ndarray:
+def _filled(parts: Parts, pair: tuple[BodyFaces, BodyFaces], patch: Patch) -> np.ndarray:
     """(k, 3) what the surfaces of both sides fill of the gap amid the edges of a patch's facets; of
     three-node ones nothing."""
     if patch.triangles.shape[1] == 3:

@@ -18,7 +18,7 @@ import numpy as np
 from orchestrator.config.boundary import ROUND
 from orchestrator.scene.interfaces.between import Hidden
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, Body, Facets, opposite
+from orchestrator.scene.interfaces.opposite import COINCIDE, OPPOSITE, REACH, BodyFaces, Triangles, opposite
 from orchestrator.scene.mesh.faces import edge_patches
 
 # How deep, in h, parts may reach into each other to be noticed.
@@ -47,7 +47,7 @@ class Patch:
     cells: np.ndarray
 
 
-def match(one: Body, two: Body, apart: bool = False, within: float | None = None,
+def match(one: BodyFaces, two: BodyFaces, apart: bool = False, within: float | None = None,
           share: float = REACH,
           hidden: Hidden | None = None) -> list[Patch]:
     """Patches of matching faces of two bodies.
@@ -113,7 +113,7 @@ def _connected(triangles: np.ndarray) -> list[np.ndarray]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray,
+def back_to_back(one: Triangles, two: Triangles, i: np.ndarray, j: np.ndarray,
                  depth: np.ndarray) -> np.ndarray:
     """(m,) bool, whether both bodies are between facets i and j.
 
@@ -128,7 +128,7 @@ def back_to_back(one: Facets, two: Facets, i: np.ndarray, j: np.ndarray,
     return result
 
 
-def _thickness(body: Facets, own: np.ndarray, most: np.ndarray) -> np.ndarray:
+def _thickness(body: Triangles, own: np.ndarray, most: np.ndarray) -> np.ndarray:
     """(m,) how thick a body is behind its facets (m,) int, infinite where that is more than
     ``most`` (m,).
     """

@@ -26,7 +26,7 @@ from orchestrator.scene.interfaces.facing import COMMON
 from orchestrator.scene.interfaces.governing import Laws
 from orchestrator.scene.interfaces.matching import match
 from orchestrator.scene.interfaces.mortar.segments import find_segments
-from orchestrator.scene.interfaces.opposite import OPPOSITE, REACH, TOUCHING, Body, close_bodies, nearest, outer_bodies
+from orchestrator.scene.interfaces.opposite import OPPOSITE, REACH, TOUCHING, BodyFaces, close_bodies, nearest, outer_bodies
 from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.parts import paired_faces, Parts
 from orchestrator.scene.interfaces.skins import over
@@ -122,7 +122,7 @@ def _beside(parts: Parts, laws: Laws,
     return beside, governing
 
 
-def _near(parts: Parts, one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
+def _near(parts: Parts, one: BodyFaces, two: BodyFaces, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
     """Faces opposite each other among those (k,) int of either body; None: there are none.
 
     They are no farther apart than reach, or a little inside each other: rounding, coarse curves.

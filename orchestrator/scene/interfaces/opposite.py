@@ -46,7 +46,7 @@ def cosine_of(angle: float | None) -> float:
 
 
 @dataclass(frozen=True)
-class Facets:
+class Triangles:
     """Triangles: corners (k, 3, 3), unit normals (k, 3) to which they turn, areas (k,)."""
 
     corners: np.ndarray
@@ -54,14 +54,14 @@ class Facets:
     area: np.ndarray
 
     @classmethod
-    def of(cls, corners: np.ndarray) -> Facets:
+    def of(cls, corners: np.ndarray) -> Triangles:
         vectors = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
         area = np.linalg.norm(vectors, axis=1)
         return cls(corners, vectors / area[:, None], area)
 
-    def some(self, chosen: np.ndarray) -> Facets:
+    def some(self, chosen: np.ndarray) -> Triangles:
         """Some of them, by index or mask."""
-        return Facets(self.corners[chosen], self.normal[chosen], self.area[chosen])
+        return Triangles(self.corners[chosen], self.normal[chosen], self.area[chosen])
 
     @cached_property
     def size(self) -> np.ndarray:
@@ -108,7 +108,7 @@ class Facets:
 
 
 @dataclass(frozen=True)
-class Body(Facets):
+class BodyFaces(Triangles):
     """The outer faces of one volume in one subdomain.
 
     subdomain, volume : indices
@@ -121,7 +121,7 @@ class Body(Facets):
     cells: np.ndarray
 
 
-def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
+def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[BodyFaces]:
     """The outer faces, by subdomain and volume."""
     outer = faces.outer
     if mesh.foreign:  # of parts whose mesh is not ours nothing but the joints is a face
@@ -134,12 +134,12 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     starts = np.flatnonzero(np.r_[True, (np.diff(label, axis=0) != 0).any(axis=1)])
     normal, area = facet_normals(mesh.nodes, faces.triangles[outer])
     corners = mesh.nodes[faces.triangles[outer, :3]]
-    return [Body(corners[a:b], normal[a:b], area[a:b], *label[a].tolist(),
+    return [BodyFaces(corners[a:b], normal[a:b], area[a:b], *label[a].tolist(),
                  faces.triangles[outer[a:b]], owner[a:b])
             for a, b in zip(starts, [*starts[1:], len(outer)])]
 
 
-def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Body, Body]]:
+def close_bodies(bodies: list[BodyFaces], within: float | None) -> Iterator[tuple[BodyFaces, BodyFaces]]:
     """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain
     first.
 
@@ -173,7 +173,7 @@ def _boxes_within(low: np.ndarray, high: np.ndarray,
     return i[near][chosen], j[near][chosen]
 
 
-def opposite(one: Facets, two: Facets, reach: np.ndarray, cosine: float = OPPOSITE,
+def opposite(one: Triangles, two: Triangles, reach: np.ndarray, cosine: float = OPPOSITE,
              spheres: bool = True) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Facets i, j that look at each other within reach, in pieces of about ``CHUNK`` pairs.
 
@@ -221,7 +221,7 @@ def may_face(one: np.ndarray, two: np.ndarray, cosine: float = OPPOSITE) -> bool
     return bool((rounded[0] @ rounded[1].T < cosine + 2 * COARSE).any())
 
 
-def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
+def nearest(one: BodyFaces, two: BodyFaces) -> tuple[float, np.ndarray, float]:
     """Distance of the nearest outer nodes of two bodies, where that is, and the facets' mean size
     there.
     """

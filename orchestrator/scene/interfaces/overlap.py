@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.config.boundary import ROUND
-from orchestrator.scene.interfaces.opposite import Facets
+from orchestrator.scene.interfaces.opposite import Triangles
 from orchestrator.scene.interfaces.skins import smooth_faces, surface_of
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import barycentric
@@ -47,9 +47,9 @@ class Solid:
         return self.boxes[0].min(axis=0), self.boxes[1].max(axis=0)
 
     @cached_property
-    def surface(self) -> Facets:
+    def surface(self) -> Triangles:
         """The outer faces as they are in space."""
-        return Facets.of(self.nodes[self.outer[:, :3]])
+        return Triangles.of(self.nodes[self.outer[:, :3]])
 
     @cached_property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +127,7 @@ def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray,
                    float(size[near[at, 0]])) if depth[at] > allowed[at] else None
 
 
-def _behind(points: np.ndarray, faces: Facets) -> tuple[np.ndarray, np.ndarray]:
+def _behind(points: np.ndarray, faces: Triangles) -> tuple[np.ndarray, np.ndarray]:
     """(p,) how far points (p, 3) are from the planes of the faces around, and (p, k) int, these,
     the nearest first.
     """

@@ -11,8 +11,8 @@ import numpy as np
 
 from orchestrator.scene.interface import Interface
 from orchestrator.scene.interfaces.between import Hidden, hidden
-from orchestrator.scene.interfaces.mortar.surfaces import Matter
-from orchestrator.scene.interfaces.opposite import Body, outer_bodies
+from orchestrator.scene.interfaces.mortar.surfaces import SlaveMatter
+from orchestrator.scene.interfaces.opposite import BodyFaces, outer_bodies
 from orchestrator.scene.interfaces.overlap import Overlap, overlap, Solid
 from orchestrator.scene.interfaces.skins import Skins, surface_of
 from orchestrator.scene.mesh.faces import components, Faces, pack, pieces
@@ -33,10 +33,10 @@ class Parts:
     faces: Faces
     partition: Partition
     numbering: SplitNumbering
-    matter: Matter | None = None
+    matter: SlaveMatter | None = None
 
     @cached_property
-    def bodies(self) -> list[Body]:
+    def bodies(self) -> list[BodyFaces]:
         """The outer faces, by subdomain and volume; none where there is a single volume."""
         if len(self.mesh.volumes) < 2:
             return []
@@ -48,7 +48,7 @@ class Parts:
         held = None if self.matter is None else self.matter.held
         return Skins(self.mesh, self.faces, held)
 
-    def hidden(self, one: Body, two: Body) -> Hidden:
+    def hidden(self, one: BodyFaces, two: BodyFaces) -> Hidden:
         """Return the test whether another body is between faces of two."""
         return hidden(self.bodies, self.skins, one, two)
 
@@ -84,7 +84,7 @@ class Parts:
         """Return the names of two subdomains."""
         return tuple(self.partition.names[e] for e in sides)
 
-    def known(self, body: Body) -> tuple[str, str]:
+    def known(self, body: BodyFaces) -> tuple[str, str]:
         """Return the names by which an entry may call a body: its subdomain's and its volume's."""
         return self.partition.names[body.subdomain], self.mesh.volumes[body.volume]
 
@@ -100,7 +100,7 @@ class Parts:
         return tuple((name, *(() if within else (self.mesh.volumes[v] for v in own)))
                      for name, own in zip(self.names(sides), volumes))
 
-    def cut_further(self, body: Body) -> bool:
+    def cut_further(self, body: BodyFaces) -> bool:
         """Return whether a body is a piece of a larger one."""
         return self.partition.body(body.subdomain) != self.partition.names[body.subdomain]
 

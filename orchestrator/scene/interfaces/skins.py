@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.interfaces.opposite import Body
+from orchestrator.scene.interfaces.opposite import BodyFaces
 from orchestrator.scene.mesh.faces import Faces, alike, components
 from orchestrator.scene.mesh.geometry import facet_normals
 from orchestrator.scene.mesh.mesh import Mesh
@@ -86,7 +86,7 @@ class Surface:
 class Skin:
     """A body's outer faces, the CAD face (k,) that each is on, and what they stand for."""
 
-    body: Body
+    body: BodyFaces
     face: np.ndarray
     surface: Surface
 
@@ -104,7 +104,7 @@ class Skins:
         self.mesh, self.faces, self.held = mesh, faces, held
         self._made: dict[int, Skin] = {}
 
-    def __call__(self, body: Body) -> Skin:
+    def __call__(self, body: BodyFaces) -> Skin:
         if id(body) not in self._made:
             face = self.smooth[self.faces.find(body.triangles[:, :3])]
             self._made[id(body)] = Skin(body, face, surface_of(
@@ -116,7 +116,7 @@ class Skins:
         """See ``smooth_faces``."""
         return smooth_faces(self.mesh, self.faces.triangles)
 
-    def given(self, body: Body) -> np.ndarray | None:
+    def given(self, body: BodyFaces) -> np.ndarray | None:
         """(k, 3, 3) normals that the CAD model has at the corners of a body's faces, outward, nan
         where it has none.
         """

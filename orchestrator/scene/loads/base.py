@@ -117,7 +117,7 @@ class Ground(ABC):
 
 
 @dataclass(frozen=True)
-class OnFaces:
+class FacePlace:
     """Place and time of an entry of ``boundary``.
 
     path : of what the entry says, in the YAML
@@ -153,7 +153,7 @@ class OnFaces:
 
 
 @dataclass(frozen=True)
-class InVolumes:
+class VolumePlace:
     """Place and time of an entry of ``loads``.
 
     path : of what the entry says, in the YAML

@@ -21,7 +21,7 @@ from pydantic import Field
 
 from orchestrator.config.base import Axis, either, one_or_per_step, Part, Positive, unit, Vector
 from orchestrator.errors import KeyPath, Problem
-from orchestrator.scene.loads.base import Forces, InVolumes, Kind, OnFaces
+from orchestrator.scene.loads.base import Forces, VolumePlace, Kind, FacePlace
 from orchestrator.scene.mesh.geometry import area_vectors, areas
 from orchestrator.scene.mesh.quadratic import (DEGREE_4, six_functions, TET_MOMENTS, TET_SHARES,
                                                TRIANGLE_MOMENTS, TRIANGLE_SHARES)
@@ -37,7 +37,7 @@ class Traction(Kind):
         return True
 
     @classmethod
-    def made(cls, value: Any, where: OnFaces) -> Forces:
+    def made(cls, value: Any, where: FacePlace) -> Forces:
         _, values = where.rows(value)
         area = areas(where.nodes, where.triangles)
         if where.frame is None:
@@ -61,14 +61,14 @@ class Pressure(Kind):
     meaning = "force per area along the inward normal: a number, or {value, at, gradient}"
 
     @classmethod
-    def made(cls, value: Any, where: OnFaces) -> Forces:
+    def made(cls, value: Any, where: FacePlace) -> Forces:
         corners = where.nodes[where.triangles[:, :3]]
         there = np.full(corners.shape[:2], float(value)) if not isinstance(value, LinearPressure) else \
             value.value + (corners - np.array(value.at)) @ np.array(value.gradient)
         return against_normal(there @ TRIANGLE_MOMENTS[where.triangles.shape[1]].T, where)
 
 
-def against_normal(weights: np.ndarray, where: OnFaces) -> Forces:
+def against_normal(weights: np.ndarray, where: FacePlace) -> Forces:
     """The forces of a pressure, from its integrals (k, 3 or 6) with the shape functions, over the area of each face."""
     return Forces(where.factors[:, None, None], -weights[None, :, :, None] * area_vectors(where.nodes, where.triangles)[:, None])
 
@@ -87,7 +87,7 @@ class Liquid(Kind):
     axes = (("up",),)
 
     @classmethod
-    def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
+    def made(cls, value: Hydrostatic, where: FacePlace) -> Forces:
         depth = value.level - where.corners @ np.array(unit(value.up))
         if len(depth) and not (depth > 0).any():
             where.problems.add(where.path, f"faces that are all above the level, by {-depth.max():.6g} at least",
@@ -137,7 +137,7 @@ class Spread(Kind):
             yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
 
     @classmethod
-    def made(cls, value: Resultant, where: OnFaces) -> Forces:
+    def made(cls, value: Resultant, where: FacePlace) -> Forces:
         moments = TRIANGLE_MOMENTS[where.triangles.shape[1]]
         if not len(where.triangles):
             return Forces(where.factors[:, None, None], np.zeros((1, 0, len(moments), 3)))
@@ -157,12 +157,12 @@ class BodyForce(Kind):
     listed = True
 
     @classmethod
-    def made(cls, value: Any, where: InVolumes) -> Forces:
+    def made(cls, value: Any, where: VolumePlace) -> Forces:
         amounts = np.array(value, dtype=float) if isinstance(value[0], list) else np.outer(where.factors, value)
         return uniform(amounts, where.volume, where)
 
 
-def uniform(amounts: np.ndarray, sizes: np.ndarray, where: InVolumes) -> Forces:
+def uniform(amounts: np.ndarray, sizes: np.ndarray, where: VolumePlace) -> Forces:
     """Forces (steps, 3) per unit of the sizes (k,) of cells."""
     return Forces(amounts[:, None], np.outer(sizes, TET_SHARES[where.mesh.cells.shape[1]])[None, :, :, None])
 
@@ -175,7 +175,7 @@ class Gravity(Kind):
     meaning = "acceleration, times the materials' density"
 
     @classmethod
-    def made(cls, value: Any, where: InVolumes) -> Forces | None:
+    def made(cls, value: Any, where: VolumePlace) -> Forces | None:
         density = where.of_matter("density", DENSITY)
         return None if density is None else uniform(np.outer(where.factors, value), where.volume * density, where)
 
@@ -194,7 +194,7 @@ class Centrifugal(Kind):
     axes = (("axis",),)
 
     @classmethod
-    def made(cls, value: Spin, where: InVolumes) -> Forces | None:
+    def made(cls, value: Spin, where: VolumePlace) -> Forces | None:
         density = where.of_matter("density", DENSITY)
         if density is None:
             return None

@@ -16,7 +16,7 @@ from orchestrator.config.base import Part, PartlyFree, Positive, Vector
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.loads.base import Ground, Kind, OnFaces
+from orchestrator.scene.loads.base import Ground, Kind, FacePlace
 from orchestrator.scene.loads.frame import Cylindrical
 from orchestrator.scene.mesh.geometry import areas, node_normals
 
@@ -83,7 +83,7 @@ class Bedding(Kind):
         return isinstance(value, dict) and value.get("stiffness") is not None
 
     @classmethod
-    def made(cls, value: Foundation, where: OnFaces) -> Springs:
+    def made(cls, value: Foundation, where: FacePlace) -> Springs:
         across = value.tangential or 0.0
         stiffness = np.array(value.stiffness or [value.normal, across, across])
         where.check_frame(np.ones(3))
@@ -145,5 +145,5 @@ class Remote(Kind):
                           "leave the entry out; kind: rigid alone keeps a surface rigid")
 
     @classmethod
-    def made(cls, value: Coupling, where: OnFaces) -> Followed:
+    def made(cls, value: Coupling, where: FacePlace) -> Followed:
         return Followed(value, where.factors)

@@ -15,7 +15,7 @@ from pydantic import Field as Key
 from orchestrator.config.base import one_or_per_step, Part, PartlyFree, Rotate, unit, Vector
 from orchestrator.config.paths import free_at_times, rows_of, shown
 from orchestrator.errors import dotted, KeyPath, Problem
-from orchestrator.scene.loads.base import (Field, Ground, Kind, OnFaces, Prescribed, ROUNDING,
+from orchestrator.scene.loads.base import (Field, Ground, Kind, FacePlace, Prescribed, ROUNDING,
                                            Uniform)
 from orchestrator.scene.loads.grounds import Springs
 from orchestrator.scene.loads.frame import Cylindrical
@@ -70,7 +70,7 @@ class Displacement(Kind):
         return True
 
     @classmethod
-    def made(cls, value: Any, where: OnFaces) -> Prescribed | Ground:
+    def made(cls, value: Any, where: FacePlace) -> Prescribed | Ground:
         fixed, values = where.rows(value)
         if where.frame is None:
             return Prescribed(fixed, values, Uniform())
@@ -89,7 +89,7 @@ class Symmetry(Kind):
     meaning = "true: held along the normal of a plane across an axis"
 
     @classmethod
-    def made(cls, value: Any, where: OnFaces) -> Prescribed:
+    def made(cls, value: Any, where: FacePlace) -> Prescribed:
         vectors = np.abs(area_vectors(where.nodes, where.triangles[:, :3]))
         axis = int(vectors.sum(axis=0).argmax())
         if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
@@ -99,7 +99,7 @@ class Symmetry(Kind):
         return Prescribed(np.arange(3) == axis, np.zeros((len(where.factors), 3)), Uniform())
 
 
-class Motion(Part):
+class MotionEntry(Part):
     """A rigid motion: a shift, and a turn that is small."""
 
     translate: Vector = Key([0.0, 0.0, 0.0], description="the shift of points on the turn's axis")
@@ -107,7 +107,7 @@ class Motion(Part):
 
 
 @dataclass(frozen=True)
-class Rigid(Field):
+class RigidField(Field):
     """A shift (3,), and a small turn (3,), in radians, about a point (3,)."""
 
     shift: np.ndarray
@@ -122,13 +122,13 @@ class Rigid(Field):
 
 
 class RigidMotion(Kind):
-    takes = Motion
+    takes = MotionEntry
     meaning = "prescribed rigid motion: {translate, rotate: {axis, degrees, about}}"
     axes = (("rotate", "axis"),)
 
     @classmethod
-    def made(cls, value: Motion, where: OnFaces) -> Prescribed:
+    def made(cls, value: MotionEntry, where: FacePlace) -> Prescribed:
         turn, about = np.zeros(3), np.zeros(3)
         if value.rotate is not None:
             turn, about = np.radians(value.rotate.degrees) * np.array(unit(value.rotate.axis)), np.array(value.rotate.about)
-        return Prescribed(np.ones(3, dtype=bool), where.factors[:, None], Rigid(np.array(value.translate), turn, about))
+        return Prescribed(np.ones(3, dtype=bool), where.factors[:, None], RigidField(np.array(value.translate), turn, about))

@@ -20,11 +20,11 @@ from pydantic import Field
 from orchestrator.config.base import Name, Part, Vector, either
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.elasticity import lame
-from orchestrator.scene.loads.base import InVolumes, Kind, Strain
+from orchestrator.scene.loads.base import VolumePlace, Kind, Strain
 from orchestrator.scene.mesh.geometry import format_point, shape_gradients, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TET_POINTS, quadratic_slopes
-from orchestrator.scene.number_table import Table
+from orchestrator.scene.number_table import NumberTable
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.
@@ -60,7 +60,7 @@ class Temperature(Kind):
                           "write a number where it is the same everywhere, {at: [x, y, z], gradient: [a, b, c]} or {file: warm.csv}")
 
     @classmethod
-    def made(cls, value: Any, where: InVolumes) -> Strain | None:
+    def made(cls, value: Any, where: VolumePlace) -> Strain | None:
         alpha = where.of_matter("expansion", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
         if alpha is None:
             return None
@@ -100,7 +100,7 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
     expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
     try:
-        table = Table(path, key, expected)
+        table = NumberTable(path, key, expected)
         lines, rows = table.lines, table.array()
     except InputError as error:
         problems.found += error.problems

@@ -45,7 +45,7 @@ def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | Non
 
 
 @dataclass
-class Solid:
+class MeshedSolid:
     """One solid of a model that is meshed by itself.
 
     tag : gmsh's; name : unique; faces : tags of its faces, ascending, named ``name:1`` and on
@@ -107,7 +107,7 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Size
                 surfaces, source, remarks, dict(zip(surfaces, (shape for solid in solids for shape in solid.shapes))))
 
 
-def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[list[Solid], list[str]]:
+def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[list[MeshedSolid], list[str]]:
     """The solids that are to be meshed, and remarks on what is small in them; gmsh must be switched on."""
     source, exclude = str(mesh.step), getattr(mesh, "exclude", None) or []
     found, names, loose = read_model(path, source)
@@ -126,13 +126,13 @@ def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[l
     sizes = sizes_of([names[i] for i in kept], mesh.h)
     if largest := max((size.largest for size in sizes.values() if size.largest is not None), default=None):
         check_h([found[i] for i in kept], largest)
-    solids = [Solid(found[i][1], names[i], sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)}),
+    solids = [MeshedSolid(found[i][1], names[i], sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)}),
                     sizes[names[i]]) for i in kept]
     check_curvature((solid.faces, solid.size) for solid in solids)
     return solids, list(_small(solids))
 
 
-def _small(solids: list[Solid]) -> Iterator[str]:
+def _small(solids: list[MeshedSolid]) -> Iterator[str]:
     """Sentences on edges and faces that are tiny beside the whole model."""
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
     least = SMALL * float(np.linalg.norm(box[1] - box[0]))
@@ -150,7 +150,7 @@ def _small(solids: list[Solid]) -> Iterator[str]:
                    f"elements there are as small; heal the model, or leave the solid out: exclude: [{solid.name}]")
 
 
-def _mesh_visible(solid: Solid) -> str:
+def _mesh_visible(solid: MeshedSolid) -> str:
     """Meshes the one solid that is visible; says what is wrong, empty where nothing is."""
     try:
         gmsh.model.mesh.generate(2)
@@ -169,7 +169,7 @@ def _mesh_visible(solid: Solid) -> str:
     return ""
 
 
-def _open(solid: Solid) -> str:
+def _open(solid: MeshedSolid) -> str:
     """Says which faces of a solid do not close; empty where they do."""
     triangles, face = elements(TRIANGLE, solid.faces)
     bare = [solid.face(tag) for k, tag in enumerate(solid.faces) if not (face == k).any()]

@@ -33,7 +33,7 @@ from orchestrator.scene.mesh.geometry import barycentric, facet_normals, format_
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.partition import Partition
-from orchestrator.scene.tools.motion import Driven, Plane, Rigid, Round, Surface
+from orchestrator.scene.tools.motion import Driven, PlaneSurface, Rigid, Round, ToolSurface
 
 KIND = "tool"
 # thickness of a layer over the size of its faces, the share of an element's yielding by which it
@@ -101,12 +101,12 @@ def rigid_of(name: str, tool: Tool, factors: Sequence[float], path: KeyPath) -> 
     return Rigid(name, surface, Driven.of(tool, surface.middle, factors))
 
 
-def surface_of_tool(tool: Tool, path: KeyPath) -> Surface:
+def surface_of_tool(tool: Tool, path: KeyPath) -> ToolSurface:
     """Surface of the YAML's entry; raises InputError: an STL file that is none, or whose surface is
     not closed or turned inside out.
     """
     if tool.plane is not None:
-        return Plane(np.array(tool.plane.at), np.array(tool.plane.direction))
+        return PlaneSurface(np.array(tool.plane.at), np.array(tool.plane.direction))
     if tool.sphere is not None:
         return Round(np.array(tool.sphere.centre), tool.sphere.radius, tool.sphere.hollow)
     if tool.cylinder is not None:
@@ -165,7 +165,7 @@ def _driven(faces: Faces, one: Pressed, layers: Sequence[Layer], nodes: Sequence
                          np.unique(triangles), one.tool.driven.told, one.tool)
 
 
-class Facing(NamedTuple):
+class Towards(NamedTuple):
     """Normals (k, 3) of facets, and how far off (k,) a tool may be that they are paired with."""
 
     normal: np.ndarray
@@ -189,14 +189,14 @@ def touched_faces(mesh: Mesh, faces: Faces, cells: np.ndarray, tool: Rigid, entr
     size = np.sqrt(2 * area)
     if _inside(points, local, size, tool, path, problems):
         return outer[:0]
-    chosen, near = _within_reach(points, local, Facing(facet, entry.reach or REACH * size), tool,
+    chosen, near = _within_reach(points, local, Towards(facet, entry.reach or REACH * size), tool,
                                  entry)
     if not chosen.any():
         _nothing(mesh, cells, tool, near, path, problems)
     return outer[chosen]
 
 
-def _within_reach(points: np.ndarray, local: np.ndarray, facing: Facing, tool: Rigid,
+def _within_reach(points: np.ndarray, local: np.ndarray, facing: Towards, tool: Rigid,
                   entry: Entry) -> tuple[np.ndarray, float]:
     """(k,) bool, facets (k, 3 or 6) of points (n, 3) that look at a tool, within their room, at
     some load step; and how near any comes that

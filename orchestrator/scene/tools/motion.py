@@ -27,7 +27,7 @@ from orchestrator.scene.loads.base import Field, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import rounding
 
 
-class Surface(ABC):
+class ToolSurface(ABC):
     """The surface of a rigid tool.
 
     middle : (3,) a point that belongs to the tool
@@ -41,7 +41,7 @@ class Surface(ABC):
 
 
 @dataclass(frozen=True)
-class Plane(Surface):
+class PlaneSurface(ToolSurface):
     """A half-space behind a plane through a point (3,), with a normal (3,) out of it."""
 
     middle: np.ndarray
@@ -52,7 +52,7 @@ class Plane(Surface):
 
 
 @dataclass(frozen=True)
-class Round(Surface):
+class Round(ToolSurface):
     """A sphere about a point (3,), or a cylinder about an axis (3,), of length one, through it.
 
     hollow : whether the tool is outside
@@ -143,7 +143,7 @@ class Rigid:
     """
 
     name: str
-    surface: Surface
+    surface: ToolSurface
     driven: Driven
 
     def at(self, move: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.interfaces.skins import Surface as Smooth, over, surface_of
 from orchestrator.scene.mesh.geometry import area_vectors, facet_normals, format_point, rounding
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
-from orchestrator.scene.tools.motion import Surface
+from orchestrator.scene.tools.motion import ToolSurface
 
 ASIDE = np.cos(np.deg2rad(30.0))  # a point that is farther than this from straight above a curved face has an edge below it
 STRAIGHT = 1e-9  # the same of plane ones: one less its cosine that is rounding
@@ -25,7 +25,7 @@ NOTHING = 1e-6  # of a triangle, at which a point has no way to the surface any 
 
 
 @dataclass(frozen=True)
-class Triangles(Surface):
+class TriangulatedSurface(ToolSurface):
     """A closed surface.
 
     corners : (k, 3, 3) of its triangles, normal : (k, 3) unit
@@ -38,7 +38,7 @@ class Triangles(Surface):
     smooth: Smooth
 
     @classmethod
-    def of(cls, points: np.ndarray, triangles: np.ndarray) -> Triangles:
+    def of(cls, points: np.ndarray, triangles: np.ndarray) -> TriangulatedSurface:
         """Surface of triangles (k, 3) int on points (n, 3), outward."""
         smooth = surface_of(points, triangles, np.full(len(triangles), -1))
         return cls((points.min(axis=0) + points.max(axis=0)) / 2, points[triangles], facet_normals(points, triangles)[0], smooth)
@@ -92,7 +92,7 @@ def nearest_on(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.where((inner >= 0).all(axis=1)[:, None], inner, share)
 
 
-def read_stl(file: str, path: KeyPath) -> Triangles:
+def read_stl(file: str, path: KeyPath) -> TriangulatedSurface:
     """The surface in a file; raises InputError: it is no STL file, or its surface is not closed, or turned inside out."""
     try:
         mesh = meshio.read(file, file_format="stl")
@@ -104,7 +104,7 @@ def read_stl(file: str, path: KeyPath) -> Triangles:
     if not len(triangles) or not np.isfinite(points).all():
         raise wrong(path, f"{file}: no triangles, or corners that are no numbers", "an STL file, of text or binary", "export it again")
     _check_closed(file, points, triangles, path)
-    return Triangles.of(points.astype(float), triangles)
+    return TriangulatedSurface.of(points.astype(float), triangles)
 
 
 def _check_closed(file: str, points: np.ndarray, triangles: np.ndarray, path: KeyPath) -> None:

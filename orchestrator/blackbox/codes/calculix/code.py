@@ -4,7 +4,8 @@
 - load cases: a static step each, displacements from the restart file;
 - unit loads: ``*GREEN``, one factorisation for all, displacements from the file of Green functions.
 
-The environment variable ``ORCHESTRATOR_CALCULIX`` names another executable than the ``ccx`` of the path.
+The environment variable ``ORCHESTRATOR_CALCULIX`` names another executable than the ``ccx`` of the
+path.
 """
 
 from __future__ import annotations
@@ -39,11 +40,18 @@ class CalculiX(Code):
     install = "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"
     meanings = {201: "CalculiX stopped with an error"}
 
-    class Settings(CodeSettings):
+    class CalculixSettings(CodeSettings):
         """CalculiX, one run per question."""
 
-        element: Literal["P1"] = Field("P1", description="linear tetrahedra: CalculiX is used for no other here")
-        transport: Literal["file"] = Field("file", description=("CalculiX ends after every run: write transport: file, or leave it out"))
+        element: Literal["P1"] = Field("P1",
+                                       description="linear tetrahedra: CalculiX is used for no "
+                                                   "other here")
+        transport: Literal["file"] = Field("file",
+                                           description=(
+                                               "CalculiX ends after every run: write transport: "
+                                               "file, or leave it out"))
+
+    Settings = CalculixSettings
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
@@ -62,7 +70,8 @@ class CalculiX(Code):
 
     def environment(self) -> dict[str, str]:
         """The environment without CalculiX's own variables for threads."""
-        return {key: value for key, value in super().environment().items() if key != "NUMBER_OF_CPUS" and not key.startswith("CCX_NPROC")}
+        return {key: value for key, value in super().environment().items()
+                if key != "NUMBER_OF_CPUS" and not key.startswith("CCX_NPROC")}
 
     def version(self) -> str:
         """CalculiX's own version, e.g. "2.20"; empty when it does not answer."""
@@ -70,7 +79,8 @@ class CalculiX(Code):
 
     @cached_property
     def _version(self) -> str:
-        answer = subprocess.run([self.executable, "-v"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        answer = subprocess.run([self.executable, "-v"], stdin=subprocess.DEVNULL,
+                                capture_output=True, text=True, timeout=60)
         found = re.search(r"Version\s+(\S+)", answer.stdout)
         return found[1] if found else ""
 
@@ -80,7 +90,7 @@ PROBES = 32  # unit loads of the run that is made for the check and for its cost
 
 
 @dataclass
-class Loaded:
+class LoadedModel:
     """A model as CalculiX knows it.
 
     model : what was asked
@@ -96,19 +106,23 @@ class Loaded:
 
 
 class CalculixWorker(RunWorker):
-    """One run after another, in a folder of its own. Every answer is checked against the stiffness CalculiX stored. A run's CPU seconds
+    """One run after another, in a folder of its own. Every answer is checked against the stiffness
+    CalculiX stored. A run's CPU seconds
     cannot be divided: factorising counts as solving."""
 
     def __init__(self, code, folder, number):
         own = folder / f"calculix-{number}"
         own.mkdir()
         super().__init__(code, own, number)
-        self._loaded: dict[int, Loaded] = {}
+        self._loaded: dict[int, LoadedModel] = {}
 
     def open(self) -> None:
-        """Run a single tet through all that is needed; raises InputError when this CalculiX cannot."""
+        """Run a single tet through all that is needed; raises InputError when this CalculiX
+        cannot.
+        """
         tet = Model("a single tet", np.eye(4, 3, -1), np.array([[0, 1, 2, 3]]), np.zeros(1, int),
-                    np.array([[1.0, 0.3]]), np.repeat([[True], [True], [True], [False]], 3, axis=1), np.array([9]))
+                    np.array([[1.0, 0.3]]), np.repeat([[True], [True], [True], [False]], 3, axis=1),
+                    np.array([9]))
         try:
             loaded = self._store(tet, True, "start")
             self._unit_loads(loaded, tet.trace, "start")
@@ -118,10 +132,13 @@ class CalculixWorker(RunWorker):
         except BadReply as error:
             version = self.code.version() or "of unknown version"
             raise wrong(("blackbox", "code"), f"CalculiX {version}, which lacks a feature: {error}",
-                "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20", self.code.install) from error
+                "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20",
+                        self.code.install) from error
 
     def load(self, index: int, model: Model) -> None:
-        """Load a model; a load case and some unit loads are solved for the check, and for what they cost."""
+        """Load a model; a load case and some unit loads are solved for the check, and for what they
+        cost.
+        """
         tally = self.tallies[index] = Tally(model.name, len(model.trace))
         with self.telling("loading failed", model.name):
             self._loaded[index] = loaded = self._store(model, True, "assemble")
@@ -136,7 +153,8 @@ class CalculixWorker(RunWorker):
                 self._unit_loads(loaded, some)
                 tally.unit_loads = Request(single, max(self._spent - single, 0.0) / len(some))
 
-    def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
+    def run_cases(self, op: int, index: int, forces: np.ndarray,
+                  name: str) -> tuple[np.ndarray, float]:
         loaded = self._loaded[index]
         wanted = loaded.model.trace if op == messages.TRACES else slice(None)
         full = np.zeros((len(forces), loaded.model.fixed.size))
@@ -158,11 +176,12 @@ class CalculixWorker(RunWorker):
         with self.telling("the stiffness matrix was not obtained", model.name):
             return self._store(model, False, "assemble").stiffness
 
-    # ---- the three kinds of runs ------------------------------------------------------------------
+    # ---- the three kinds of runs
+    # ------------------------------------------------------------------
 
-    def _store(self, model: Model, clamp: bool, stage: str) -> Loaded:
+    def _store(self, model: Model, clamp: bool, stage: str) -> LoadedModel:
         if clamp and model.fixed.all():  # nothing moves: CalculiX stores no matrix then
-            return Loaded(model, "", sp.csr_array((0, 0)), np.empty(0, dtype=int))
+            return LoadedModel(model, "", sp.csr_array((0, 0)), np.empty(0, dtype=int))
         mesh = files.mesh(model) + (files.clamped(model) if clamp else "")
         self._run(mesh + files.STORE_MATRIX, stage)
         stiffness, active = files.matrix(self.folder / JOB, model.fixed.size)
@@ -170,24 +189,28 @@ class CalculixWorker(RunWorker):
         if not np.array_equal(active, expected):
             raise BadReply(f"{len(active)} active dofs, {len(expected)} expected")
         if not np.isfinite(stiffness.data).all():
-            raise BadReply("the stiffness matrix has entries that are not finite", "a degenerate tet or an absurd modulus")
-        return Loaded(model, mesh, stiffness, active)
+            raise BadReply("the stiffness matrix has entries that are not finite",
+                           "a degenerate tet or an absurd modulus")
+        return LoadedModel(model, mesh, stiffness, active)
 
-    def _load_cases(self, loaded: Loaded, forces: np.ndarray, stage: str = "solve") -> np.ndarray:
+    def _load_cases(self, loaded: LoadedModel, forces: np.ndarray,
+                    stage: str = "solve") -> np.ndarray:
         """Displacements (rhs, 3n)."""
         if not np.isfinite(forces).all():
             raise BadReply("forces are not finite")
         if not len(loaded.active):
             self._spent = 0.0
             return np.zeros_like(forces)
-        # steps follow one another: a small case after a large one would keep the rounding of the large one
+        # steps follow one another: a small case after a large one would keep the rounding of the
+        # large one
         size = np.abs(forces).max(axis=1, keepdims=True)
         self._run(loaded.mesh + files.load_cases(forces / np.where(size > 0, size, 1.0)), stage)
         answer = size * files.displacements(self.folder / JOB, len(forces)).reshape(forces.shape)
         _check(loaded, answer[:, loaded.active], forces[:, loaded.active])
         return answer
 
-    def _unit_loads(self, loaded: Loaded, dofs: np.ndarray, stage: str = "solve") -> np.ndarray:
+    def _unit_loads(self, loaded: LoadedModel, dofs: np.ndarray,
+                    stage: str = "solve") -> np.ndarray:
         """Displacements (loads, active)."""
         self._run(loaded.mesh + files.unit_loads(dofs), stage)
         answer = files.green_functions(self.folder / JOB, len(dofs), len(loaded.active))
@@ -197,7 +220,9 @@ class CalculixWorker(RunWorker):
         return answer
 
     def _run(self, text: str, stage: str) -> None:
-        """Run a deck, whose CPU seconds count as a stage; raises Ended with the code's own words when it rejects the deck."""
+        """Run a deck, whose CPU seconds count as a stage; raises Ended with the code's own words
+        when it rejects the deck.
+        """
         self._clear()
         self.write(f"{JOB}.inp", [text.encode()])
         before = os.fstat(self.log.fileno()).st_size
@@ -218,11 +243,12 @@ class CalculixWorker(RunWorker):
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def _check(loaded: Loaded, u: np.ndarray, forces: np.ndarray) -> None:
+def _check(loaded: LoadedModel, u: np.ndarray, forces: np.ndarray) -> None:
     """Raises BadReply where displacements (rhs, active) do not balance the forces."""
     for rows in np.array_split(np.arange(len(u)), len(u) // 64 + 1):  # a compliance is large
         if not np.isfinite(u[rows]).all():
-            raise BadReply("displacements are not finite", "a part is not held, or has a zero or absurd modulus")
+            raise BadReply("displacements are not finite",
+                           "a part is not held, or has a zero or absurd modulus")
         left = np.linalg.norm((loaded.stiffness @ u[rows].T).T - forces[rows], axis=1)
         size = np.maximum(np.linalg.norm(forces[rows], axis=1), 1e-300)
         messages.check_residual(float(np.max(left / size, initial=0.0)))

@@ -108,7 +108,7 @@ class FreeFem(MessageCode):
         250: "the script was not found", 139: "segmentation fault", 127: "the executable or one of its libraries was not found",
         126: "the executable could not be run"}
 
-    class Settings(CodeSettings):
+    class FreeFemSettings(CodeSettings):
         """FreeFEM, which can do all that can be asked for."""
 
         form: Name | None = Field(None, description=(
@@ -126,6 +126,8 @@ class FreeFem(MessageCode):
             """The entry, its form beside the YAML file."""
             form = entry.get("form")
             return {**entry, "form": os.path.abspath(folder / form)} if isinstance(form, str) and form else entry
+
+    Settings = FreeFemSettings
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)

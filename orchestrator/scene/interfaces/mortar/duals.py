@@ -50,7 +50,7 @@ AMID = np.hstack([1.0 - 2.0 * np.roll(np.eye(3), 2, axis=1), np.eye(3)])
 CHUNK = 5_000
 
 
-class Kind(Enum):
+class Multiplier(Enum):
     """Multipliers: dual to the functions of corners, these themselves, or dual to those of six-node
     faces' middles of edges."""
 
@@ -80,7 +80,7 @@ class Weights:
 
 
 def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave_area: np.ndarray, counts: tuple[int, int],
-                kind: Kind = Kind.DUAL) -> Weights:
+                kind: Multiplier = Multiplier.DUAL) -> Weights:
     """Integrals of a slave surface's multipliers.
 
     segments : of all its facets
@@ -88,8 +88,8 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
     slave_area : (k₁,) of its facets
     counts : (n₁, n₂) numbers of nodes
     """
-    corners = slave[:, 3:] if kind is Kind.AMID else slave[:, :3]
-    integrated = _amid if kind is Kind.AMID else _linear
+    corners = slave[:, 3:] if kind is Multiplier.AMID else slave[:, :3]
+    integrated = _amid if kind is Multiplier.AMID else _linear
     quadratic = (slave.shape[1] == 6, master.shape[1] == 6)
     ends = np.searchsorted(segments.slave, np.append(np.unique(segments.slave[::CHUNK]), len(slave)))  # facets stay whole
     parts = [integrated(segments.some(slice(a, b)), slave_area, kind, quadratic)
@@ -109,7 +109,7 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
     return Weights(*(cleaned(m, area) for m in matrices), area, around / 3, share)
 
 
-def _linear(segments: Segments, slave_area: np.ndarray, kind: Kind,
+def _linear(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
             quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
     """Contribution of each overlap (m,), of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
     and of the master, ∫ψ (m, 3, 1), the area (m,)."""
@@ -122,7 +122,7 @@ def _linear(segments: Segments, slave_area: np.ndarray, kind: Kind,
     np.add.at(gram, at, linear)
     np.add.at(mass, at, first)
     sound, shape = mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape)
-    if kind is Kind.DUAL:
+    if kind is Multiplier.DUAL:
         sound, shape = _dual(gram, mass)
     there, shape = sound[at], shape[at]
     own = _quadratic(size, one, one) if quadratic[0] else linear
@@ -131,7 +131,7 @@ def _linear(segments: Segments, slave_area: np.ndarray, kind: Kind,
     return found if there.all() else tuple(f[there] for f in found)
 
 
-def _amid(segments: Segments, slave_area: np.ndarray, kind: Kind,
+def _amid(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
           quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
     """The same of multipliers in the middle of edges."""
     size, one, two = segments.fans

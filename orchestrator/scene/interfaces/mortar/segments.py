@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.scene.interfaces.opposite import Facets, opposite
+from orchestrator.scene.interfaces.opposite import Triangles, opposite
 
 # Faces face each other where the cosine between their normals is below this: curved faces of coarse and fine facets
 # still do, the two faces at an edge of 90 degrees do not.
@@ -86,7 +86,7 @@ class Segments:
         return np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]), one, two
 
 
-def find_segments(slave: Facets, master: Facets, reach: np.ndarray, cosine: float = FACING) -> Segments:
+def find_segments(slave: Triangles, master: Triangles, reach: np.ndarray, cosine: float = FACING) -> Segments:
     """All overlaps of facets that face each other, ordered by slave, then by master.
 
     reach : (a,) how far in front of each slave facet, and behind it, masters are sought
@@ -99,7 +99,7 @@ def find_segments(slave: Facets, master: Facets, reach: np.ndarray, cosine: floa
     return joined.some(np.lexsort((joined.master, joined.slave)))
 
 
-def _clipped(slave: Facets, master: Facets, reach: np.ndarray, i: np.ndarray, j: np.ndarray) -> Segments:
+def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarray, j: np.ndarray) -> Segments:
     """The overlaps of facets i of the slave and j of the master.
 
     A point x has barycentric coordinates (1, 0, 0) + (x − first corner)·slopes.

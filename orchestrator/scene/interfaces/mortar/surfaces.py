@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.duals import FULL, Kind, Weights, multipliers
+from orchestrator.scene.interfaces.mortar.duals import FULL, Multiplier, Weights, multipliers
 from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
-from orchestrator.scene.interfaces.opposite import Body, Facets
+from orchestrator.scene.interfaces.opposite import BodyFaces, Triangles
 from orchestrator.scene.interfaces.skins import Surface
 from orchestrator.scene.interfaces.upright import mirrored
 from orchestrator.scene.mesh.geometry import area_vectors, node_vectors, unit
@@ -70,9 +70,9 @@ class Surfaces:
         return replace(self, points=tuple(points[n] for n in self.nodes))
 
     @cached_property
-    def facets(self) -> tuple[Facets, Facets]:
+    def facets(self) -> tuple[Triangles, Triangles]:
         """Either side as it is in space."""
-        return tuple(Facets.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
+        return tuple(Triangles.of(x[t[:, :3]]) for x, t in zip(self.points, self.triangles))
 
     @property
     def carriers(self) -> np.ndarray:
@@ -98,9 +98,9 @@ class Surfaces:
         return multipliers(self.segments, *sides, self.area, counts, self._kind)
 
     @property
-    def _kind(self) -> Kind:
-        corners = Kind.LINEAR if self.triangles[0].shape[1] == 6 else Kind.DUAL
-        return Kind.AMID if self.amid else corners
+    def _kind(self) -> Multiplier:
+        corners = Multiplier.LINEAR if self.triangles[0].shape[1] == 6 else Multiplier.DUAL
+        return Multiplier.AMID if self.amid else corners
 
     def held(self, weights: Weights, fixed: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
         """(n₁, 3) bool, components that are prescribed at a slave's node and where it is on the
@@ -177,7 +177,7 @@ MORE, SLANTED = 1.5, 0.05
 
 
 @dataclass(frozen=True)
-class Matter:
+class SlaveMatter:
     """Matter behind the sides, for the choice of the slave.
 
     young : (m,) modulus of each cell of the mesh; held : (n, 3) bool, components of its nodes that
@@ -202,7 +202,7 @@ class Asked:
     facing: float = FACING
 
 
-def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter, asked: Asked,
+def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments, matter: SlaveMatter, asked: Asked,
                     slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
     """The slave, 0 or 1, on a patch on which two bodies lie on each other, and the surfaces, the slave's first.
 
@@ -223,13 +223,13 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     return 1, surfaces_of(points, bodies[::-1], back, None if more is None else more[::-1])
 
 
-def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments,
+def surfaces_of(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
                 more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
     """The facets that overlap, the first body's as the slave's; parameters as above."""
     return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments, more)
 
 
-def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
+def slave_of(patches: Sequence[Surfaces], matter: SlaveMatter, asked: Asked) -> int:
     """0: the side that the overlaps have been found from; 1: the other.
 
     patches : one, or all of two bodies that are cut further: the choice does not depend on the cuts

@@ -15,8 +15,8 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.mesh.readers.inp_cards import (
-    Card, cards_of_a_model, PER_SCOPE, problem, Row)
-from orchestrator.scene.mesh.readers.inp_model import Model, outer
+    Card, cards_of_a_model, PER_SCOPE, problem, CardLine)
+from orchestrator.scene.mesh.readers.inp_model import InpModel, outer
 from orchestrator.scene.mesh.readers.splitting import SIDES
 
 # meshio's words of solid elements, by number of nodes
@@ -48,7 +48,7 @@ def read_inp(path: Path) -> meshio.Mesh:
     return _Mesh(cards).mesh()
 
 
-class _Mesh(Model):
+class _Mesh(InpModel):
     """A model with its surfaces.
 
     surfaces : name → (element or set, face, where it says so)
@@ -58,7 +58,7 @@ class _Mesh(Model):
     def __init__(self, cards: list[Card]):
         super().__init__(cards, _shape)
         self._cards = cards
-        self.surfaces: dict[str, list[tuple[str, int, Row]]] = {}
+        self.surfaces: dict[str, list[tuple[str, int, CardLine]]] = {}
         self.passed: dict[str, str] = {}
         own, serving = _upper(cards, "ELEMENT"), set()
         sections = {key for kind in {card for card, *_ in cards} if kind.endswith("SECTION")
@@ -225,7 +225,7 @@ def _place(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.where(ids[at] == wanted, at, -1)
 
 
-def _shape(kind: str, row: Row) -> tuple[str, int]:
+def _shape(kind: str, row: CardLine) -> tuple[str, int]:
     if (count := solid_nodes(kind)) in SOLIDS:
         return SOLIDS[count], count
     if kind in _LINES:

@@ -46,7 +46,7 @@ PER_SCOPE = 1 << 32  # numbers of nodes and elements stay below
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class CardLine:
     """A line of numbers or names."""
 
     text: str
@@ -73,10 +73,10 @@ class Row:
         return int(word)
 
 
-Card = tuple[str, dict[str, str], list[Row]]  # keyword, its options, its lines
+Card = tuple[str, dict[str, str], list[CardLine]]  # keyword, its options, its lines
 
 
-def numbers(rows: list[Row]) -> np.ndarray:
+def numbers(rows: list[CardLine]) -> np.ndarray:
     """(…,) float, the entries of lines one after the other; raises InputError for what is no
     number.
     """
@@ -158,7 +158,7 @@ def cards(path: Path) -> Iterator[Card]:
     parts: dict[str, Scope] = {}
     for text, file, number in Inclusion(path).spliced():
         if not text.startswith("*"):
-            rows.append(Row(text.rstrip(", "), file, number, scope))
+            rows.append(CardLine(text.rstrip(", "), file, number, scope))
             continue
         if rows:
             yield card, options, rows

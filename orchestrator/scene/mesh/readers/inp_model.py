@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.scene.mesh.readers.inp_cards import Card, numbers, Row, Scope
+from orchestrator.scene.mesh.readers.inp_cards import Card, numbers, CardLine, Scope
 
 
-def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
+def node_table(options: dict[str, str], rows: list[CardLine]) -> np.ndarray:
     """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third
     coordinate (a normal) is passed over,
     coordinates that are left out are 0.
@@ -31,7 +31,7 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     return table
 
 
-class Model:
+class InpModel:
     """Nodes, elements and sets of a file.
 
     cards : of the file
@@ -43,7 +43,7 @@ class Model:
     sets : kind → name → members, ascending; names as they are written first, capitals do not count
     """
 
-    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None],
+    def __init__(self, cards: list[Card], shape: Callable[[str, CardLine], tuple[str, int] | None],
                  sets: Sequence[str] = ("NSET", "ELSET")):
         nodes, blocks, tables, self._parts = [np.empty((0, 4))], {}, [], {kind: {} for kind in sets}
         for card, options, rows in cards:
@@ -89,7 +89,7 @@ class Model:
             name = next((own for own in sets if own.upper() == name.upper()), name)
             sets.setdefault(name, []).extend(members)
 
-    def _members(self, kind: str, options: dict[str, str], rows: list[Row],
+    def _members(self, kind: str, options: dict[str, str], rows: list[CardLine],
                  known: np.ndarray) -> list[np.ndarray]:
         """Return members that a card gives a set; of a range those that are ``known`` numbers."""
         sets = {name.upper(): parts for name, parts in self._parts[kind].items()}
