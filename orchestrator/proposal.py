@@ -22,6 +22,8 @@ FARTHER = 1.3
 PULL, STEPS, FRICTION = 1.2, 4, 0.15
 # An axis is one of the coordinates' whose cosine with it is off 1 by less: files have as many digits.
 STRAIGHT = 1e-6
+# A shaft is thicker than its hole, rather than rounded, from this share of its radius on.
+DRAWN = 1e-5
 
 
 @dataclass
@@ -76,9 +78,25 @@ class Proposal:
         return [fit for fit in self.fits if not fit.same and fit.clearance > 0]
 
     @property
+    def threads(self) -> list[Fit]:
+        """Threads of the bolts."""
+        return [fit for bolt in self.bolts for fit in bolt.threads]
+
+    @property
+    def presses(self) -> list[str]:
+        """Entries for shafts that are a little thicker than their holes, threads apart."""
+        held = [fit.volumes for fit in self.threads]
+        return [f"  - {{between: {self._pair(fit)}, law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}"
+                "   # EDIT: the friction of a press fit\n" for fit in self.fits
+                if -fit.clearance > DRAWN * fit.shaft.radius and not fit.overlaps and fit.volumes not in held]
+
+    def _pair(self, fit: Fit) -> str:
+        return json.dumps([self.mesh.volumes[v] for v in fit.volumes])
+
+    @property
     def tolerance(self) -> str:
         """Tolerance of the run: bonded parts cost little to the last digit."""
-        return "1.0e-4" if self.bolts or self.room else "1.0e-6"
+        return "1.0e-4" if self.bolts or self.room or self.presses else "1.0e-6"
 
     @property
     def force(self) -> float:
@@ -123,7 +141,7 @@ bolts:                              # EDIT: the force; the cut is across the sha
             return f"""
 interfaces:                         # {count} on each other
   - {{between: auto, law: perfect}}   # EDIT: bonded; or law: contact, friction: {FRICTION:g}, between: auto or [one, other]
-"""
+{"".join(self.presses)}"""
         text, within = f"\ninterfaces:                         # {count} on each other; the last match wins\n", ""
         if room:
             within = f", within: {FARTHER * max(fit.clearance + fit.eccentric for fit in room):.2g}"
@@ -132,15 +150,10 @@ interfaces:                         # {count} on each other
             wide = f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
             text += f"  # {holes} in holes with room, {wide} all round: contact over that gap, which is read from the geometry\n"
         text += f"  - {{between: auto, law: contact, friction: {FRICTION:g}{within}}}   # EDIT: the friction\n"
-        threads = [fit for bolt in self.bolts for fit in bolt.threads]
-        for fit in threads:
-            names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
+        for fit in self.threads:
             inside = f", drawn {-fit.clearance:.3g} inside each other: give both one radius in CAD, else check refuses them" * fit.overlaps
-            text += f"  - {{between: [{names}], law: perfect}}   # a thread{inside}\n"
-        for fit in (fit for fit in self.fits if fit.clearance < 0 and not fit.same and not fit.overlaps):
-            names = ", ".join(json.dumps(self.mesh.volumes[v]) for v in fit.volumes)
-            text += f"  - {{between: [{names}], law: contact, friction: {FRICTION:g}, gap: {fit.clearance:.3g}}}   # a press fit\n"
-        return text
+            text += f"  - {{between: {self._pair(fit)}, law: perfect}}   # a thread{inside}\n"
+        return text + "".join(self.presses)
 
 
 def _cut(mesh: Mesh, faces: Faces, bolt: ClampingBolt) -> str:

@@ -28,9 +28,9 @@ _CURVES = [("error_bound", "error bound", "black", "o"),
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> Figure:
     """The history's relative quantities over the iterations, with the tolerance."""
-    laws = np.isfinite(history.get("law_residual", np.nan)).any()  # more curves: their names beside them
-    figure = new_figure(9.2 if laws else 7.2, 4.6)
-    axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if laws else (0.1, 0.12, 0.86, 0.78))
+    laws = np.isfinite(history.get("law_residual", np.nan)).any()
+    figure = new_figure(7.2, 4.6)
+    axes = figure.add_axes((0.1, 0.12, 0.86, 0.78))
     x = np.asarray(history["iteration"])
     every = max(1, len(x) // 12)
     for column, label, colour, marker in _CURVES:
@@ -54,9 +54,8 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
-    place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if laws else {"loc": "best"}
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
+        axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", loc="best")
     else:  # one subdomain, say
         axes.text(0.5, 0.7, "all of it is zero, or rounding", transform=axes.transAxes, ha="center", color=GREY)
     return figure

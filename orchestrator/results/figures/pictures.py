@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ WIDTH = 9.0  # of a figure, inches
 UNKNOWN = "#bfbfbf"
 SHARP = 30.0  # degrees by which faces turn at an edge that is drawn
 MARGIN = 1.04
-HIGH = 0.99  # share of the surface that the scale holds; what is beyond stands out
+HIGH, SEEN = 0.99, 400  # share of what is seen that the scale holds, in a view so wide; what is beyond stands out
 ABOVE = 1.5  # of that, from which the peak is beyond; else the scale ends there
 FLATTEST, TALLEST = 0.25, 0.75  # height of a view over its width
 
@@ -59,7 +59,6 @@ class Picture:
 def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
     """Return the deformed surface, coloured by von Mises stress; None where no part has a mesh of ours.
 
-    Colours go up to what ``HIGH`` of the surface stays below: a peak at an edge leaves the rest its colours.
 
     Where no stress is known, colours are the size of the displacement.
     """
@@ -82,16 +81,10 @@ def deformed(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
         moved[-1].points = surface.points + factor * u
         moved[-1]["colour"] = values[place] if known else np.linalg.norm(u, axis=1)
     name, unit = ("von Mises stress", units["stress"]) if known else ("displacement", units["length"])
-    faces, area = surface.regular_faces, surface.compute_cell_sizes()["Area"]
-    shown = np.concatenate([shape["colour"][faces].mean(axis=1) for shape in moved])
-    order = np.argsort(shown)  # what is not known comes last, and counts nothing
-    below = np.cumsum(np.where(np.isfinite(shown), np.tile(area, len(steps)), 0.0)[order])
-    top = float(shown[order][np.searchsorted(below, HIGH * below[-1])])
-    top = top if peak > ABOVE * top > 0 else peak or 1.0
     told = [f"displacements × {factor:g}", f"largest displacement {short(most)}{units['length']}",
             f"peak {name} {short(peak)}{unit}", *["grey: stress not known"] * bool(known and np.isnan(stress).any())]
-    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, top), palette,
-                   name + (unit and "," + unit), told, beyond=peak > top)
+    return Picture(moved, [edges(shape) for shape in moved], headings(fields, steps), (0.0, peak or 1.0), palette,
+                   name + (unit and "," + unit), told)
 
 
 def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
@@ -115,12 +108,9 @@ def interfaces(fields: Fields, summary: Mapping[str, Any]) -> Picture | None:
         kind = np.searchsorted(i.kinds[shown], i.status[step])
         drawn[-1].cell_data["colour"] = np.repeat(kind[i.triangles].ravel(), 2).astype(float)
     lines = edges(outer_surface(fields, np.arange(len(fields.cells))))
-    names, last = i.kind_names[shown].tolist(), i.status[steps[-1]]
-    counts = [f"{name}: {int((last == kind).sum())}" for kind, name in zip(i.kinds[shown], names)]
-    told = [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed",
-            f"nodes at load step {steps[-1] + 1}: {', '.join(counts)}"]
+    told = [f"{len(i.names)} interface{'s' * (len(i.names) != 1)}, undeformed"]
     return Picture(drawn, [lines] * len(steps), headings(fields, steps), (-0.5, len(shown) - 0.5),
-                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told, names)
+                   ListedColormap(i.kind_colours[shown].tolist()), "status of interfaces", told, i.kind_names[shown].tolist())
 
 
 def shown_steps(fields: Fields, summary: Mapping[str, Any]) -> list[int]:
@@ -219,12 +209,31 @@ def _camera(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
     return 0.5 * (low + high) @ axes, toward, axes[1], np.array([max(width, height / ratio), max(height, width * ratio)])
 
 
+def fitted(picture: Picture) -> Picture:
+    """Return the picture with a scale that holds ``HIGH`` of what is seen of a quantity.
+
+    A peak inside, or at an edge, leaves the rest its colours; what is beyond has one of its own.
+    """
+    import pyvista
+    from matplotlib import colormaps
+
+    steps, peak = range(len(picture.surfaces)), picture.limits[1]
+    none = [pyvista.PolyData() for _ in steps]
+    grey = replace(picture, palette=colormaps["gray_r"], kinds=("",), lines=none,
+                   limits=(-0.1 * peak, peak))  # none is as white as the ground
+    seen = 255 - np.array([draw(grey, step, SEEN)[..., 0] for step in steps])
+    level = float(np.quantile(np.append(seen[seen > 0], 255), HIGH)) / 255
+    top = peak * max(1.1 * level - 0.1, 0.01)
+    return replace(picture, limits=(0.0, top), beyond=True) if peak > ABOVE * top else picture
+
+
 def compose(picture: Picture, title: str) -> Figure:
     """Return the figure: views below each other or in two columns, the scale and what is told below."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.patches import Patch
 
+    picture = picture if picture.kinds else fitted(picture)
     count, columns = len(picture.surfaces), min(2, len(picture.surfaces))
     views = [draw(picture, step, int(WIDTH / columns * DPI)) for step in range(count)]
     rows = -(-count // columns)

@@ -88,12 +88,11 @@ def _used(face: Face, unit: str) -> tuple[float, str]:
         if force > PRESSED * max(face["normal"])
     )
     carried, capacity = (face[key][step] for key in ("carried", "capacity"))
-    turning = ", turning included" * (carried < 0.9 * most * capacity)
     share = "less than 1%" if most < 0.01 else f"at most {most:.0%}"
-    return most, (
-        f"with {share} of its friction used{turning} ({_rounded(carried)} of "
-        f"{_rounded(capacity)}{unit}, load step {step + 1})"
-    )
+    told = f"{_rounded(carried)} of {_rounded(capacity)}{unit}, "
+    if carried < 0.9 * most * capacity:
+        told = "turning included, "
+    return most, f"with {share} of its friction used ({told}load step {step + 1})"
 
 
 def _bearing(faces: Sequence[Face], unit: str, tolerance: float) -> list[str]:
