@@ -10,7 +10,7 @@ From Python, a problem is a configuration, and its solution an object:
 ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
 ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}]})
 >>> orchestrator.solve(config)
-Solution(bar: converged after 12 iterations, error bound ...e-07)
+Solution(bar: converged after 8 iterations, error bound ...e-07)
 
 What is public is listed in ``__all__`` and imported when it is first asked for.
 """

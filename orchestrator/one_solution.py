@@ -22,7 +22,7 @@ from orchestrator.method.delivery.reference import DiscretisationEstimate, Refer
 from orchestrator.method.events import Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated, LoadCases, load_cases
-from orchestrator.method.setup import RankPart, prepare
+from orchestrator.method.setup import make_soles_of, RankPart, prepare
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.processes import trim
@@ -33,7 +33,6 @@ from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Savings, Stopwatch
 
 
@@ -68,7 +67,7 @@ class Solving:
         """Return the solution on rank 0, None elsewhere."""
         team, watch, wanted = self.ranks.team, self.watch, self.config.method.tolerance.error == "auto"
         with watch("parts"):
-            part = RankPart.handed_out(self.whole, self.rank_of, team)
+            part = RankPart.handed_out(self.whole, self.config.method, self.rank_of, team)
         forces = team.share(None if team.rank else ForceProbes.of(self.whole))
         self.forces = forces.of_rank(part.space.subdomains)
         own = [part.scene.subdomains[e] for e in part.space.subdomains]
@@ -107,7 +106,7 @@ class Solving:
         if team.rank == 0:
             savings.add(self.cases.switch, "load steps", self.cases.left_out)
         with watch("soles"):
-            soles = make_soles(part.scene, method.sole, placement.touched, method.skip.congruent)
+            soles = make_soles_of(part, method, placement.touched)
         self.told.stage("assembling and factorising")
         check_iterations(len(self.cases.chosen), part.scene.bonded, method,
                          part.scene.remembers or any(i.law.follows for i in part.scene.interfaces))

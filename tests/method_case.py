@@ -11,14 +11,13 @@ from orchestrator.blackbox.models import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.setup import RankPart, prepare
+from orchestrator.method.setup import RankPart, make_soles_of, prepare
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.sources import bricks
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Stopwatch
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
@@ -49,7 +48,8 @@ def solved(reference=True, **changes) -> Solution:
 
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
-    return prepare(RankPart.of(scene), make_soles(scene, made.method.sole), made.method, blackbox, Stopwatch())
+    part = RankPart.of(scene, made.method)
+    return prepare(part, make_soles_of(part, made.method), made.method, blackbox, Stopwatch())
 
 
 @contextmanager

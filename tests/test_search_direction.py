@@ -12,7 +12,7 @@ from orchestrator.blackbox.shared import assembled
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.method.increments import iterate
-from orchestrator.method.setup import RankPart, prepare
+from orchestrator.method.setup import RankPart, make_soles_of, prepare
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Savings, Stopwatch
@@ -33,7 +33,9 @@ def prepared():
         config = config_from({**BAR, "interfaces": interfaces, "method": method, "blackbox": IN_PROCESS})
         scene = build_scene(config)
         pools.append(make_blackbox(config.blackbox))
-        return prepare(RankPart.of(scene), make_soles(scene, config.method.sole), config.method, pools[-1], Stopwatch()), config.method
+        part = RankPart.of(scene, config.method)
+        soles = make_soles_of(part, config.method)
+        return prepare(part, soles, config.method, pools[-1], Stopwatch()), config.method
 
     yield make
     for pool in pools:

@@ -37,13 +37,12 @@ from orchestrator.method.delivery.balance import Resultants
 from orchestrator.method.interface.factor import by_cholesky
 from orchestrator.linalg import dissection
 from orchestrator.method.interface.spread import SPREAD
-from orchestrator.method.setup import RankPart
+from orchestrator.method.setup import RankPart, make_soles_of
 from orchestrator.parallel.placement import Placement
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.answers import InterfaceTable
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.part import overview, part_of
-from orchestrator.scene.soles.make import make_soles
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 TOLD = 2 * 5e-5  # seconds that rank 0 takes in the end for what each rank tells it, in two messages
@@ -150,8 +149,8 @@ def measure_parts(cubes: Callable[[Sequence[int], int], Config]) -> Parts:
     known, begin = overview(scene), time.process_time()
     part = part_of(scene, np.flatnonzero(rank_of == 0), known)
     handed, told = time.process_time(), len(pickle.dumps(part))
-    RankPart.of(part, rank_of, ALONE)  # what set-up does of all subdomains, be it next to nothing
-    make_soles(part, config.method.sole, Placement.of(part, rank_of, ALONE).touched)
+    own = RankPart.of(part, config.method, rank_of, ALONE)  # what set-up does of all subdomains
+    make_soles_of(own, config.method, Placement.of(part, rank_of, ALONE).touched)
     done, none = time.process_time(), np.zeros((scene.steps, len(scene.interfaces), 3))
     table = InterfaceTable.of(scene, Resultants(none, none, none, none[0], none[0, :, 0]), None)
     with TemporaryDirectory() as folder:

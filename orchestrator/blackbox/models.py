@@ -27,6 +27,7 @@ from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_POINTS, quadratic_slopes
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.ring import Ring
 
 SolePair = tuple[Sole, Sole]
 
@@ -48,12 +49,14 @@ def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int,
     return np.flatnonzero(on[:, None] & ~subdomain.fixed)
 
 
-def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]], soles: Sequence[SolePair]) -> Model:
-    """The subdomain's mesh with the soles of all its interfaces: its stiffness is K + NᵀkN of eq. 13."""
+def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]],
+                   soles: Sequence[SolePair], ring: Ring | None = None) -> Model:
+    """The subdomain's mesh with the soles of all its interfaces, or its ring: K + NᵀkN of eq. 13."""
     count = len(subdomain.nodes)
     points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [_moduli(scene, subdomain.material)]
-    for index, side in sides:
-        sole, inner = soles[index][side], scene.interfaces[index].nodes[side]
+    glued = [(ring, ring.nodes)] if ring else [
+        (soles[index][side], scene.interfaces[index].nodes[side]) for index, side in sides]
+    for sole, inner in glued:
         numbering = np.concatenate([inner, count + np.arange(len(sole.points))])
         cells.append(numbering[sole.cells])
         points.append(sole.points)
@@ -89,6 +92,13 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
             models.append((_model(f"sole of {interface.name}", nodes, sole.cells, np.column_stack([sole.young, sole.poisson]),
                        code=scene.subdomains[interface.subdomains[side]].code), (interface.index, side)))
     return models
+
+
+def ring_model(scene: Scene, subdomain: Subdomain, ring: Ring) -> Model:
+    """The ring of a subdomain alone."""
+    nodes = np.vstack([scene.mesh.nodes[subdomain.nodes[ring.nodes]], ring.points])
+    return _model(f"ring of {subdomain.name}", nodes, ring.cells,
+                  np.column_stack([ring.young, ring.poisson]), code=subdomain.code)
 
 
 @dataclass

@@ -121,7 +121,7 @@ class Subscriber:
     ...     subscribers=[Printer()])
     meshing
     assembling and factorising
-    converged after 12
+    converged after 8
     """
 
     wants_states = wants_checkpoints = False

@@ -20,13 +20,16 @@ from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.exchange_by_nodes import NodeExchange
+from orchestrator.method.interface.rows import Blocks
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
-from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.traces import TraceSpace, per_node
 from orchestrator.method.linear.answers import GuardedTraces, check_own_matter, own_stiffness
 from orchestrator.method.linear.loading import Carried, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_basis import fields_of, interface_bases
+from orchestrator.method.linear.macro_by_nodes import NodeMacro
+from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.linear.stage import LinearStage, Nonlinear
 from orchestrator.method.local_stage import Exchange, LawStage
@@ -39,7 +42,9 @@ from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles import Sole
-from orchestrator.scene.soles.overlap import difficulty
+from orchestrator.scene.soles.make import make_soles
+from orchestrator.scene.soles.overlap import by_nodes, difficulty
+from orchestrator.scene.soles.ring import make_rings, Ring
 from orchestrator.timing import Savings, Stopwatch
 
 
@@ -57,35 +62,54 @@ class RankPart:
     carried: Carried
 
     @classmethod
-    def of(cls, scene: Scene, rank_of: np.ndarray | None = None, team: Team = ALONE) -> RankPart:
+    def of(cls, scene: Scene, method, rank_of: np.ndarray | None = None,
+           team: Team = ALONE) -> RankPart:
         """Part of a scene: all of it, or a rank's; all ranks ask together.
 
+        method : ``method`` of the configuration
         rank_of : (subdomains,) int, the rank of each; None: all are this one's
         """
         rank_of = np.zeros(len(scene.subdomains), dtype=int) if rank_of is None else rank_of
         sides = sides_by_subdomain(scene)
         traces = [boundary_dofs(scene, scene.subdomains[e], sides[e]) for e in np.flatnonzero(rank_of == team.rank)]
-        return cls(scene, TraceSpace.of(scene, sides, traces, rank_of, team), Carried.of(scene, rank_of, team))
+        space = TraceSpace.of(scene, sides, traces, rank_of, team, by_nodes(scene, method))
+        return cls(scene, space, Carried.of(scene, rank_of, team))
 
     @classmethod
-    def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> RankPart:
+    def handed_out(cls, scene: Scene | None, method, rank_of: np.ndarray, team: Team) -> RankPart:
         """The rank's own part.
 
         scene : the whole one, on rank 0
+        method : ``method`` of the configuration
         rank_of : (subdomains,) int, the rank of each
         """
         if team.size == 1:
-            return cls.of(scene)
+            return cls.of(scene, method)
         known = overview(scene) if team.rank == 0 else None
-        return cls.of(team.hand_out(lambda rank: part_of(scene, np.flatnonzero(rank_of == rank), known)), rank_of, team)
+        part = team.hand_out(lambda rank: part_of(scene, np.flatnonzero(rank_of == rank), known))
+        return cls.of(part, method, rank_of, team)
 
 
-def prepare(part: RankPart, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch,
+Soles = Sequence[tuple[Sole, Sole] | None] | Sequence[Ring]
+
+
+def make_soles_of(part: RankPart, method, wanted: Sequence[bool] | None = None) -> Soles:
+    """Soles of a part: per own subdomain its ring, or per interface both sides'.
+
+    method : ``method`` of the configuration
+    wanted : per interface, whether sides get soles; None: all do
+    """
+    if part.space.by_nodes:
+        return make_rings(part.scene, part.space.subdomains, method.sole.modulus_ratio)
+    return make_soles(part.scene, method.sole, wanted, method.skip.congruent)
+
+
+def prepare(part: RankPart, soles: Soles, method, blackbox: BlackBox, watch: Stopwatch,
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both sides of their interfaces
-    soles : per interface, the soles of its two sides
+    soles : of ``make_soles_of``
     method : ``method`` of the configuration
     savings : where it is noted what need not be done
     Raises BlackBoxError: from the code
@@ -102,7 +126,9 @@ class _SetUp:
         self.soles, self.method, self.blackbox, self.watch = soles, method, blackbox, watch
         self.own = [self.scene.subdomains[e] for e in self.space.subdomains]
         self.sides = sides_by_subdomain(self.scene)
-        self.models = [extended_model(self.scene, s, self.sides[s.index], soles) for s in self.own]
+        rings = soles if self.space.by_nodes else [None] * len(self.own)
+        self.models = [extended_model(self.scene, s, self.sides[s.index], soles, ring)
+                       for s, ring in zip(self.own, rings)]
         self.traces = [m.trace for m in self.models]
 
     def decomposed(self, savings: Savings) -> Decomposition:
@@ -117,7 +143,7 @@ class _SetUp:
         factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
-            local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
+            local, pairs, springs = self._bonded(direction, stiffness), None, None
             with watch("bound"):
                 bound = ErrorBound(direction, stiffness, *self._freedom(modes))
         else:
@@ -168,6 +194,12 @@ class _SetUp:
         stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
         return rims, stiffness
 
+    def _bonded(self, direction: SearchDirection, stiffness: Blocks) -> Exchange | NodeExchange:
+        """The local stage where all is bonded."""
+        if self.space.by_nodes:
+            return NodeExchange(direction, per_node(stiffness.diagonal(), self.space))
+        return Exchange(direction, self.method.search_direction.kplus)
+
     def _meeting(self, direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
         """The pairs, their local stage, and how they are stabilised."""
         springs = stabilisation(self.scene, self.method, scale)
@@ -183,13 +215,18 @@ class _SetUp:
         """Per interface, the macro basis; None where there is no linear macro problem."""
         macro, scene = self.method.macro, self.scene
         wanted = [i.law.perfect or macro.on == "all" for i in scene.interfaces]
-        if macro.strategy == "none" or not any(wanted):
+        if macro.strategy == "none" or not any(wanted) or self.space.by_nodes:
             return None
         with self.watch("macro"):
-            return interface_bases(scene, self.space, fields_of(macro.basis, wanted, self.space), wanted, self.method.skip.congruent)
+            kind = "affine" if macro.basis in ("auto", "modes") else macro.basis
+            return interface_bases(scene, self.space, kind, wanted, self.method.skip.congruent)
 
-    def _macro(self, direction: SearchDirection, guarded: GuardedTraces, bases: list[np.ndarray] | None) -> Macro | None:
+    def _macro(self, direction: SearchDirection, guarded: GuardedTraces,
+               bases: list[np.ndarray] | None) -> Macro | None:
         """The linear macro problem, on perfect interfaces or on all; still to be solved."""
+        if self.space.by_nodes and self.method.macro.strategy != "none":
+            with self.watch("macro"):
+                return NodeMacro(self.scene, direction)
         if bases is None:
             return None
         kind, scene, spent = self.method.macro.basis, self.scene, 0.0

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interface import Interface
@@ -244,6 +245,34 @@ class Scene:
         made = [hashlib.sha256(np.ascontiguousarray(self.mesh.nodes[s.nodes]).tobytes()
                                + np.ascontiguousarray(s.connectivity).tobytes()) for s in self.subdomains]
         return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)
+
+    @property
+    def conforming(self) -> bool:
+        """Whether all is bonded, subdomains that share a node share it on an interface, and no
+        others meet: one elastic body of one mesh, cut."""
+        if self.overview is not None:
+            return self.overview.conforming
+        sides = [(self.side_nodes(i, 0), self.side_nodes(i, 1)) for i in self.interfaces]
+        if not sides or not self.bonded or any(s.foreign or s.remembers for s in self.subdomains):
+            return False
+        if not all(i.matching and np.array_equal(*both) for i, both in zip(self.interfaces, sides)):
+            return False
+        on = np.unique(np.concatenate([e * len(self.mesh.nodes) + one for i, (one, _) in zip(
+            self.interfaces, sides) for e in i.subdomains]))
+        return len(on) == self.shared.nnz
+
+    @cached_property
+    def shared(self) -> sp.csr_array:
+        """(nodes, subdomains) whose elements have a node; empty rows where they are one's alone."""
+        cells, count = self.mesh.cells, len(self.subdomains)
+        of = np.broadcast_to(self.cell_subdomain[:, None], cells.shape)
+        shape = len(self.mesh.nodes), count
+        low, high = np.full(shape[0], count), np.full(shape[0], -1)
+        np.minimum.at(low, cells, of)
+        np.maximum.at(high, cells, of)
+        there = (low < high)[cells]
+        node, subdomain = np.divmod(np.unique(cells[there] * count + of[there]), count)
+        return sp.csr_array((np.ones(len(node)), (node, subdomain)), shape=shape)
 
     @property
     def bonded(self) -> bool:

@@ -26,12 +26,14 @@ class Difficulty:
     mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
     incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
     soft : (subdomains,) bool, those of them that affine macro functions do not do for
+    softest : (subdomains,) bool, those that coarse nodes do not do for either
     slenderness : (subdomains,) largest over smallest extent
     """
 
     mixed_moduli: np.ndarray
     incompressible_or_slender: np.ndarray
     soft: np.ndarray
+    softest: np.ndarray
     slenderness: np.ndarray
 
 
@@ -42,7 +44,7 @@ class Overview:
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
     difficulty : what is difficult about the interfaces and subdomains
-    matched : (interfaces,) bool, as of the ``Scene``
+    matched, conforming : (interfaces,) bool, and bool, as of the ``Scene``
     supports : what holds the subdomains as rigid bodies, see ``conditions.supports``
     box : (2, 3) around all nodes of the mesh
     """
@@ -51,5 +53,6 @@ class Overview:
     loose: np.ndarray
     difficulty: Difficulty
     matched: np.ndarray
+    conforming: bool
     supports: object
     box: np.ndarray

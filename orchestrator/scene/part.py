@@ -26,13 +26,14 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Scene, Subdomain
 from orchestrator.scene.overview import Overview
-from orchestrator.scene.soles.overlap import difficulty, first_row
+from orchestrator.scene.soles.overlap import difficulty
 
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
     opens = any(not i.law.joins for i in scene.interfaces)
     return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
-                    difficulty(scene), scene.matched, supports_of(scene), scene.mesh.box)
+                    difficulty(scene), scene.matched, scene.conforming, supports_of(scene),
+                    scene.mesh.box)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
@@ -70,14 +71,14 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
 
 
 def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:
-    """Per subdomain which of its cells are kept: all of its own, none, or those that touch a common interface."""
-    chosen: dict[int, list[np.ndarray]] = {}
+    """Per subdomain which of its cells are kept: all of one's own, of others those with a node on a
+    common interface."""
+    on = np.zeros(len(scene.mesh.nodes), dtype=bool)
     for i, here in zip(scene.interfaces, touched):
-        for side, e in enumerate(i.subdomains):
-            if here and not own[e]:
-                chosen.setdefault(e, []).append(first_row(scene, i, side))
-    return [np.arange(len(s.cells)) if own[s.index] else np.unique(np.concatenate(chosen[s.index]))
-            if s.index in chosen else np.empty(0, int) for s in scene.subdomains]
+        for side in (0, 1) if here else ():
+            on[scene.side_nodes(i, side)] = True
+    return [np.arange(len(s.cells)) if own[s.index]
+            else np.flatnonzero(on[s.nodes[s.connectivity]].any(axis=1)) for s in scene.subdomains]
 
 
 def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray, kept: np.ndarray | None) -> Subdomain:

@@ -19,7 +19,7 @@ moments but for the couples (x₁ − x₂) × f of bonded nodes that are a litt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,7 @@ from orchestrator.method.delivery.flux import ForceProbes, Measured, ProbeRim
 from orchestrator.method.delivery.interface_fields import (
     InterfaceFields, geometry_shown, own_interfaces)
 from orchestrator.method.delivery.recovery import Parts, support_forces, wrench
+from orchestrator.method.exchange_by_nodes import pair_forces
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.loading import bodies_of
 from orchestrator.parallel.team import Team
@@ -62,11 +63,13 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     total, weighted = np.zeros((steps, count, 6)), np.zeros((steps, count, 3))
     pressed, size = np.zeros((2, steps, count))
     own = [i for i in scene.interfaces if i.subdomains[0] in here and len(i.nodes[0])]
+    on = _on_sides(d, f)
     if own:
         of, at = [i.index for i in own], _Surfaces(scene, own)
         area[of], centre[of] = at.area, at.centre
         forces = np.zeros((steps, len(at.points), 3))
-        forces[:, np.concatenate([i.traced(0) for i in own])] = f[:, np.concatenate([space.sides[k][0] for k in of])]
+        traced = np.concatenate([i.traced(0) for i in own])
+        forces[:, traced] = np.concatenate([on(k, 0) for k in of], axis=1)
         arm = at.points - np.repeat(at.centre, at.counts, axis=0)
         push = np.einsum("tni,ni->tn", forces, at.normals)
         total[:, of, :3], total[:, of, 3:] = at.sums(forces), at.sums(np.cross(arm, forces))
@@ -77,15 +80,24 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     return Resultants(total[..., :3], total[..., 3:], centre + shift, centre, area)
 
 
+def _on_sides(d: Decomposition, f: np.ndarray) -> Callable[[int, int], np.ndarray]:
+    """(interface, side) → (T, n) forces on its trace dofs, from f (T, D); all ranks ask."""
+    space = d.space
+    if not space.by_nodes:
+        return lambda index, side: f[:, space.sides[index][side]]
+    q, bounds = pair_forces(space, f), space.transfer.bounds
+    return lambda index, side: (1 - 2 * side) * q[:, bounds[index] : bounds[index + 1]]
+
+
 def at_rim(d: Decomposition, f: np.ndarray, rims: Sequence[ProbeRim]) -> np.ndarray:
     """(T, 6) force and moment of interface forces f (T, D) at some nodes, of all ranks."""
-    total = np.zeros((len(f), 6))
+    total, on = np.zeros((len(f), 6)), _on_sides(d, f)
     for rim in rims:
         i = d.scene.interfaces[rim.interface]
         if i.subdomains[rim.side] in d.space.subdomains:
             traced = i.traced(rim.side)
             forces = np.zeros((len(f), *traced.shape))
-            forces[:, traced] = f[:, d.space.sides[rim.interface][rim.side]]
+            forces[:, traced] = on(rim.interface, rim.side)
             total += np.einsum("tni,cni->tc", forces[:, rim.nodes], rim.motions)
     return d.space.team.sum(total)[0]
 
@@ -209,8 +221,9 @@ def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: Interface
                     pair = at_nodes(i.mortar, here[:, np.searchsorted(i.shown, i.mortar.points)])
                 for e, x, acting in zip(i.subdomains, places, pair):
                     add(e, x, acting)
-    handed = d.space.transfer.opposed(d.space.transfer.carried(*d.space.extended(f)))
-    for i in scene.interfaces:  # bonded sides that are a little apart hand on a couple
+    apart = [] if d.space.by_nodes else scene.interfaces
+    handed = d.space.transfer.opposed(d.space.transfer.carried(*d.space.extended(f))) if apart else f
+    for i in apart:  # bonded sides that are a little apart hand on a couple
         if i.law.perfect and i.subdomains[0] in d.space.subdomains:
             for side, dofs in enumerate(d.space.sides[i.index]):
                 arm = (scene.side_points(i, side) - centre) / extent

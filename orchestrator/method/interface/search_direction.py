@@ -14,13 +14,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.blackbox.shared import assembled
-from orchestrator.blackbox.models import both_alike, sole_models
-from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.models import both_alike, ring_model, sole_models
+from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import eigenvalue, placed, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.ring import Ring
 
 
 class SearchDirection:
@@ -76,21 +77,38 @@ class SearchDirection:
 def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, share: bool, savings: Savings) -> SearchDirection:
     """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
 
+    soles : of both sides of interfaces, or rings of this rank's subdomains
     share : congruent soles are assembled once
     Raises BlackBoxError: from the code
     """
-    requests = sole_models(scene, soles)
-    found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, share, savings), {}, [], []
-    for stiffness, (_, (index, side)) in zip(found, requests):
-        free = scene.interfaces[index].traced(side).ravel()
-        key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
-        number = different.setdefault(key, (len(different), stiffness, np.flatnonzero(free)))[0]  # the outer nodes are clamped
-        both = both_alike(scene, index, soles[index])
-        for slot in space.sides[index] if both else (space.sides[index][side],):
-            numbers.append(number)
-            slots.append(slot)
+    requests = _of_rings(scene, space, soles) if space.by_nodes else _of_sides(scene, space, soles)
+    found = assembled([model for model, _, _ in requests], blackbox, share, savings)
+    different, numbers, slots = {}, [], []
+    for stiffness, (_, free, own) in zip(found, requests):
+        key = id(stiffness), free.tobytes()  # congruent soles share theirs; outer nodes are clamped
+        number = different.setdefault(key, (len(different), stiffness, np.flatnonzero(free)))[0]
+        numbers += [number] * len(own)
+        slots += own
     blocks = [stiffness[chosen][:, chosen] for _, stiffness, chosen in different.values()]
     return SearchDirection(placed([blocks[number] for number in numbers], slots, len(space.owner)), space)
+
+
+Request = tuple[Model, np.ndarray, list[np.ndarray]]
+
+
+def _of_sides(scene: Scene, space: TraceSpace, soles) -> list[Request]:
+    """Models of the soles of interfaces, which components of their nodes are free, and which trace
+    dofs these are."""
+    return [(model, scene.interfaces[index].traced(side), list(
+        space.sides[index] if both_alike(scene, index, soles[index]) else [space.sides[index][side]]))
+        for model, (index, side) in sole_models(scene, soles)]
+
+
+def _of_rings(scene: Scene, space: TraceSpace, rings: Sequence[Ring]) -> list[Request]:
+    """The same of rings."""
+    own = [(scene.subdomains[e], ring) for e, ring in zip(space.subdomains, rings)]
+    return [(ring_model(scene, s, ring), ~s.fixed[ring.nodes], [np.arange(part.start, part.stop)])
+            for (s, ring), part in zip(own, space.boundary)]
 
 
 class Nearest:

@@ -7,6 +7,9 @@ Two numberings are used throughout the method:
 - *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
+Where a scene is solved *by nodes* (``scene.soles.ring``) a subdomain has one trace dof for each
+boundary dof, whatever the number of interfaces there: the sides of interfaces share them.
+
 The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. A component that is
 prescribed on one side of an opening interface is no unknown of its body: *held* trace dofs have no boundary dof, their
 displacement is ``known``, and their force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
@@ -47,10 +50,11 @@ class TraceSpace:
     label: np.ndarray  # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
     labels: np.ndarray  # (classes,) int, ascending, what these are called on all ranks: the lowest of their numbers in the whole scene
     link: Link  # what other parts have of it
+    by_nodes: bool = False  # whether trace dofs are the boundary dofs, shared by sides
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray], rank_of: np.ndarray,
-           team: Team = ALONE) -> TraceSpace:
+           team: Team = ALONE, by_nodes: bool = False) -> TraceSpace:
         """Number the traces; where several ranks share a scene they do it together, each from its part.
 
         sides : per subdomain, its (interface, side) pairs
@@ -67,14 +71,21 @@ class TraceSpace:
         starts = bounds_of([3 * len(s.nodes) for s in subdomains])
         everywhere = starts[np.searchsorted(mine, owner[:size])] + dofs[:size]
         held = np.flatnonzero(joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
+        boundary = joined([start + trace for start, trace in zip(starts, traces)])
         place = np.zeros(starts[-1], dtype=int)
-        place[joined([start + trace for start, trace in zip(starts, traces)])] = np.arange(ends[-1])
+        place[boundary] = np.arange(ends[-1])
         gather = place[everywhere]
         gather[held] = -1
+        number = np.arange(len(owner))  # of the trace dofs on the sides, one after the other
+        if by_nodes:
+            number = np.concatenate([gather, ends[-1] + np.arange(len(owner) - size)])
+            owner = np.concatenate([np.repeat(mine, np.diff(ends)), owner[size:]])
+            gather, everywhere, size = np.arange(ends[-1]), boundary, int(ends[-1])
+            dofs = boundary - np.repeat(starts[:-1], np.diff(ends))
         none = np.empty(0, int)
         own: list[list] = [[none, none] for _ in scene.interfaces]
         for (_, index, side), a, b in zip(listed, stops[:-1], stops[1:]):
-            own[index][side] = np.arange(a, b)
+            own[index][side] = number[a:b]
         transfer = Transfer.of(scene.interfaces, scene.matched, [tuple(s) for s in own], size, len(owner))
         link, rank = Link.of(mine, np.bincount(owner[:size], minlength=len(sides))[mine], np.diff(ends), len(sides), team), rank_of[owner]
         met = [rank_of[scene.interfaces[index].subdomains[1 - side]] for _, index, side in listed[:count]]
@@ -84,7 +95,8 @@ class TraceSpace:
         labels, label = np.unique(_labels(transfer, gather, rank, link), return_inverse=True)
         return cls(mine.tolist(), _slices(ends), joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)]), gather,
                    3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs[:size] % 3, owner,
-                   np.column_stack([owner[held], dofs[held]]), transfer, label.ravel(), labels, link)
+                   np.column_stack([owner[held], dofs[held]]), transfer, label.ravel(), labels,
+                   link, by_nodes)
 
     @property
     def size(self) -> int:
@@ -146,10 +158,17 @@ class TraceSpace:
         return self._borders(times(self.classes, values))
 
     @cached_property
-    def _borders(self) -> Borders:
-        """Classes that other ranks have, too; all ranks have to ask."""
+    def on_borders(self) -> np.ndarray:
+        """(classes,) bool, those that other ranks have, too."""
         sent = self.gather[joined([*self.link.sends.values()])]
-        at = np.unique(self.label[sent[sent >= 0]])
+        result = np.zeros(len(self.labels), dtype=bool)
+        result[self.label[sent[sent >= 0]]] = True
+        return result
+
+    @cached_property
+    def _borders(self) -> Borders:
+        """Completes sums on borders; all ranks have to ask."""
+        at = np.flatnonzero(self.on_borders)
         return Borders(self.labels[at, None], at, self.team)
 
     # ---- traces and forces ---------------------------------------------------------------------
@@ -196,6 +215,15 @@ class TraceSpace:
     def loads(self, forces: np.ndarray) -> np.ndarray:
         """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""
         return times(self.scatter, forces)
+
+
+def per_node(diagonal: np.ndarray, space: TraceSpace) -> np.ndarray:
+    """(B,) the mean of a diagonal (B,) over the components of each subdomain's node."""
+    counts = [part.stop - part.start for part in space.boundary]
+    start = np.repeat(np.arange(len(counts)), counts)
+    _, node = np.unique(np.stack([start, space.global_dof // 3]), axis=1, return_inverse=True)
+    node = node.ravel()
+    return (np.bincount(node, diagonal) / np.maximum(np.bincount(node), 1))[node]
 
 
 def _slices(ends: np.ndarray) -> list[slice]:

@@ -116,7 +116,6 @@ class Macro:
     size : macro unknowns that this rank's subdomains see
     C : (D + G, size) fields, those of ghosts behind
     G : (D, size) macro forces; NᵀG is U of eq. 27
-    coupled : how many entries the macro matrix has, this rank's part of it
     number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
         that another rank sees too
     blocks : V, subdomain by subdomain
@@ -149,7 +148,6 @@ class Macro:
         lower = assembled(self.blocks, self.size)
         if own is not None:
             lower = sp.tril((own + own.T) / 2, format="csr") - lower
-        self.coupled = 2 * lower.nnz - self.size
         self._solve = self._solver(lower)
         return self.spent + (float(solved / count) if count else 0.0)
 
@@ -165,6 +163,10 @@ class Macro:
         found, sizes = times(self.C.T, f), times(self.C.magnitudes().T, np.abs(f))
         return peak(found), peak(sizes)
 
+    def force(self, alpha: np.ndarray) -> np.ndarray:
+        """(T, D) G α, the macro forces."""
+        return times(self.G, alpha)
+
     def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
         """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
         team = self.space.team
@@ -177,12 +179,19 @@ class Macro:
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
         """(T, B) boundary values of V α = −u₂, eq. 31."""
+        return self._summed(alpha, "answers")
+
+    def _summed(self, alpha: np.ndarray, name: str) -> np.ndarray:
+        """(T, B) sum of the blocks' forces or answers, times α."""
         result = np.zeros((len(alpha), len(self.space.global_dof)))
         for block in self.blocks:
-            seen = alpha[:, block.sees]
-            result[:, block.columns] = seen @ block.answers[0] if len(block.answers) == 1 else (
-                seen.transpose(1, 0, 2) @ block.answers).transpose(1, 0, 2)
+            result[:, block.columns] = by_blocks(alpha[:, block.sees], getattr(block, name))
         return result
+
+
+def by_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """(T, m, c) of x (T, m, r) and blocks (m or 1, r, c)."""
+    return x @ blocks[0] if len(blocks) == 1 else (x.transpose(1, 0, 2) @ blocks).transpose(1, 0, 2)
 
 
 def _blocks(space: TraceSpace, bases: Sequence[np.ndarray]) -> list[list[tuple[slice, slice]]]:

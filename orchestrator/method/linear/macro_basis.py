@@ -21,11 +21,6 @@ from orchestrator.linalg import svd
 from orchestrator.method.interface.rows import peak
 
 DROP = 1e-8  # singular values below this fraction of the largest are dependent fields
-# Interfaces from which the rigid motions alone serve better than all affine fields. Iterations grow by 0 to 3 of some twenty; set-up has
-# two thirds of the back-substitutions, half of them among irregular parts, and the macro matrix's factor less than half the numbers. CPU
-# seconds, affine and rigid: 512 cubes (1,344 interfaces) 3.9 and 4.0, 300 METIS parts (1,716) 17.8 and 15.1, 1,728 cubes 6.3 and 5.6,
-# 1,500 METIS parts 62 and 42, with 6.3 and 3.6 GB.
-MANY = 1500
 
 
 def interface_basis(points: np.ndarray, free: np.ndarray, kind: str) -> np.ndarray:
@@ -83,14 +78,6 @@ def independent(basis: np.ndarray) -> np.ndarray:
         return np.zeros((basis.shape[0], 0))
     left, singular, _ = svd(basis, full_matrices=False)
     return left[:, singular > DROP * singular[0]]
-
-
-def fields_of(asked: str, wanted: Sequence[bool], space: TraceSpace) -> str:
-    """The kind of fields that ``method.macro.basis`` stands for, but for soft modes, on the interfaces that are wanted."""
-    count, = space.team.sum(sum(taken and len(one) > 0 and one[0] < space.size for taken, (one, _) in zip(wanted, space.sides)))
-    if asked == "auto":
-        return "rigid" if count >= MANY else "affine"
-    return "affine" if asked == "modes" else asked
 
 
 def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free: np.ndarray, kind: str) -> np.ndarray:

@@ -33,7 +33,6 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.answers import GuardedTraces
@@ -142,7 +141,7 @@ class LinearStage:
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""
-        return s if self.macro is None else s - times(self.macro.G, alpha)
+        return s if self.macro is None else s - self.macro.force(alpha)
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""

@@ -41,6 +41,7 @@ class RigidModes:
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
     number : (modes,) int, ascending, which of the modes of all ranks these are
+    fields : ``modes``
     dense : (6, B) on the boundary dofs, a row for the first of every subdomain, zero where it has fewer
     own : int, the modes of this rank's subdomains
     """
@@ -49,6 +50,7 @@ class RigidModes:
         counts = np.zeros(space.link.subdomain_count)
         counts[space.subdomains] = [m.shape[1] for m in modes]
         counts = space.team.sum(counts)[0].astype(int)
+        self.fields = modes
         self._space, self.dense = space, space.side_by_side(dict(enumerate(modes)), RIGID)
         self._seen = np.union1d(space.subdomains, space.owner).astype(int)
         self._starts = bounds_of(counts[self._seen])
@@ -100,7 +102,7 @@ class AtPoints:
         return self.root * (found[:, transfer.one] + found[:, transfer.two])
 
     def matrix(self) -> sp.csr_array:
-        """The sparse matrix."""
+        """(Q, Q) the sparse matrix."""
         one, two = self.transfer.at_points(self.whole)
         root = sp.diags_array(np.broadcast_to(self.root, self.transfer.one.shape))
         return root @ (one + two) @ root
@@ -173,10 +175,7 @@ class Balancing:
 
     def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:
         """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no floating subdomain."""
-        transfer, team = self.space.transfer, self.space.team
-        q = transfer.carried(f) + 0.5 * self.soles(transfer.jump(w))
-        q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
-        change = (transfer.opposed(q) - f)[:, : self.space.size]
+        team, change = self.space.team, self._changed(f, w)
         resultant, sizes, of = self.modes.resultants(self.space.loads(change)), self.space.loads(np.abs(change)), ColumnSegments(self.space.boundary)
         scale = max(peak(of.sums(np.abs(one) * sizes)) for one in self.modes.dense)
         pushed, size = team.max(peak(resultant), scale)
@@ -185,3 +184,65 @@ class Balancing:
         change = change + self.reposition.balancing(resultant)
         left, = team.max(peak(self.modes.resultants(self.space.loads(change))))
         return change, left <= BALANCED * max(pushed, TINY)
+
+    def _changed(self, f: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """(T, D) δf of forces in balance with each other, not yet with the subdomains."""
+        transfer = self.space.transfer
+        q = transfer.carried(f) + 0.5 * self.soles(transfer.jump(w))
+        q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
+        return (transfer.opposed(q) - f)[:, : self.space.size]
+
+
+class NodeRepositioning(Repositioning):
+    """The best rigid motions where a scene is solved by nodes, c = argmin Σ κ |w + R c − m|² over
+    the copies of nodes, m their common displacement. On borders between ranks m is an unknown too.
+
+    rigid : per own subdomain (boundary dofs, r), its motions
+    weight : (B,) κ
+    """
+
+    def __init__(self, space: TraceSpace, modes: RigidModes, rigid: list[np.ndarray],
+                 weight: np.ndarray):
+        self.space, self.modes, self.weight = space, modes, weight
+        self.total, border = space.class_sums(weight[None])[0], space.on_borders
+        moved = space.classes @ sp.diags_array(weight) @ sp.block_diag([np.zeros((0, 0)), *rigid])
+        inside, across = moved[~border], moved[border]
+        own = sp.block_diag([
+            R.T @ (weight[part, None] * R) for R, part in zip(rigid, space.boundary)])
+        own = own - inside.T @ sp.diags_array(1 / self.total[~border]) @ inside
+        here = sp.diags_array((space.classes @ weight)[border])
+        means = RIGID * space.link.subdomain_count + space.labels[border]
+        number = np.concatenate([modes.number[modes.own], means])
+        part = sp.csr_array(sp.block_array([[own, -across.T], [-across, here]]))
+        self._common, self._count = semidefinite(part, number, space.team), len(number)
+
+    def _solve(self, resultants: np.ndarray) -> np.ndarray:
+        """(T, modes) motions, of this rank's subdomains alone, that resultants (T, modes) cause."""
+        part, result = np.zeros((len(resultants), self._count)), np.zeros_like(resultants)
+        own = self.modes.own
+        part[:, : len(own)] = resultants[:, own]
+        result[:, own] = self._common(part)[:, : len(own)]
+        return result
+
+    def _closing(self, w: np.ndarray) -> np.ndarray:
+        """(T, B) forces κ (mean − w) of traces (T, B + G)."""
+        w = w[:, : self.space.size]
+        mean = self.space.class_sums(self.weight * w) / self.total
+        return self.weight * (mean.take(self.space.label, axis=1) - w)
+
+
+class NodeBalancing(Balancing):
+    """Balanced forces where a scene is solved by nodes: each copy of a node takes its share κ/Σκ of
+    the imbalance Σf.
+
+    Parameters as of the base class.
+    """
+
+    def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
+        self.space, self.modes = direction.space, modes
+        self.reposition = NodeRepositioning(self.space, modes, modes.fields, weight)
+        self.share = weight / self.reposition.total.take(self.space.label)
+
+    def _changed(self, f: np.ndarray, w: np.ndarray) -> np.ndarray:
+        space = self.space
+        return -self.share * space.class_sums(f[:, : space.size]).take(space.label, axis=1)

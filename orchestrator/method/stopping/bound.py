@@ -28,10 +28,12 @@ import numpy as np
 from orchestrator.config.method import ROUNDING
 from orchestrator.method.interface.rows import Blocks, dots, peak, times
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.traces import per_node
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.stopping.admissible import Balancing, RigidModes
+from orchestrator.method.stopping.admissible import Balancing, NodeBalancing, RigidModes
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import Enough, dual_energy
+from orchestrator.method.stopping.known_answers import KnownAnswers
 from orchestrator.method.stopping.softest import BesideRigid, softest
 
 
@@ -76,9 +78,11 @@ class ErrorBound:
 
     def __init__(self, direction: SearchDirection, stiffness: Blocks, modes: list[np.ndarray], external: np.ndarray):
         self.space, self.stiffness, self.external, self.floor = direction.space, stiffness, external, 0.0
-        self.continuity = Continuity(self.space, stiffness.diagonal())
-        self.modes = RigidModes(self.space, modes)
-        self.balance = Balancing(direction, stiffness.diagonal(), self.modes)
+        weight, balancing = stiffness.diagonal(), Balancing
+        if self.space.by_nodes:
+            weight, balancing = per_node(weight, self.space), NodeBalancing
+        self.continuity, self.modes = Continuity(self.space, weight), RigidModes(self.space, modes)
+        self.balance = balancing(direction, weight, self.modes)
         self.weights: np.ndarray | None = None
         self.softness: Any = None
 
@@ -87,7 +91,9 @@ class ErrorBound:
         part = copy(self)
         part.stage, part.external = stage, self.external[steps]
         if self.softness is None:  # of the bodies alone, whatever their loads
-            part.softness = cache(lambda: softest(stage, BesideRigid(stage, self.modes.dense)))
+            part.known = cache(lambda: stage.macro and KnownAnswers(stage.macro, stage.direction))
+            part.softness = cache(lambda: softest(
+                stage, BesideRigid(stage, self.modes.dense), part.known()))
         return part
 
     def for_cases(self, weights: np.ndarray) -> ErrorBound:
@@ -126,10 +132,11 @@ class ErrorBound:
         cross, = self.space.team.sum(dots(bound.correction, h))
         rest, reached = a2 - 2 * cross, Reached(self._largest, size, useful)
         enough, solved = Enough((ROUNDING * size) ** 2, met=self._met(asked, size) ** 2), self.stage.blackbox.solved
-        dual = dual_energy(self.stage, h, rest, enough, reached, self.softness)
+        dual = dual_energy(self.stage, h, rest, enough, reached, self.softness, aside=self.known())
         found = self._relative(rest + dual.energy, size)
         if reached.least <= useful and found <= asked and not dual.above:
-            dual = dual_energy(self.stage, h, rest, enough, reached, self.softness(), dual)
+            dual = dual_energy(self.stage, h, rest, enough, reached, self.softness(), dual,
+                               self.known())
             found = self._relative(rest + dual.energy, size)
         sweeps = (self.stage.blackbox.solved - solved) / len(h)
         if reached.least > useful:

@@ -32,7 +32,7 @@ import numpy as np
 from orchestrator.laws.points import Answer
 from orchestrator.method.interface.pairs import History, Pairs
 from orchestrator.method.interface.rows import Blocks, dots, peak
-from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.traces import per_node
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.admissible_displacement import AdmissibleDisplacement
@@ -141,7 +141,8 @@ class Certificate:
         self.pairs, self.stiffness, self.external, self.stage = pairs, stiffness, external, stage
         self.space, self.before, self.reached, self.floor = stage.space, History.none(len(pairs)), 0.0, 0.0
         self.forces = AdmissibleForces(stage.direction, pairs, modes)
-        self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, _per_node(stiffness.diagonal(), self.space)))
+        weight = per_node(stiffness.diagonal(), self.space)
+        self.displacement = AdmissibleDisplacement(pairs, Continuity(self.space, weight))
         self.beside = BesideRigid(stage, self.forces.u)
         self.pushed = np.zeros((len(external), RIGID, 0)) if not pushed else np.stack(
             [own @ R for own, R in zip(pushed, self.forces.R)], axis=2)[:, :, self.beside.of.subdomains]
@@ -228,11 +229,3 @@ def pushed(own: Sequence[Subdomain], modes: Sequence[np.ndarray]) -> list[np.nda
 def _largest(squares: np.ndarray) -> float:
     """The largest error of squared ones (T,)."""
     return float(np.sqrt(np.maximum(squares, 0.0).max(initial=0.0)))
-
-
-def _per_node(diagonal: np.ndarray, space: TraceSpace) -> np.ndarray:
-    """(B,) the mean of a diagonal (B,) over the components of each subdomain's node."""
-    start = np.repeat(np.arange(len(space.boundary)), [part.stop - part.start for part in space.boundary])
-    _, node = np.unique(np.stack([start, space.global_dof // 3]), axis=1, return_inverse=True)
-    node = node.ravel()
-    return (np.bincount(node, diagonal) / np.maximum(np.bincount(node), 1))[node]

@@ -18,6 +18,7 @@ import numpy as np
 
 from orchestrator.method.interface.rows import dots, ratio, ColumnSegments
 from orchestrator.method.linear.stage import LinearStage
+from orchestrator.method.stopping.known_answers import KnownAnswers
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
 MAX_STEPS = 100
@@ -75,9 +76,45 @@ class Dual(NamedTuple):
                    for each in last), above=all(b.above for b in batches))
 
 
+class Descent:
+    """Conjugate gradients on S, of each subdomain by itself.
+
+    begun : where they start
+    aside : fields that take no part: all else is orthogonal to them in S
+    """
+
+    def __init__(self, stage: LinearStage, begun: Dual, aside: KnownAnswers | None = None):
+        self.stage, self.aside, self.of = stage, aside, ColumnSegments(stage.space.boundary)
+        self.x, self.r, self.size = begun.x, begun.left, begun.size
+        self.p, self.q = begun.towards, begun.meant
+
+    def asked(self, going: np.ndarray) -> np.ndarray:
+        """(T, S) rᵀM⁻¹r, of subdomains that are asked, (T, S) bool."""
+        self.z = self.stage.solve(np.where(self.of.spread(going), self.r, 0.0))
+        self.now = np.maximum(self.of.sums(self.r * self.z), 0.0)
+        return self.now
+
+    def moved(self) -> np.ndarray:
+        """(T, S) the steps α along the next direction."""
+        of, robin, meant = self.of, self.stage.direction.robin, self.r
+        if self.aside is not None:
+            self.z, meant = self.aside.beside(self.z, robin(self.z), meant)
+        if self.p is None:
+            self.p, self.q = self.z, meant.copy()
+        else:
+            beta = of.spread(ratio(self.now, self.size))
+            self.p, self.q = self.z + beta * self.p, meant + beta * self.q
+        s_p = self.q - robin(self.p)
+        alpha, self.size = ratio(self.now, of.sums(self.p * s_p)), self.now
+        far = of.spread(alpha)
+        self.x, self.r = self.x + far * self.p, self.r - far * s_p
+        return alpha
+
+
 def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Enough,
                 beyond: Callable[[np.ndarray], bool] = lambda total: False,
-                softness: np.ndarray | Callable[[], np.ndarray] | None = None, begun: Dual | None = None) -> Dual:
+                softness: np.ndarray | Callable[[], np.ndarray] | None = None,
+                begun: Dual | None = None, aside: KnownAnswers | None = None) -> Dual:
     """hᵀS⁺h over all subdomains; infinite if it is not reached.
 
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
@@ -87,24 +124,26 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
     softness : (S,) σ of the own subdomains, see ``softest``: what is left is known from above then, and added, see ``_reach``. Of slender
         bodies that takes long: after ``LONGER`` times as many steps the tail has to do. A function is asked once steps end within ``met``
     begun : what an earlier call has found, from which it goes on if that was of the same h
+    aside : fields whose forces are known, in which h is answered beforehand
     """
     space, of = stage.space, ColumnSegments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return Dual(np.zeros(len(h)), 0, np.zeros_like(h), h, h, above=True)
     if begun is None or space.team.max(not np.array_equal(begun.of, h))[0]:
-        begun = Dual(np.zeros(len(h)), 0, np.zeros_like(h), h.copy(), h)
-    _, _, x, r, _, p, q, rz_old, _ = begun
-    total, = space.team.sum(dots(x, h + r))
+        known = aside.answered(h) if aside else (np.zeros_like(h), h.copy())
+        begun = Dual(np.zeros(len(h)), 0, *known, h)
+    descent, rz_old = Descent(stage, begun, aside), begun.size
+    total, = space.team.sum(dots(begun.x, h + begun.left))
     going, kept = np.ones((len(h), len(of.slices)), dtype=bool), np.zeros((len(h), len(of.slices)))
     steps, taken, ready, reach, alpha, closely = [], [], 0, None, None, min(RELATIVE_TAIL, enough.share)
     softness, ask = (None, softness) if callable(softness) else (softness, None)
 
     def told(energy: np.ndarray, above: bool = False) -> Dual:
-        return Dual(energy, sweeps, x, r, h, p, q, rz_old, above)
+        d = descent
+        return Dual(energy, sweeps, d.x, d.r, h, d.p, d.q, d.size, above)
 
     for sweeps in range(1, MAX_STEPS + 1):
-        z = stage.solve(np.where(of.spread(going), r, 0.0))
-        rz = np.maximum(of.sums(r * z), 0.0)
+        rz = descent.asked(going)
         if softness is not None:
             reach = _reach(softness, reach, alpha, rz, rz_old)
             kept = np.where(going, rz * reach, kept)
@@ -113,12 +152,9 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, enough: Eno
             may = max(enough.share, MET) if (most + rest).max() <= enough.met else enough.share
             if left.sum() <= may * max(np.sum(most + rest), CANCELLED * np.sum(most), enough.negligible):
                 return told(most, True)
-        p, q = (z, r.copy()) if p is None else (new + of.spread(ratio(rz, rz_old)) * old for new, old in ((z, p), (r, q)))
-        s_p = q - stage.direction.robin(p)
-        alpha = ratio(rz, of.sums(p * s_p))
+        alpha, rz_old = descent.moved(), rz
         gained, = space.team.sum((alpha * rz).sum(axis=1))
-        far = of.spread(alpha)
-        total, x, r, rz_old = total + gained, x + far * p, r - far * s_p, rz
+        total = total + gained
         steps.append(float(gained.sum()))
         if beyond(total + rest):
             return told(total)

@@ -56,7 +56,12 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
     """
     k, space, macro = problem.stage.direction.diagonal, problem.space, problem.stage.macro
     w, f, counted = fields.w, fields.f, problem.local.counts(local)
-    apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
+    if space.by_nodes:
+        others = problem.local.others(w, f)
+        apart, unbalanced = others[0] - w, others[1] + f
+    else:
+        both = space.transfer.mismatch, space.transfer.imbalance
+        apart, unbalanced = (of(x) for of, x in zip(both, fields.extended))
     squares = [_square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
                _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     resultant = (np.nan, 1.0) if macro is None else macro.imbalance(fields.extended[1])

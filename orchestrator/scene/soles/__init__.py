@@ -4,7 +4,8 @@ Added to a subdomain's mesh, a sole turns a standard elasticity solve into a Rob
 stiffness, condensed on the interface, is the search direction k⁻. With one layer of linear
 elements the outer nodes are all clamped, so that the condensation is a mere restriction.
 
-Four kinds:
+Where all is one bonded mesh a sole surrounds a whole subdomain, see ``ring``. Elsewhere four kinds are
+glued to interfaces:
 
 - ``layer`` (the paper's): each side carries a layer along its own outward normal;
 - ``symmetric``: each side carries a layer along +n and one along −n, half the modulus each.

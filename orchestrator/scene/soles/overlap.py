@@ -33,12 +33,12 @@ from orchestrator.scene.interface import Interface
 from orchestrator.scene.model import Scene
 from orchestrator.scene.overview import Difficulty
 from orchestrator.scene.soles import Sole
+from orchestrator.scene.soles.ring import between, INCOMPRESSIBLE
 
 # Of the modulus, the share of one's own elements. Iterations with .5, .2 and 0 of it: moduli 1:1000 brick by brick, 64 subdomains: 40, 32,
 # 33; 125 of them: 100, 81, 92; ν = .499, ten-node tets: 64, 64, 71; four-node tets, 8 cubes: 18, 19, 41.
 OWN = 0.2
 SETS = (np.arange(16)[:, None] >> np.arange(4)) % 2 == 1  # (16, 4) bool, all sets of a tet's corners
-INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly incompressible
 
 
 def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sole]:
@@ -74,15 +74,9 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[Sole, Sol
         points, cells, origin = _without_chords(inner, own, points, cells, sides)
         points, cells = with_middles(inner, own, points, cells)
         sides, young, poisson = sides[origin], (young / np.bincount(origin))[origin], poisson[origin]
-        poisson = np.where(poisson > INCOMPRESSIBLE, _between(poisson), poisson)
+        poisson = np.where(poisson > INCOMPRESSIBLE, between(poisson), poisson)
     return tuple(Sole(points, cells, ratio * np.where(sides == side, OWN, 1 - OWN) * young, poisson)
                  for side in (0, 1))
-
-
-def _between(poisson: np.ndarray) -> np.ndarray:
-    """ν' of λ' = √(λ μ), given ν > 0: with λ/μ = 2ν/(1 − 2ν), ν = (λ/μ) / (2 (λ/μ + 1))."""
-    ratio = np.sqrt(np.maximum(2 * poisson / (1 - 2 * poisson), 0.0))
-    return ratio / (2 * (ratio + 1))
 
 
 def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray,
@@ -141,11 +135,26 @@ def difficulty(scene: Scene) -> Difficulty:
     largest = np.array([poisson[s.material].max() for s in scene.subdomains])
     incompressible = largest > INCOMPRESSIBLE
     # four-node tets cannot flow without changing their volumes, and their copies resist by all of their bulk modulus
-    yielding = largest > (0.5 / (1 + YIELDING**2) if scene.mesh.cells.shape[1] == 10 else INCOMPRESSIBLE)
+    yielding = largest > 0.5 / (1 + YIELDING**2)
+    flowing = yielding if scene.mesh.cells.shape[1] == 10 else incompressible
     extents = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes)
     slender = extents >= SLENDER * (1 - SLACK)
     ours = ~scene.stand_ins  # thin layers that stand for something else bend nowhere
-    return Difficulty(mixed, (incompressible | slender) & ours, (yielding | slender) & ours, extents)
+    bad = ((each | slender) & ours for each in (incompressible, flowing, yielding))
+    return Difficulty(mixed, *bad, extents)
+
+
+def by_nodes(scene: Scene, method) -> bool:
+    """Return whether a scene is solved with rings, one state per node of a subdomain: where all of it
+    is one bonded mesh, and no part is slender, or yields at constant volume: these need soft modes.
+
+    method : ``method`` of the configuration: what it asks of layers or interfaces excludes rings
+    """
+    sole, macro = method.sole, method.macro
+    usual = sole.thickness == sole.poisson == macro.basis == "auto" and macro.strategy != "continuity"
+    if not (usual and method.search_direction.kplus == "exchange" and scene.conforming):
+        return False
+    return sole.kind == "overlap" or sole.kind == "auto" and not difficulty(scene).softest.any()
 
 
 def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:
