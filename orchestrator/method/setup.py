@@ -21,7 +21,6 @@ from orchestrator.method.decomposition import Decomposition, Made
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.exchange_by_nodes import NodeExchange
-from orchestrator.method.interface.rows import Blocks
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.interface.stabilisation import begin_anew, stabilisation
 from orchestrator.method.interface.traces import TraceSpace, per_node
@@ -41,10 +40,9 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import overview, part_of
-from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.soles.overlap import by_nodes, difficulty
-from orchestrator.scene.soles.ring import make_rings, Ring
+from orchestrator.scene.soles.ring import make_rings
 from orchestrator.timing import Savings, Stopwatch
 
 
@@ -90,10 +88,7 @@ class RankPart:
         return cls.of(part, method, rank_of, team)
 
 
-Soles = Sequence[tuple[Sole, Sole] | None] | Sequence[Ring]
-
-
-def make_soles_of(part: RankPart, method, wanted: Sequence[bool] | None = None) -> Soles:
+def make_soles_of(part: RankPart, method, wanted: Sequence[bool] | None = None) -> Sequence:
     """Soles of a part: per own subdomain its ring, or per interface both sides'.
 
     method : ``method`` of the configuration
@@ -104,7 +99,7 @@ def make_soles_of(part: RankPart, method, wanted: Sequence[bool] | None = None) 
     return make_soles(part.scene, method.sole, wanted, method.skip.congruent)
 
 
-def prepare(part: RankPart, soles: Soles, method, blackbox: BlackBox, watch: Stopwatch,
+def prepare(part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: Stopwatch,
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
@@ -121,7 +116,7 @@ def prepare(part: RankPart, soles: Soles, method, blackbox: BlackBox, watch: Sto
 class _SetUp:
     """State shared by the steps of a set-up."""
 
-    def __init__(self, part: RankPart, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch):
+    def __init__(self, part: RankPart, soles: Sequence, method, blackbox: BlackBox, watch: Stopwatch):
         self.scene, self.space, self.carried = _own_copy(part.scene), part.space, part.carried
         self.soles, self.method, self.blackbox, self.watch = soles, method, blackbox, watch
         self.own = [self.scene.subdomains[e] for e in self.space.subdomains]
@@ -143,7 +138,9 @@ class _SetUp:
         factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
-            local, pairs, springs = self._bonded(direction, stiffness), None, None
+            local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
+            if space.by_nodes:
+                local = NodeExchange(direction, per_node(stiffness.diagonal(), space))
             with watch("bound"):
                 bound = ErrorBound(direction, stiffness, *self._freedom(modes))
         else:
@@ -193,12 +190,6 @@ class _SetUp:
         check_own_matter(scene, own, of_bodies, rims, self.traces if whole else [trace[:0] for trace in self.traces])
         stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
         return rims, stiffness
-
-    def _bonded(self, direction: SearchDirection, stiffness: Blocks) -> Exchange | NodeExchange:
-        """The local stage where all is bonded."""
-        if self.space.by_nodes:
-            return NodeExchange(direction, per_node(stiffness.diagonal(), self.space))
-        return Exchange(direction, self.method.search_direction.kplus)
 
     def _meeting(self, direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
         """The pairs, their local stage, and how they are stabilised."""

@@ -64,8 +64,9 @@ class SearchDirection:
 
     def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
         """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``."""
-        rows = self.space.scatter
-        whole = rows @ self.k @ rows.T if len(subdomains) else None  # no entry couples two subdomains
+        rows, whole = self.space.scatter, self.k  # no entry couples two subdomains
+        if len(subdomains) and not self.space.by_nodes:
+            whole = rows @ whole @ rows.T
         return [whole[part, part] for part in (self.space.boundary[e] for e in subdomains)]
 
     @cached_property

@@ -36,6 +36,7 @@ from orchestrator.parallel.numbering import runs
 class SameShape:
     """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs."""
 
+    members: list[int]  # (m,), places of these subdomains
     sees: np.ndarray  # (m, s) int, macro unknowns of each
     columns: np.ndarray  # (m, t) int, boundary dofs of each
     forces: np.ndarray  # (k, s, t) rows of NᵀG and of V; k is m, or 1 where all subdomains share theirs
@@ -89,7 +90,7 @@ def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[
     starts, result = np.array([part.start for part in parts], dtype=int), []
     for members, shared in [(g, True) for g in groups] + [(g, False) for g in shapes.values()]:
         different = members[:1] if shared else members
-        result.append(SameShape(np.stack([sees[e] for e in members]),
+        result.append(SameShape(members, np.stack([sees[e] for e in members]),
                                 starts[members][:, None] + np.arange(forces[members[0]].shape[1]),
                                 np.stack([forces[e] for e in different]), np.stack([answers[e] for e in different])))
     return result

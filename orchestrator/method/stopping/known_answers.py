@@ -28,12 +28,11 @@ class KnownAnswers:
 
     def __init__(self, macro: Macro, direction: SearchDirection):
         self.direction, self.blocks, self.inverse = direction, macro.blocks, []
-        parts = enumerate(direction.space.boundary)
-        place = {part.start: e for e, part in parts if part.stop > part.start}
+        soles = direction.robin_blocks(range(len(direction.space.boundary)))
         for b in self.blocks:
-            members = [place[at] for at in b.columns[: len(b.answers), 0].tolist()]
             each = []
-            for k, V, F in zip(direction.robin_blocks(members), b.answers, b.forces):
+            for e, V, F in zip(b.members, b.answers, b.forces):
+                k = soles[e]
                 meant = V @ F.T  # beside it, rounding leaves energy of what has none
                 turn = orthonormal(meant - V @ (k @ V.T), peak(meant))
                 each.append(turn @ turn.T)
