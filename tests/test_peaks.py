@@ -4,7 +4,7 @@ import pytest
 from accuracy_case import bent
 from test_accuracy import refined
 
-from orchestrator.accuracy.changes import growth
+from orchestrator.accuracy.criteria import growth
 from orchestrator.results.summary.lines import summary_rows
 from orchestrator.scene.mesh.gmsh_session import gmsh, session
 

@@ -17,7 +17,7 @@ from orchestrator.errors import InputError
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
-from orchestrator.results.figures.exaggeration import exaggeration
+from orchestrator.results.figures.plotting import exaggeration
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.pictures import compose, deformed, draw as draw_view, fitted, interfaces, outer_surface, shares
 from orchestrator.results.figures.plotting import RED

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from orchestrator import run as one
-from orchestrator.accuracy.changes import answers, errors, growth, peak_of
-from orchestrator.accuracy.criteria import Criterion, ITERATIONS, criterion
+from orchestrator.accuracy.criteria import (
+    answers, Criterion, criterion, errors, growth, ITERATIONS, peak_of)
 from orchestrator.accuracy.measured import TRUSTED, energies, explained, told
 from orchestrator.accuracy.passes import (
     NAME as PASSES, Pass, Passes, drop, put_back, set_aside, set_aside_again, tightest)

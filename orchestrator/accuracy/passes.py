@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from orchestrator.accuracy.measured import Energies
-from orchestrator.accuracy.nested import Stressed
+from orchestrator.accuracy.measured import Energies, Stressed
 from orchestrator.accuracy.sizes import WantedMesh
 from orchestrator.config.method import Accuracy
 from orchestrator.errors import some

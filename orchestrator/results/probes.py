@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.method.delivery.flux import FORCES
-from orchestrator.results.extremes import DISPLACEMENT, RESULTANT, STRESS, components_of_displacement, components_of_stress
-from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.extremes import (
+    components_of_displacement, components_of_stress, DISPLACEMENT, Nodal, RESULTANT, STRESS)
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.conditions.probes import ProbeLine, ProbePoint, ProbeSection, ProbeSurface
 from orchestrator.scene.mesh.quadratic import TRIANGLE_SHARES, tet_functions

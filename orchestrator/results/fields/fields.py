@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.extremes import Nodal
 from orchestrator.scene import elasticity as recovery
 from orchestrator.scene.copies import Copies
 from orchestrator.scene.mesh.geometry import shape_gradients

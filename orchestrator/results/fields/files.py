@@ -18,7 +18,7 @@ from orchestrator.blackbox.codes.parts import OwnFields
 from orchestrator.method.delivery.interface_fields import SHIFTS
 from orchestrator.registry import GROUND, LAWS
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.extremes import Nodal
 from orchestrator.results.fields.npz import NAME, arrays, write_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.elasticity import principal, von_mises

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.exaggeration import exaggeration, largest_displacement
-from orchestrator.results.figures.plotting import DPI, RED, new_figure, short
+from orchestrator.results.figures.plotting import (
+    DPI, exaggeration, largest_displacement, new_figure, RED, short)
 from orchestrator.results.summary.summary import units_of
 
 if TYPE_CHECKING:

@@ -1,1 +1,0 @@
-"""Runs repeated on finer meshes until the error is what was asked for."""

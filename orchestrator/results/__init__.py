@@ -1,1 +1,0 @@
-"""Results of a run: subscribers to its events, fields, summary, figures, report."""

@@ -1,1 +1,0 @@
-"""report.md and report.html."""

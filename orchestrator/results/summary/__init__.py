@@ -1,1 +1,0 @@
-"""summary.json and what goes into it."""

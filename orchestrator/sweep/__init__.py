@@ -1,1 +1,0 @@
-"""One configuration, run with different values: `orchestrator sweep`."""
