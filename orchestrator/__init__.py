@@ -7,8 +7,10 @@ From Python, a problem is a configuration, and its solution an object:
 >>> import orchestrator
 >>> config = orchestrator.config_from({
 ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
-...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}]})
+...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+...     "materials": [{"young": 200e3, "poisson": 0.3}],
+...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+...     "traction": [0, 0, 1]}]})
 >>> orchestrator.solve(config)
 Solution(bar: converged after 8 iterations, error bound ...e-07)
 
@@ -23,7 +25,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 __version__ = "0.1.0"
 
-# Public name → the module that it stands in. Servers of codes import this package too: they get none of it.
+# Public name → the module that it stands in. Servers of codes import this package too: they get
+# none of it.
 _PUBLIC = {
     "Config": "orchestrator.config.model", "load_config": "orchestrator.config.load",
     "config_from": "orchestrator.config.load",
@@ -32,9 +35,11 @@ _PUBLIC = {
     "Subscriber": "orchestrator.method.events", "Iteration": "orchestrator.method.events",
     "Finished": "orchestrator.method.events",
     "Law": "orchestrator.laws.base", "LAWS": "orchestrator.registry",
-    "Code": "orchestrator.blackbox.codes.code", "PythonCode": "orchestrator.blackbox.codes.python_code",
+    "Code": "orchestrator.blackbox.codes.code",
+    "PythonCode": "orchestrator.blackbox.codes.python_code",
     "CodeSettings": "orchestrator.config.blackbox", "CODES": "orchestrator.registry",
-    "OrchestratorError": "orchestrator.errors", "InputError": "orchestrator.errors", "Problem": "orchestrator.errors",
+    "OrchestratorError": "orchestrator.errors", "InputError": "orchestrator.errors",
+    "Problem": "orchestrator.errors",
     "BlackBoxError": "orchestrator.errors",
 }
 

@@ -1,4 +1,6 @@
-"""A process that calls functions for this one, made ready beforehand: libraries may end their process, and so may the kernel."""
+"""A process that calls functions for this one, made ready beforehand: libraries may end their
+process, and so may the kernel.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from orchestrator.processes import end, started
 
 
 class Died(Exception):
-    """The process has ended without an answer, ``code`` as ``subprocess`` has it, None where it never began, or is given up."""
+    """The process has ended without an answer, ``code`` as ``subprocess`` has it, None where it
+    never began, or is given up.
+    """
 
     def __init__(self, code: int | None, late: bool = False):
         super().__init__(code, late)
@@ -37,13 +41,16 @@ class Apart:
         self._jobs: SimpleQueue[bytes | None] = SimpleQueue()
         self._process, self._asked = None, 0
         with suppress(OSError):  # no more processes are allowed: nobody ever answers
-            self._process = started([sys.executable, "-P", "-m", __name__, str(theirs.fileno()), *ready], pass_fds=[theirs.fileno()],
+            self._process = started([sys.executable, "-P", "-m", __name__, str(theirs.fileno()),
+                                     *ready], pass_fds=[theirs.fileno()],
                                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         theirs.close()
         Thread(target=self._send, daemon=True).start()  # pipes hold less than a job
 
     def begin(self, call: Callable[..., object], *job: object) -> None:
-        """Have ``call(*job)`` called there, after what was asked before; the function is one of a module, and all is pickled now."""
+        """Have ``call(*job)`` called there, after what was asked before; the function is one of a
+        module, and all is pickled now.
+        """
         self._jobs.put(pickle.dumps((call, job), pickle.HIGHEST_PROTOCOL))
         self._asked += 1
 
@@ -53,7 +60,8 @@ class Apart:
                 self._connection.send_bytes(job)
 
     def finish(self, patience: float | None = None) -> object:
-        """The result of the last function that was asked for; raises what the first one that failed has raised.
+        """The result of the last function that was asked for; raises what the first one that failed
+        has raised.
 
         patience : seconds for each answer; None: no limit
         Raises Died: the process has ended, or takes longer
@@ -86,7 +94,8 @@ class Apart:
 
 
 class Mesher(Apart):
-    """A process that makes the finer meshes of CAD models: where gmsh ends it, or the kernel for want of memory, results are still there.
+    """A process that makes the finer meshes of CAD models: where gmsh ends it, or the kernel for
+    want of memory, results are still there.
 
     It is ready, with gmsh, by the time that the first mesh is solved on.
     """
@@ -95,20 +104,26 @@ class Mesher(Apart):
         super().__init__(["orchestrator.scene.mesh.solids", "gmsh"])
 
     def __call__(self, make: Callable[..., object], *given: object) -> object:
-        """What ``make(*given)`` returns, called there; raises what that raises, and InputError where the process ends."""
+        """What ``make(*given)`` returns, called there; raises what that raises, and InputError
+        where the process ends.
+        """
         self.begin(make, *given)
         try:
             return self.finish()
         except Died as died:
             how = "did not begin" if died.code is None else f"was ended by {signal.Signals(-died.code).name}" if died.code < 0 else \
                 f"has ended with {died.code}"
-            raise wrong(("mesh",), f"the process that makes meshes {how}", "a mesh: gmsh fails on few models, the kernel ends what takes more "
-                        "memory than there is", "set the limits elements or memory of method.accuracy, or mesh that part by hand") from None
+            raise wrong(("mesh",), f"the process that makes meshes {how}",
+                        "a mesh: gmsh fails on few models, the kernel ends what takes more "
+                        "memory than there is",
+                        "set the limits elements or memory of method.accuracy, or mesh that part "
+                        "by hand") from None
 
 
 def main(connection: Connection, ready: Sequence[str]) -> None:
     """Get ready, do the jobs; the end of who asks ends it."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # where VTK can draw nowhere it crashes: no core dump
+    # where VTK can draw nowhere it crashes: no core dump
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for module in ready:
         getattr(import_module(module), "warm_up", lambda: None)()
     with suppress(EOFError, OSError):

@@ -1,12 +1,13 @@
 """Functions compiled to machine code at their first call, and kept for the next process.
 
-For loops over node pairs or blocks that numpy could only do by writing large arrays between one pass and the next. The
-compiler is numba; it is imported by the first call of such a function, so that what calls none does without it. The
-machine code is kept in the user's cache directory or in what ``NUMBA_CACHE_DIR`` names, beside the source where that may not be
-written; where nothing can be written each process compiles for itself, some seconds long.
+For loops over node pairs or blocks that numpy could only do by writing large arrays between one
+pass and the next. The compiler is numba; it is imported by the first call of such a function, so
+that what calls none does without it. The machine code is kept in the user's cache directory or in
+what ``NUMBA_CACHE_DIR`` names, beside the source where that may not be written; where nothing can
+be written each process compiles for itself, some seconds long.
 
-Other threads run while such a function does. ``in_parts`` has several of them work on parts of long arrays: between two
-questions to the codes their cores have nothing else to do.
+Other threads run while such a function does. ``in_parts`` has several of them work on parts of long
+arrays: between two questions to the codes their cores have nothing else to do.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from typing import Any
 
 from orchestrator.optional import check_there, need
 
-# Sums may be formed in any order that the compiler likes, which is the same in every call; nan and inf stay what they are.
+# Sums may be formed in any order that the compiler likes, which is the same in every call; nan and
+# inf stay what they are.
 SUMS = {"reassoc", "contract"}
 LOOPS = re.compile(rb"^@(compiled|intrinsic|numba\.)", re.MULTILINE)  # in modules that have some
 
@@ -36,7 +38,8 @@ LOOPS = re.compile(rb"^@(compiled|intrinsic|numba\.)", re.MULTILINE)  # in modul
 class Compiled:
     """A function compiled at its first call, in which other threads may run.
 
-    function : plain loops over arrays and numbers, in a module that imports nothing that numba does not know
+    function : plain loops over arrays and numbers, in a module that imports nothing that numba does
+        not know
     """
 
     def __init__(self, function: Callable[..., Any]):
@@ -81,21 +84,28 @@ def _alone(compile_: Callable[..., Any], name: str) -> Callable[..., Any]:
 
 
 def kept_in() -> Path:
-    """The folder of machine code of these very loops: it outlives the package, which may be installed where nobody can write."""
+    """The folder of machine code of these very loops: it outlives the package, which may be
+    installed where nobody can write.
+    """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "latin-orchestrator"), made_of())
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or os.path.join(home, "latin-orchestrator"),
+                made_of())
 
 
 @cache
 def made_of(package: Path = Path(__file__).parent) -> str:
-    """A name for all that machine code depends on but the processor, of which the compiler takes care: Python, the compiler itself, and
+    """A name for all that machine code depends on but the processor, of which the compiler takes
+    care: Python, the compiler itself, and
     the text of every module with loops, which take along what they call."""
-    texts = [text for path in sorted(package.rglob("*.py")) if LOOPS.search(text := path.read_bytes())]
-    return hashlib.sha256(repr((sys.version, version("numba"), str(package), texts)).encode()).hexdigest()[:16]
+    texts = [text for path in sorted(package.rglob("*.py"))
+             if LOOPS.search(text := path.read_bytes())]
+    return hashlib.sha256(
+        repr((sys.version, version("numba"), str(package), texts)).encode()).hexdigest()[:16]
 
 
 def make_ready() -> None:
-    """Import the compiler and have it set itself up in another thread: for when it will be needed, and something else comes
+    """Import the compiler and have it set itself up in another thread: for when it will be needed,
+    and something else comes
     first that leaves a core to it. Raises InputError: it is not installed."""
     check_there("numba")
 
@@ -112,10 +122,12 @@ def _nothing(number):
 
 
 def in_parts(function: Compiled, size: int, *arguments, part: int) -> list:
-    """Results of ``function(start, stop, *arguments)`` for parts of ``range(size)``, in their order; on all cores.
+    """Results of ``function(start, stop, *arguments)`` for parts of ``range(size)``, in their
+    order; on all cores.
 
     function : writes to entries of its own part alone
-    part : how many of them, which take much longer than to hand them out; the same on any number of cores, so that sums are
+    part : how many of them, which take much longer than to hand them out; the same on any number of
+        cores, so that sums are
     """
     starts = range(0, size, part)
     if len(starts) <= 1:

@@ -21,7 +21,9 @@ SCENE = Path(__file__).with_suffix(".yaml")  # solved as far as it calls every l
 
 
 def compiled_once() -> str:
-    """Compile the loops if that has not been done for this package, Python and compiler; return a line that tells where they are."""
+    """Compile the loops if that has not been done for this package, Python and compiler; return a
+    line that tells where they are.
+    """
     done, begin = kept_in() / "done", time.perf_counter()
     if not done.exists():
         solve(load_config(SCENE).config)
@@ -32,11 +34,16 @@ def compiled_once() -> str:
 
 def examine() -> list[str]:
     """List Python's packages and libraries, a line each, once all loops have been compiled."""
-    lines = [f"without {name}: {use}; {command(name)}" for name, (_, use) in WANTED.items() if absent(name)]
+    lines = [f"without {name}: {use}; {command(name)}" for name, (_, use) in WANTED.items()
+             if absent(name)]
     library = cholmod.library()
-    lines.append("without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: suitesparse" if library is None
+    lines.append(
+        "without CHOLMOD: SuperLU factorises, slower in large scenes; Debian: libcholmod3, conda: "
+        "suitesparse" if library is None
                  else f"CHOLMOD: {library._name}")
     found = petsc.library()
-    lines.append(f"without PETSc, which spreads macro problems of many ranks: {found}" if isinstance(found, str)
-                 else f"PETSc {'.'.join(map(str, found.Sys.getVersion()))} with MUMPS: {found.__file__}")
+    lines.append(f"without PETSc, which spreads macro problems of many ranks: {found}"
+                 if isinstance(found, str)
+                 else f"PETSc {'.'.join(map(str, found.Sys.getVersion()))} with MUMPS: "
+                 f"{found.__file__}")
     return lines if absent("numba") else [*lines, compiled_once()]

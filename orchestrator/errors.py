@@ -1,6 +1,7 @@
 """The errors a user can meet, each with the exit code it ends the program with.
 
-Every message says what was found, where, what was expected and how to mend it. Turns of phrase that messages share are here too.
+Every message says what was found, where, what was expected and how to mend it. Turns of phrase that
+messages share are here too.
 """
 
 from __future__ import annotations
@@ -50,14 +51,18 @@ class Problem:
 
 
 # How threads, shared libraries, gmsh and numba's compiler say that memory is wanting.
-_WANTING = ("can't start new thread", "cannot allocate memory", "failed to map segment", "bad_alloc", "not enough memory")
+_WANTING = ("can't start new thread", "cannot allocate memory", "failed to map segment",
+            "bad_alloc", "not enough memory")
 
 
 def lacks_memory(error: BaseException | None) -> bool:
-    """Whether memory was wanting, whoever noticed: said by the error, or by one that it was raised from."""
+    """Whether memory was wanting, whoever noticed: said by the error, or by one that it was raised
+    from.
+    """
     while error is not None:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM or (
-                not isinstance(error, OrchestratorError) and any(words in str(error).lower() for words in _WANTING)):
+                not isinstance(error, OrchestratorError)
+                and any(words in str(error).lower() for words in _WANTING)):
             return True
         error = error.__cause__ or error.__context__
     return False
@@ -80,9 +85,12 @@ class InternalError(OrchestratorError):
         self._given = what, where, saved, memory
         if memory:
             self.exit_code = BLACKBOX_FAILED  # nothing is wrong with the method
-        cure = ("there is too little memory: fewer load steps at once (method.increment), fewer workers, a coarser mesh, "
-                "more ranks on more nodes, or a higher limit (ulimit -v)" if memory else
-                "this is a fault of the program: please report it, with the file named above and the configuration")
+        cure = (
+            "there is too little memory: fewer load steps at once (method.increment), fewer "
+            "workers, a coarser mesh, more ranks on more nodes, or a higher limit (ulimit "
+            "-v)" if memory else
+                "this is a fault of the program: please report it, with the file named above and "
+                "the configuration")
         kept = "  kept:      what had been computed; --resume goes on from there\n" if saved else ""
         super().__init__(f"{what}\n  traceback: {where}\n{kept}  cure:      {cure}")
 
@@ -113,7 +121,8 @@ class Problems:
     """Collects problems so that a user sees all of them in one go."""
 
     found: list[Problem] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)  # sentences on what is no error but may be meant otherwise
+    # sentences on what is no error but may be meant otherwise
+    warnings: list[str] = field(default_factory=list)
 
     def add(self, path: KeyPath, found: str, expected: str, cure: str = "") -> None:
         self.found.append(Problem(tuple(path), found, expected, cure))
@@ -135,7 +144,8 @@ class BlackBoxError(OrchestratorError):
 
     exit_code = BLACKBOX_FAILED
 
-    def __init__(self, what: str, subdomain: str = "", exit_code_meaning: str = "", log_tail: str = ""):
+    def __init__(self, what: str, subdomain: str = "", exit_code_meaning: str = "",
+                 log_tail: str = ""):
         self.what, self.subdomain = what, subdomain
         self.exit_code_meaning, self.log_tail = exit_code_meaning, log_tail
         self._given = what, subdomain, exit_code_meaning, log_tail
@@ -145,7 +155,8 @@ class BlackBoxError(OrchestratorError):
         if exit_code_meaning:
             parts.append(f"  exit code: {exit_code_meaning}")
         if log_tail:
-            parts.append("  log tail:\n" + "\n".join("    | " + row for row in log_tail.splitlines()))
+            parts.append("  log tail:\n" + "\n".join("    | " + row
+                                                     for row in log_tail.splitlines()))
         super().__init__("\n".join(parts))
 
     def __reduce__(self):
@@ -155,7 +166,8 @@ class BlackBoxError(OrchestratorError):
 def told_from(where: str, error: BaseException) -> BaseException:
     """The error as others tell it: where it was met, another machine say, comes first."""
     if isinstance(error, InputError):
-        return InputError([replace(problem, found=f"{where}: {problem.found}") for problem in error.problems])
+        return InputError([replace(problem, found=f"{where}: {problem.found}")
+                           for problem in error.problems])
     if isinstance(error, BlackBoxError):
         what, *more = error._given
         return BlackBoxError(f"{where}: {what}", *more)
@@ -163,14 +175,16 @@ def told_from(where: str, error: BaseException) -> BaseException:
 
 
 class Refusal(Exception):
-    """A problem that the method does not solve as asked. It knows no keys of the YAML: ``refused`` says where they are and what to do.
+    """A problem that the method does not solve as asked. It knows no keys of the YAML: ``refused``
+    says where they are and what to do.
 
     cause : one of ``refused.CAUSES``
     facts : what its sentences name
     """
 
     def __init__(self, cause: str, **facts: object):
-        super().__init__(f"{cause}: {', '.join(f'{name} {value}' for name, value in facts.items())}")
+        super().__init__(
+            f"{cause}: {', '.join(f'{name} {value}' for name, value in facts.items())}")
         self.cause, self.facts = cause, facts
 
     def __reduce__(self):
@@ -178,15 +192,19 @@ class Refusal(Exception):
 
 
 SHOWN = 4  # names in a sentence
-# What moves a terminal's cursor, colours it, or turns the order of what follows; not the end of a line.
+# What moves a terminal's cursor, colours it, or turns the order of what follows; not the end of a
+# line.
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def visible(text: str) -> str:
-    """The text with signs that a terminal would obey written as \\x1b: names come from files, and files from anybody."""
+    """The text with signs that a terminal would obey written as \\x1b: names come from files, and
+    files from anybody.
+    """
     return _UNSEEN.sub(lambda sign: sign[0].encode("unicode_escape").decode(), text)
 
 
 def some(names: Sequence[str], shown: int = SHOWN) -> str:
     """The first of many names, and how many more there are."""
-    return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
+    return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown
+                                       else "")

@@ -1,10 +1,12 @@
 """Folders for the files exchanged with programs, and their removal whatever happens.
 
-A folder carries host, boot and process of its owner in its name, and holds a file that the owner keeps locked for as long
-as it lives: the kernel opens the lock when the owner ends, however that happens. What a killed owner left is swept by
-whoever starts next on that host. The temporary folder may be shared: folders of another host stay, since nobody can tell
-from here whether their owners live, and so do those whose lock is held, be their owner in another container or not to be
-seen from here. (``filelock`` does not tell whether the file that it has locked is still the one in the folder.)
+A folder carries host, boot and process of its owner in its name, and holds a file that the owner
+keeps locked for as long as it lives: the kernel opens the lock when the owner ends, however that
+happens. What a killed owner left is swept by whoever starts next on that host. The temporary folder
+may be shared: folders of another host stay, since nobody can tell from here whether their owners
+live, and so do those whose lock is held, be their owner in another container or not to be seen from
+here. (``filelock`` does not tell whether the file that it has locked is still the one in the
+folder.)
 
 Files .npz are written whole or not at all, and their damage is found wherever it is.
 """
@@ -42,16 +44,20 @@ def here() -> tuple[str, str]:
 
 
 def make(below: str | None = None) -> Path:
-    """A new folder under the temporary folder (TMPDIR), or another one; raises InputError when it cannot be."""
+    """A new folder under the temporary folder (TMPDIR), or another one; raises InputError when it
+    cannot be.
+    """
     below = below or tempfile.gettempdir()
     sweep(below)
     lock = None
     try:
         while lock is None:  # someone may sweep it before it is locked
-            path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]), dir=below))
+            path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]),
+                                         dir=below))
             lock = _locked(path)
     except OSError as error:
-        raise wrong((), f"no folder can be made in {below}: {error.strerror}", "a writable temporary folder with room",
+        raise wrong((), f"no folder can be made in {below}: {error.strerror}",
+                    "a writable temporary folder with room",
                     "free some room, or set TMPDIR to another folder") from error
     _held[path] = lock
     return path
@@ -63,7 +69,8 @@ def sweep(below: str | None = None) -> None:
     for path in Path(below or tempfile.gettempdir()).glob(f"{_PREFIX}-*-*-*-*"):
         its_host, its_boot, *_ = path.name.rsplit("-", 4)[1:]
         with suppress(OSError):  # swept by someone else meanwhile, or a file system without locks
-            # one kernel, whatever its containers call themselves; or this host before it was started anew
+            # one kernel, whatever its containers call themselves; or this host before it was
+            # started anew
             if path in _held or boot != its_boot and host != its_host or path.stat().st_uid != os.getuid():
                 continue
             if (lock := _locked(path)) is not None:
@@ -93,7 +100,9 @@ def temporary() -> Iterator[Path]:
 
 
 def _locked(folder: Path) -> int | None:
-    """Descriptor of a folder's lock, now held; None while another process holds it, or if the folder is gone."""
+    """Descriptor of a folder's lock, now held; None while another process holds it, or if the
+    folder is gone.
+    """
     try:
         lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
     except FileNotFoundError:
@@ -121,11 +130,14 @@ def write_arrays(path: Path, **arrays: object) -> None:
 def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """All arrays of an .npz file.
 
-    Each is unpacked to its end, where its checksum is compared. ``numpy.load`` stops where the array's own header says: a
-    bit that makes (225,) of it (205,) leaves the checksum unasked.
+    Each is unpacked to its end, where its checksum is compared. ``numpy.load`` stops where the
+    array's own header says: a bit that makes (225,) of it (205,) leaves the checksum unasked.
 
-    Raises OSError, ValueError, EOFError, zlib.error, zipfile.BadZipFile: it cannot be read, or is not as it was written
+    Raises OSError, ValueError, EOFError, zlib.error, zipfile.BadZipFile: it cannot be read, or is
+    not as it was written
     """
     with zipfile.ZipFile(path) as packed:
-        return {name.removesuffix(".npy"): np.lib.format.read_array(io.BytesIO(packed.read(name)), allow_pickle=False)
+        return {
+            name.removesuffix(".npy"): np.lib.format.read_array(
+                io.BytesIO(packed.read(name)), allow_pickle=False)
                 for name in packed.namelist()}

@@ -39,7 +39,8 @@ def _lead(team: Team, config: Path, overrides: list[str], verbose: bool, **optio
     from orchestrator.results.figures.artist import artist_for
 
     loaded = load_config(config, overrides, edited=True)
-    with artist_for(loaded.config.output.figures) as artist:  # before the run's imports: it has as much to import
+    # before the run's imports: it has as much to import
+    with artist_for(loaded.config.output.figures) as artist:
         from orchestrator.run import Means, Ranks, run
         if loaded.config.refines:
             from orchestrator.accuracy.loop import run

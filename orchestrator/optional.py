@@ -1,4 +1,5 @@
-"""Packages that not everybody needs: each is imported where it is first used, and asked for by name where it is not there.
+"""Packages that not everybody needs: each is imported where it is first used, and asked for by name
+where it is not there.
 
 ``pyproject.toml`` says which extra brings which.
 """
@@ -14,7 +15,8 @@ from orchestrator.errors import InputError, wrong
 
 # Package → the extra that brings it, and what it is for.
 WANTED = {
-    "gmsh": ("mesh", "it makes meshes of STEP and BREP files and of grains, and reads those of most formats"),
+    "gmsh": ("mesh",
+             "it makes meshes of STEP and BREP files and of grains, and reads those of most formats"),
     "pymetis": ("mesh", "it cuts meshes into subdomains and shares these among ranks"),
     "numba": ("fast", "it compiles the loops that contact and friction take"),
     "matplotlib": ("figures", "it draws charts"),
@@ -42,7 +44,8 @@ def need(package: str, *parts: str) -> ModuleType:
 def missing(package: str) -> InputError:
     """The error to raise where a package is not installed."""
     what = WANTED[package][1]
-    return wrong((), f"the package {package} is not installed", f"{package}: {what}", command(package))
+    return wrong((), f"the package {package} is not installed", f"{package}: {what}",
+                 command(package))
 
 
 def command(package: str) -> str:
@@ -62,12 +65,15 @@ def absent(*packages: str) -> list[str]:
 
 
 class Late:
-    """Stands for a package, which is imported when something of it is first asked for; a needed one that is not there is told."""
+    """Stands for a package, which is imported when something of it is first asked for; a needed one
+    that is not there is told.
+    """
 
     def __init__(self, package: str):
         self._package = package
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(need(self._package) if self._package in WANTED else import_module(self._package), name)
+        found = getattr(need(self._package) if self._package in WANTED
+                        else import_module(self._package), name)
         setattr(self, name, found)
         return found

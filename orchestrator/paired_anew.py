@@ -1,9 +1,11 @@
-"""``pairing: auto``: where sides have slid by more than a fifth of an element they are paired anew, where they are.
+"""``pairing: auto``: where sides have slid by more than a fifth of an element they are paired anew,
+where they are.
 
-The run is solved with pairs as they lie before loading. Interfaces that have slid are then given entries of their own, with
-``pairing: follow``, and all is solved again. Places that are off by a fifth cost less than a third of what the mesh costs, those that are
-off by one more than that (``study sliding``). The first result stays where sides cannot follow, where something is asked for that
-following does not go with, or where the second run does not converge.
+The run is solved with pairs as they lie before loading. Interfaces that have slid are then given
+entries of their own, with ``pairing: follow``, and all is solved again. Places that are off by a
+fifth cost less than a third of what the mesh costs, those that are off by one more than that
+(``study sliding``). The first result stays where sides cannot follow, where something is asked for
+that following does not go with, or where the second run does not converge.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from orchestrator.scene.model import Scene
 
 def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene],
                 solve: Callable[[Config, Scene, Start], Solution]) -> Solution:
-    """The solution with sides paired anew that have slid, else the first one; its summary says which.
+    """The solution with sides paired anew that have slid, else the first one; its summary says
+    which.
 
     first : with pairs as they lie before loading
     built : what makes the scene of a configuration
@@ -39,51 +42,72 @@ def paired_anew(config: Config, first: Solution, built: Callable[[Config], Scene
     config_then, scene = _following(config, first, slid, built, said)
     result = first
     if scene is not None:
-        second = solve(config_then, scene, Start(iteration=first.iterations, sweeps=first.summary["sweeps"]["iterations"]))
+        second = solve(config_then, scene,
+                       Start(iteration=first.iterations,
+                             sweeps=first.summary["sweeps"]["iterations"]))
         spent = second.iterations - first.iterations
         if second.converged:
-            told.append(f"{many}: paired anew where they are, in {spent} more iterations; of sides that follow no energy error is known")
+            told.append(
+                f"{many}: paired anew where they are, in {spent} more iterations; of sides that "
+                "follow no energy error is known")
             second.summary["config"], result = config.complete(), second
         else:
-            told.append(f"{many}: with sides paired anew where they are the run has not converged ({second.stop_reason}, {spent} "
-                        "iterations), and forces act where they did before loading")
+            told.append(
+                f"{many}: with sides paired anew where they are the run has not converged "
+                f"({second.stop_reason}, {spent} iterations), and forces act where they did before "
+                "loading")
     result.summary["warnings"] = [*told, *result.summary["warnings"], *said]
     return result
 
 
 def without_checkpoints(subscribers: Sequence[Subscriber]) -> list[Subscriber]:
-    """Those who may be told of the second run: what is kept to go on from is of the first one, with other traces."""
+    """Those who may be told of the second run: what is kept to go on from is of the first one, with
+    other traces.
+    """
     return [each for each in subscribers if not each.wants_checkpoints]
 
 
 def _slid(config: Config, solution: Solution) -> dict[str, float]:
     """How far sides have slid that may follow, the farthest first."""
     far = solution.answers.met.slides
-    auto = {i.name for i in solution.scene.interfaces if i.entry >= 0 and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
-    return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto and far[name] > FIFTH}
+    auto = {i.name for i in solution.scene.interfaces if i.entry >= 0
+            and getattr(config.interfaces[i.entry], "pairing", "") == "auto"}
+    return {name: far[name] for name in sorted(far, key=far.get, reverse=True) if name in auto
+            and far[name] > FIFTH}
 
 
-def _following(config: Config, first: Solution, slid: Mapping[str, float], built: Callable[[Config], Scene],
+def _following(config: Config, first: Solution, slid: Mapping[str, float],
+               built: Callable[[Config], Scene],
                said: list[str]) -> tuple[Config, Scene | None]:
-    """The configuration under which those that can follow do so, and its scene; None where none can. ``said`` learns why."""
+    """The configuration under which those that can follow do so, and its scene; None where none
+    can. ``said`` learns why.
+    """
     scene, pairs, why = first.scene, {}, _stays(config, first.scene)
     for name in slid:
-        pairs.setdefault(tuple(scene.subdomains[e].name for e in _named(scene, name).subdomains), name)
+        pairs.setdefault(tuple(scene.subdomains[e].name for e in _named(scene, name).subdomains),
+                         name)
     fixed = {pair: why or _cannot(first, name) for pair, name in pairs.items()}
     while left := [pair for pair, reason in fixed.items() if not reason]:
-        then = config.model_copy(update={"interfaces": [*config.interfaces, *(_entry(config, _named(scene, pairs[p]), p) for p in left)]})
+        then = config.model_copy(
+            update={"interfaces": [*config.interfaces,
+                                   *(_entry(config, _named(scene, pairs[p]), p) for p in left)]})
         try:
             found = then, built(then)
             break
         except InputError as error:
-            told = {p.path[1] - len(config.interfaces): p.found for p in error.problems if p.path[0] == "interfaces" and len(p.path) > 1}
-            wrong = {k: text for k, text in told.items() if 0 <= k < len(left)} or dict.fromkeys(range(len(left)), error.problems[0].found)
+            told = {p.path[1] - len(config.interfaces): p.found for p in error.problems
+                    if p.path[0] == "interfaces" and len(p.path) > 1}
+            wrong = {k: text for k, text in told.items()
+                     if 0 <= k < len(left)} or dict.fromkeys(
+                         range(len(left)), error.problems[0].found)
             fixed |= {left[k]: text for k, text in wrong.items()}
     else:
         found = config, None
     for reason in dict.fromkeys(filter(None, fixed.values())):
         names = [pairs[pair] for pair, own in fixed.items() if own == reason]
-        said.append(f"{some(names)} {'is' if len(names) == 1 else 'are'} not paired anew where sides have slid to: {reason}")
+        said.append(
+            f"{some(names)} {'is' if len(names) == 1 else 'are'} not paired anew where sides have "
+            f"slid to: {reason}")
     return found
 
 
@@ -95,8 +119,10 @@ def _entry(config: Config, i: Interface, pair: tuple[str, str]) -> Entry:
     """The entry that an interface has, for its two bodies alone, with sides that follow."""
     entry = config.interfaces[i.entry]
     tolerance = TOUCHING if entry.found and entry.tolerance == "auto" else entry.tolerance
-    return entry.model_copy(update={"between": [escape(name) for name in pair], "exclude": None, "tolerance": tolerance,
-                                    "gap": "geometry" if entry.apart else entry.gap, "pairing": "follow"})
+    return entry.model_copy(update={"between": [escape(name) for name in pair], "exclude": None,
+                                    "tolerance": tolerance,
+                                    "gap": "geometry" if entry.apart else entry.gap,
+                                    "pairing": "follow"})
 
 
 def _stays(config: Config, scene: Scene) -> str:

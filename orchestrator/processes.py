@@ -1,4 +1,6 @@
-"""Programs that are started, of which nothing is left running whatever happens; and the memory of this one."""
+"""Programs that are started, of which nothing is left running whatever happens; and the memory of
+this one.
+"""
 
 from __future__ import annotations
 
@@ -19,25 +21,32 @@ from typing import Any
 from orchestrator.errors import wrong
 
 _running: set[subprocess.Popen] = set()
-_starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
+# so that whoever ends all meets one that has just begun; a signal may interrupt its holder
+_starting = threading.RLock()
 _watched: list[Any] = []  # pools, which have ``kill`` and ``close``
-_PREFIXES = ("OMPI_", "PMI_", "PMIX_", "PRTE_", "MV2_", "HYDRA_", "HYDI_", "MPI_LOCAL")  # of MPI's variables
+# of MPI's variables
+_PREFIXES = ("OMPI_", "PMI_", "PMIX_", "PRTE_", "MV2_", "HYDRA_", "HYDI_", "MPI_LOCAL")
 
 
 def without_launcher(environment: Mapping[str, str]) -> dict[str, str]:
-    """The environment for a code that is no part of the parallel run, even if it was built with MPI."""
+    """The environment for a code that is no part of the parallel run, even if it was built with
+    MPI.
+    """
     return {name: value for name, value in environment.items() if not name.startswith(_PREFIXES)}
 
 
-def started(command: Sequence[str], env: Mapping[str, str] = os.environ, **options: Any) -> subprocess.Popen:
-    """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with the thread that calls this. Of a
+def started(command: Sequence[str], env: Mapping[str, str] = os.environ,
+            **options: Any) -> subprocess.Popen:
+    """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with
+    the thread that calls this. Of a
     parallel run it knows nothing.
 
     options : as of ``subprocess.Popen``
     """
     if setpriv := shutil.which("setpriv"):
         command = [setpriv, "--pdeathsig", "KILL", *command]
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, env=without_launcher(env), **options)
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0,
+                            env=without_launcher(env), **options)
 
 
 def end(process: subprocess.Popen) -> None:
@@ -47,7 +56,8 @@ def end(process: subprocess.Popen) -> None:
 
 
 def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
-    """Starts a program and waits for its end: its exit code, or minus the signal that has ended it. Raises OSError where it cannot be
+    """Starts a program and waits for its end: its exit code, or minus the signal that has ended it.
+    Raises OSError where it cannot be
     started, subprocess.TimeoutExpired where it was ended after ``patience`` seconds."""
     with _starting:
         process = started(command, **options)
@@ -68,7 +78,9 @@ def end_all() -> None:
 
 
 def watch(pool: Any) -> None:
-    """Close the pool when the program ends, and on SIGTERM. A handler of SIGTERM that the program set itself is respected."""
+    """Close the pool when the program ends, and on SIGTERM. A handler of SIGTERM that the program
+    set itself is respected.
+    """
     _watched.append(pool)
     _handle(signal.SIG_DFL, _terminated)
 
@@ -82,7 +94,8 @@ def forget(pool: Any) -> None:
 
 
 def _handle(before: object, after: object) -> None:
-    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is before:
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(
+        signal.SIGTERM) is before:
         signal.signal(signal.SIGTERM, after)
 
 
@@ -101,7 +114,9 @@ def _at_exit() -> None:
 
 
 def memory_peak_mb(pid: int | str = "self") -> float:
-    """Largest resident memory a process has had, in MB; nan when the process is gone or not on Linux."""
+    """Largest resident memory a process has had, in MB; nan when the process is gone or not on
+    Linux.
+    """
     try:
         # not getrusage: its maximum survives exec and shows the parent's memory
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
@@ -111,7 +126,9 @@ def memory_peak_mb(pid: int | str = "self") -> float:
 
 
 def trim() -> None:
-    """Give free memory back to the system: after set-up a sixth of what 207,000 dofs take at the peak. Where the C library is GNU's."""
+    """Give free memory back to the system: after set-up a sixth of what 207,000 dofs take at the
+    peak. Where the C library is GNU's.
+    """
     with suppress(OSError, AttributeError):
         ctypes.CDLL("libc.so.6").malloc_trim(0)
 
@@ -122,16 +139,20 @@ def mallopt(option: int, value: int) -> None:
         ctypes.CDLL("libc.so.6").mallopt(option, value)
 
 
-NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffers of BLAS take on two cores, however small the problem
+# addresses that libraries, their threads and the buffers of BLAS take on two cores, however small
+# the problem
+NEEDED = 1_200_000_000
 
 
 def check_addresses() -> None:
-    """Before OpenBLAS is at work: it waits for ever, without a word, for a buffer that a limit does not allow.
+    """Before OpenBLAS is at work: it waits for ever, without a word, for a buffer that a limit does
+    not allow.
 
     Raises InputError: the limit of this process's addresses is below what any run takes
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < NEEDED:
         raise wrong((), f"at most {limit / 1e6:,.0f} MB of addresses for a process (ulimit -v)",
-                    f"{NEEDED / 1e6:,.0f} MB: libraries and their threads take as much, however small the problem",
+                    f"{NEEDED / 1e6:,.0f} MB: libraries and their threads take as much, however "
+                    "small the problem",
                     "ulimit -v unlimited, or a higher limit")

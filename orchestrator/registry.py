@@ -1,4 +1,5 @@
-"""Registry of all that can be added, a line each: interface laws, loads and supports, accelerations, monitors, codes,
+"""Registry of all that can be added, a line each: interface laws, loads and supports,
+accelerations, monitors, codes,
 readers of mesh files, and their modules.
 
 Modules are imported when a name is first used, so that knowing the names costs nothing.
@@ -21,11 +22,13 @@ class Registry(Mapping[str, Any]):
     """Names, and what they stand for.
 
     places : name → ``module:attribute``
-    own : regular expression → ``module:attribute``: what stands for names of the user's own, by their form
+    own : regular expression → ``module:attribute``: what stands for names of the user's own, by
+        their form
     made : ``module:function`` by which what has been named becomes what is asked for; none: it is
     """
 
-    def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None, made: str = ""):
+    def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None,
+                 made: str = ""):
         self._places, self._own, self._made, self._known = dict(places), dict(own or {}), made, {}
         self._first = tuple(places)
 
@@ -54,14 +57,16 @@ class Registry(Mapping[str, Any]):
     def add(self, name: str, thing: Any) -> None:
         """Something that is not shipped: a law or a code of the user's own."""
         place = f"{thing.__module__}:{thing.__qualname__}"
-        self._places[name], self._known[place] = place, _named(self._made)(thing) if self._made else thing
+        self._places[name], self._known[place] = place, _named(self._made)(
+            thing) if self._made else thing
 
     def remove(self, name: str) -> None:
         """Forget what was added."""
         del self._places[name]
 
     def _place(self, name: str) -> str | None:
-        return self._places.get(name) or next((place for form, place in self._own.items() if re.fullmatch(form, name)), None)
+        return self._places.get(name) or next((place for form, place in self._own.items()
+                                               if re.fullmatch(form, name)), None)
 
     def _at(self, place: str) -> Any:
         if place not in self._known:
@@ -85,7 +90,8 @@ LAWS = Registry({
     "cohesive": "orchestrator.laws.cohesive:Cohesive",
 })
 
-# What watches the iterations, in the order in which it is asked: criteria, what changes the problem, when to end, the rest.
+# What watches the iterations, in the order in which it is asked: criteria, what changes the
+# problem, when to end, the rest.
 MONITORS = Registry({
     "error_bound": "orchestrator.method.monitors.criteria:ErrorBoundCriterion",
     "law_residual": "orchestrator.method.monitors.criteria:LawCriterion",
@@ -119,7 +125,8 @@ IN_VOLUMES = Registry({
 })
 
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
-GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:CouplingLaw"})
+GROUND = Registry({"support": "orchestrator.laws.support:Support",
+                   "coupling": "orchestrator.laws.coupling:CouplingLaw"})
 
 ACCELERATIONS = Registry({
     "none": "orchestrator.method.acceleration.relaxation:Relaxation",

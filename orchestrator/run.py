@@ -41,7 +41,8 @@ class Means:
     watch : where seconds are counted; None: since this process was started
     verbose : whether all of the summary is printed
     label : what the run is of several, for progress, which is told then even where it is quiet
-    judge : given the solution before anything is written of it, gives what is to be written; None: as it is
+    judge : given the solution before anything is written of it, gives what is to be written; None:
+        as it is
     """
 
     ranks: Ranks = Ranks()
@@ -53,7 +54,8 @@ class Means:
     judge: Callable[[Solution], Solution] | None = None
 
 
-def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
+def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False,
+        reference: bool = False,
         quiet: bool = False, means: Means = Means()) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
@@ -61,11 +63,14 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     resume : go on from the checkpoint there
     reference : also solve undecomposed
     Returns exit code: 0 converged, 1 stopped without converging
-    InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and checkpoint have been saved
+    InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and
+        checkpoint have been saved
     """
     config, watch, team = loaded.config, means.watch or Stopwatch.since_launch(), means.ranks.team
-    folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    drawing = artist_for(config.output.figures) if means.artist is None else nullcontext(means.artist)
+    folder = ResultsFolder(output or config.output.directory
+                           or os.path.join("results", config.name))
+    drawing = artist_for(config.output.figures) if means.artist is None else nullcontext(
+        means.artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
         with closing(Progress(quiet and not means.label, label=means.label)) as progress:
             progress.stage("meshing")
@@ -81,7 +86,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 if means.judge is None:  # who judges a mesh asks for the energy error
                     solution = _paired_anew(config, solution, told, record, means)
                 if config.output.fields:
-                    told = finish_parts(config.codes, solution.scene.subdomains, solution.parts, solution.joints, folder.of_part)
+                    told = finish_parts(config.codes, solution.scene.subdomains, solution.parts,
+                                        solution.joints, folder.of_part)
                     solution.summary["warnings"] += told
                 if means.judge is not None:
                     progress.close()  # it prints
@@ -95,15 +101,19 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
 def _make_ready(folder: ResultsFolder, config: Config, resume: bool) -> None:
     """Find what is wrong with the folder before anything is computed."""
     folder.check_free()
-    folder.check_free(of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
+    folder.check_free(
+        of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
     if not all(LAWS[entry.law].perfect for entry in config.interfaces):
         make_ready()
     if not resume:
         begun(folder)
 
 
-def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record, means: Means) -> Solution:
-    """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks solve with this one."""
+def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], record: Record,
+                 means: Means) -> Solution:
+    """The solution with sides paired anew that have slid, see ``paired_anew``; the other ranks
+    solve with this one.
+    """
     ranks, progress = means.ranks, told[-1]
 
     def built(config: Config) -> Scene:
@@ -115,7 +125,8 @@ def _paired_anew(config: Config, first: Solution, told: Sequence[Subscriber], re
 
     def again(config: Config, scene: Scene, start: Start) -> Solution:
         ranks.team.share((config, False))
-        return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch, ranks=ranks)
+        return solve(config, scene, without_checkpoints(told), start=start, watch=record.watch,
+                     ranks=ranks)
 
     return paired_anew(config, first, built, again)
 

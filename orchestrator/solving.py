@@ -1,4 +1,6 @@
-"""Solution of a problem: its scene made, solved, and solved again where sides that slid are paired anew."""
+"""Solution of a problem: its scene made, solved, and solved again where sides that slid are paired
+anew.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +24,14 @@ from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 
-def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
-          start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | None:
+def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
+          reference: bool = False,
+          start: Start | None = None, watch: Stopwatch | None = None,
+          ranks: Ranks = Ranks()) -> Solution | None:
     """Solve a problem; nothing is written.
 
-    scene : default: ``scene_of`` the configuration, also where sides that slid are paired anew (``pairing: auto``); on a scene that is given
-        pairs stay as they are
+    scene : default: ``scene_of`` the configuration, also where sides that slid are paired anew
+        (``pairing: auto``); on a scene that is given pairs stay as they are
     subscribers : told what goes on
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
@@ -45,8 +49,10 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     >>> from orchestrator import config_from, solve
     >>> config = config_from({
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.0}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]})
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+    ...     "traction": [10, 0, 0]}]})
     >>> solution = solve(config, reference=True)
     >>> solution.converged, solution.summary["true_error"] <= solution.error_bound <= 1e-6
     (True, True)
@@ -63,17 +69,20 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     def again(config: Config, scene: Scene, start: Start) -> Solution:
         return _solved(config, scene, without_checkpoints(subscribers), False, start, watch, ranks)
 
-    return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True), again)
+    return paired_anew(config, solution, lambda config: build_scene(config, run_programs=True),
+                       again)
 
 
 def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscriber], reference: bool,
             start: Start | None, watch: Stopwatch, ranks: Ranks) -> Solution | None:
-    """Return one solution, with pairs as the configuration has them; parameters as for ``solve``."""
+    """Return one solution, with pairs as the configuration has them; parameters as for
+    ``solve``.
+    """
     told, team = Subscribers(subscribers), ranks.team
     try:
         if config.method.accuracy is not None:
-            raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on", "orchestrator run, which solves "
-                        "on several", "remove accuracy here")
+            raise wrong(("method", "accuracy"), "accuracy where one mesh is solved on",
+                        "orchestrator run, which solves on several", "remove accuracy here")
         if not all(LAWS[entry.law].perfect for entry in config.interfaces):
             check_there("numba")  # before the time it takes to mesh
         if team.share(scene is None):
@@ -88,7 +97,8 @@ def _solved(config: Config, scene: Scene | None, subscribers: Sequence[Subscribe
 
 
 def scene_of(config: Config, meshed: Meshed | None = None) -> Scene:
-    """Return the scene of a configuration, programs started, after a look whether its code is there.
+    """Return the scene of a configuration, programs started, after a look whether its code is
+    there.
 
     meshed : as of ``build_scene``
     Raises InputError: as ``build_scene``, or a code is not there

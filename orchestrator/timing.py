@@ -28,14 +28,18 @@ class Stopwatch:
 
     @classmethod
     def since_launch(cls) -> Stopwatch:
-        """One that has run since this process was started; what has passed is the stage ``startup``."""
+        """One that has run since this process was started; what has passed is the stage
+        ``startup``.
+        """
         watch = cls()
         watch.seconds["startup"] = seconds_since_launch()
         watch.start -= watch.seconds["startup"]
         return watch
 
     def again(self) -> Stopwatch:
-        """One for the next of several meshes, begun when this one was; what has passed since is the stage ``meshes_before``."""
+        """One for the next of several meshes, begun when this one was; what has passed since is the
+        stage ``meshes_before``.
+        """
         watch, startup = Stopwatch(), self.seconds["startup"]
         watch.start = self.start
         watch.seconds |= {"startup": startup, "meshes_before": self.total - startup}
@@ -58,7 +62,9 @@ class Stopwatch:
 
 
 def seconds_since_launch() -> float:
-    """Wall-clock seconds since this process was started: the interpreter and the imports; 0 if unknown."""
+    """Wall-clock seconds since this process was started: the interpreter and the imports; 0 if
+    unknown.
+    """
     try:
         with open("/proc/self/stat") as file:
             ticks = float(file.read().rpartition(")")[2].split()[19])
@@ -113,7 +119,9 @@ class Savings:
         self.counts = Counter(counts)
 
     def add(self, switch: str, what: str, count: int) -> None:
-        """``count`` things called ``what`` were not done, thanks to a switch; none leaves no trace."""
+        """``count`` things called ``what`` were not done, thanks to a switch; none leaves no
+        trace.
+        """
         self.counts += Counter({(switch, what): int(count)})
 
     def __add__(self, other: Savings) -> Savings:
@@ -122,16 +130,21 @@ class Savings:
 
     def table(self) -> list[dict[str, object]]:
         """The table in summary.json: one entry per switch."""
-        return [{"skip": switch, "saved": {what: count for (one, what), count in self.counts.items() if one == switch}}
+        return [
+            {"skip": switch,
+             "saved": {what: count for (one, what), count in self.counts.items() if one == switch}}
                 for switch in dict.fromkeys(switch for switch, _ in self.counts)]
 
 
-# Measured growth with the number of dofs from 1,500 to 13,000, of factorisations (1.6) and back-substitutions (1.7).
+# Measured growth with the number of dofs from 1,500 to 13,000, of factorisations (1.6) and
+# back-substitutions (1.7).
 EXPONENT = 1.6
 # Linear stages expected of a run before it has begun (the shipped ones take 4 to 45).
 STAGES = 20
 
 
 def predicted_cost(dofs: np.ndarray) -> np.ndarray:
-    """Factorisation and back-substitutions of subdomains with so many dofs; only ratios mean anything."""
+    """Factorisation and back-substitutions of subdomains with so many dofs; only ratios mean
+    anything.
+    """
     return np.asarray(dofs, float) ** EXPONENT

@@ -1,29 +1,34 @@
-"""The accuracy that is asked of a run, in the energy norm, beside what a mesh and its iterations leave.
+"""The accuracy that is asked of a run, in the energy norm, beside what a mesh and its iterations
+leave.
 
 What the numbers of a summary are off by, from what they have changed by from mesh to mesh.
 
-A number q(u_h) misses q(u) by c η^s, η the error in the energy norm, s between one and two: displacements and forces that act on what is
-linear gain from the best of all fits, s = 2, others may not. On two meshes
+A number q(u_h) misses q(u) by c η^s, η the error in the energy norm, s between one and two:
+displacements and forces that act on what is linear gain from the best of all fits, s = 2, others
+may not. On two meshes
 
     q(u) − q₂ = (q₂ − q₁) r^s/(1 − r^s),      r = η₂/η₁,
 
-which is largest at s = 1: that is told. Where s is two it is (1 + r)/r times the truth, three where errors are halved, the factor of safety
-that Roache takes with two grids (P. J. Roache, Perspective: a method for uniform reporting of grid refinement studies, J. Fluids Eng. 116,
-1994, 405–413). Of the changes since the last two meshes the one that tells more counts, as one alone may be small by chance; where
-errors are nearly alike, r > ``CLEAR``, a change tells of chance alone. Stresses at points may have no limit, and statuses are counts: of
-these nothing is told.
+which is largest at s = 1: that is told. Where s is two it is (1 + r)/r times the truth, three where
+errors are halved, the factor of safety that Roache takes with two grids (P. J. Roache, Perspective:
+a method for uniform reporting of grid refinement studies, J. Fluids Eng. 116, 1994, 405–413). Of
+the changes since the last two meshes the one that tells more counts, as one alone may be small by
+chance; where errors are nearly alike, r > ``CLEAR``, a change tells of chance alone. Stresses at
+points may have no limit, and statuses are counts: of these nothing is told.
 
-Whether the largest stress has a limit, from what meshes have found of it that are finer and finer where it is.
+Whether the largest stress has a limit, from what meshes have found of it that are finer and finer
+where it is.
 
-At a re-entrant edge, where a support, a contact or another matter ends, stresses are of r^−a, 0 < a ≤ ½, so that a mesh of size h there finds
-some h^−a: no mesh is fine enough. Where stresses have a limit a mesh misses it by some h. Two meshes tell of either what a third will find,
+At a re-entrant edge, where a support, a contact or another matter ends, stresses are of r^−a, 0 < a
+≤ ½, so that a mesh of size h there finds some h^−a: no mesh is fine enough. Where stresses have a
+limit a mesh misses it by some h. Two meshes tell of either what a third will find,
 
     σ₃ = σ₂ (h₂/h₃)^a,  a = ln(σ₂/σ₁) / ln(h₁/h₂),        σ₃ = σ₂ + (σ₂ − σ₁)(h₂ − h₃)/(h₁ − h₂),
 
 and the nearer of both is believed.
 
-M. L. Williams, Stress singularities resulting from various boundary conditions in angular corners of plates in extension, J. Appl. Mech. 19,
-1952, 526–528.
+M. L. Williams, Stress singularities resulting from various boundary conditions in angular corners
+of plates in extension, J. Appl. Mech. 19, 1952, 526–528.
 """
 
 from __future__ import annotations
@@ -51,10 +56,11 @@ class Criterion:
     """What is asked and what a mesh leaves, all relative.
 
     asked : of mesh and iterations together
-    estimated : the mesh's error as its estimate tells it by itself; share : measured, None where it is not
+    estimated : the mesh's error as its estimate tells it by itself; share : measured, None where it
+        is not
     foreseen : the share that the next mesh will be judged by
-    iterations : their error, nan where it is not known; legs : both are legs of a right-angled triangle,
-        else they add up
+    iterations : their error, nan where it is not known; legs : both are legs of a right-angled
+        triangle, else they add up
     cells : (T, m), √Σ cells² = estimated at the worst load step
     """
 
@@ -82,7 +88,9 @@ class Criterion:
         return bool(self._with_iterations(self.estimated / (self.share or TRUSTED)) <= self.asked)
 
     def goal(self, follows: bool) -> float:
-        """What may be estimated on the next mesh; ``follows``: whether the iterations' tolerance does."""
+        """What may be estimated on the next mesh; ``follows``: whether the iterations' tolerance
+        does.
+        """
         left = self.error - self.mesh
         allowed = min(left, ITERATIONS * self.asked) if follows else left
         return (AIM * self.asked - allowed) * self.foreseen
@@ -101,7 +109,8 @@ def criterion(solution: Solution, found: Estimate, share: float | None, measurab
     measurable : whether the next mesh's will be
     """
     foreseen = share or (FORESEEN if measurable else TRUSTED)
-    return Criterion(asked, found.relative, share, foreseen, solution.error_bound, solution.scene.bonded,
+    return Criterion(asked, found.relative, share, foreseen, solution.error_bound,
+                     solution.scene.bonded,
                      found.cells)
 
 
@@ -113,11 +122,13 @@ CLEAR = 0.8  # of the error, or the size, before: meshes that are hardly finer t
 def answers(summary: Mapping[str, object]) -> dict[str, float]:
     """The numbers of a summary that have a limit, by the names of ``numbers_of``."""
     return {name: value for name, value in numbers_of(jsonable(summary)).items()
-            if name not in UNTOLD and not name.startswith("pairs.") and name.rpartition(".")[2] not in STRESS}
+            if name not in UNTOLD and not name.startswith("pairs.")
+            and name.rpartition(".")[2] not in STRESS}
 
 
 def errors(done: Sequence[Pass]) -> dict[str, float]:
-    """Name → what it is off by, from mesh and iterations, estimated; what nothing tells of is left out.
+    """Name → what it is off by, from mesh and iterations, estimated; what nothing tells of is left
+    out.
 
     done : meshes so far, the last one's numbers are meant
     """
@@ -127,7 +138,8 @@ def errors(done: Sequence[Pass]) -> dict[str, float]:
         if last.error <= CLEAR * before.error:
             times = last.error / (before.error - last.error)
             for name in last.numbers.keys() & before.numbers.keys():
-                found[name] = max(found.get(name, 0.0), times * abs(last.numbers[name] - before.numbers[name]))
+                found[name] = max(found.get(name, 0.0),
+                                  times * abs(last.numbers[name] - before.numbers[name]))
     return {name: found[name] for name in last.numbers if name in found}
 
 
@@ -137,11 +149,14 @@ def peak_of(solution: Solution) -> Peak | None:
     if not found or not found["value"] > 0:
         return None
     node = np.square(mesh.nodes - found["at"]).sum(axis=1).argmin()
-    return found["value"], float(edge_lengths(mesh.nodes, mesh.cells[(mesh.cells == node).any(axis=1), :4]).mean())
+    return found["value"], float(edge_lengths(mesh.nodes,
+                                              mesh.cells[(mesh.cells == node).any(axis=1),
+                                                         :4]).mean())
 
 
 def growth(peaks: Sequence[Peak | None]) -> float | None:
-    """a of stresses that grow as h^−a, from the last mesh and two before it that are coarser there; None where they do not grow so, or
+    """a of stresses that grow as h^−a, from the last mesh and two before it that are coarser there;
+    None where they do not grow so, or
     there are no such meshes.
 
     peaks : mesh by mesh

@@ -33,22 +33,30 @@ from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.scene.body import Meshed
 from orchestrator.timing import Stopwatch
 
-STALLED = 0.9  # two meshes, one after the other, that leave this much of the error or more: it does not fall
-LEAST_GROWTH = 1.5  # meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many times more elements
+# two meshes, one after the other, that leave this much of the error or more: it does not fall
+STALLED = 0.9
+# meshers follow sizes within tens of per cent: a mesh that is to be better has at least as many
+# times more elements
+LEAST_GROWTH = 1.5
 BETWEEN = "the next mesh has not been made yet; --resume goes on"
 UNKNOWN = "the iterations' error is not known, of loose bodies or nonlinear matter: the accuracy is the mesh's alone"
-UNMEASURED = (f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what "
-              "the estimate tells")
+UNMEASURED = (
+    f"; {TRUSTED:.0%} of the accuracy has to be estimated, since no energies measure what the "
+    "estimate tells")
 
 
-def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False, means: one.Means = one.Means(),
+def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, quiet: bool = False,
+        means: one.Means = one.Means(),
         **options: bool) -> int:
-    """As ``orchestrator.run.run``, which is all where no accuracy is asked for; else again and again, in the same folder.
+    """As ``orchestrator.run.run``, which is all where no accuracy is asked for; else again and
+    again, in the same folder.
 
     means : its judge is given the solution on every mesh
-    Returns exit code: 0 the accuracy is reached, 1 it is not: a limit, an error that does not fall, a mesh that cannot be made or
+    Returns exit code: 0 the accuracy is reached, 1 it is not: a limit, an error that does not fall,
+    a mesh that cannot be made or
         solved on; the folder then has what the last mesh gave that converged
-    InputError, BlackBoxError, KeyboardInterrupt : as there; ``resume`` goes on in the midst of the mesh that was solved on
+    InputError, BlackBoxError, KeyboardInterrupt : as there; ``resume`` goes on in the midst of the
+        mesh that was solved on
     """
     if not loaded.config.refines:
         return one.run(loaded, output=output, resume=resume, quiet=quiet, means=means, **options)
@@ -58,7 +66,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, qui
 class _Refinement:
     """The runs of one configuration, all in one folder.
 
-    tolerance : of the iterations on the mesh that is solved on, or will be next; as given, or such that they leave a small share
+    tolerance : of the iterations on the mesh that is solved on, or will be next; as given, or such
+        that they leave a small share
     plan : the next mesh, as the last solution asks for it; None where no other is needed
     why : why no finer mesh is tried, though the error is too large
     known : meshes of files and the like, read once
@@ -78,9 +87,11 @@ class _Refinement:
         self.passes, self.plan, self.why, self.unsolved, self.mesher, self.known = Passes(), None, "", "", None, {}
 
     def run(self, resume: bool, **options: bool) -> int:
-        sources = [self.config.mesh] if self.config.mesh else [part.source for part in self.config.parts]
+        sources = [self.config.mesh] if self.config.mesh else [
+            part.source for part in self.config.parts]
         of_cad = any(source is not None and source.step is not None for source in sources)
-        with Mesher() if of_cad else nullcontext() as self.mesher:  # other meshes are refined without libraries that may fail
+        # other meshes are refined without libraries that may fail
+        with Mesher() if of_cad else nullcontext() as self.mesher:
             return self._repeated(resume, **options)
 
     def _repeated(self, resume: bool, **options: bool) -> int:
@@ -97,22 +108,29 @@ class _Refinement:
         while True:
             self.since = time.perf_counter()
             try:
-                code = one.run(self._plain(), output=self.path, resume=resume and saved(folder), quiet=True, means=self._means(), **options)
+                code = one.run(self._plain(), output=self.path, resume=resume and saved(folder),
+                               quiet=True, means=self._means(), **options)
             except (OrchestratorError, Elsewhere) as error:
                 cause = team.cause(error)
-                fault = not isinstance(cause, OrchestratorError) or isinstance(cause, InternalError) and cause.exit_code != BLACKBOX_FAILED
+                fault = not isinstance(cause,
+                                       OrchestratorError) or isinstance(
+                                           cause,
+                                           InternalError) and cause.exit_code != BLACKBOX_FAILED
                 if fault or not put_back(folder):
                     raise
                 team.part(cause)
                 return self._ended(NOT_CONVERGED, f"the next mesh cannot be solved on: {cause}")
             resume = False
             if self.unsolved and put_back(folder):
-                return self._ended(NOT_CONVERGED, f"on mesh {len(self.passes.done)} the iterations have not converged, {self.unsolved}: "
-                                                  "the results are those of the mesh before")
+                return self._ended(NOT_CONVERGED,
+                                   f"on mesh {len(self.passes.done)} the iterations have not "
+                                   f"converged, {self.unsolved}: the results are those of the mesh "
+                                   "before")
             if code != CONVERGED or self.plan is None:
                 return self._ended(code if not self.why else NOT_CONVERGED, self.why)
             set_aside(folder)
-            self.passes = replace(self.passes, mesh=self.plan, tolerance=0.0 if self.given else self.tolerance.error)
+            self.passes = replace(self.passes, mesh=self.plan,
+                                  tolerance=0.0 if self.given else self.tolerance.error)
             self.passes.write(self.path)
             self._told(folder, BETWEEN)  # until the next mesh is there these are the results
 
@@ -120,7 +138,8 @@ class _Refinement:
     def config(self) -> Config:
         """What was asked for, with the tolerance that follows from it."""
         config = self.loaded.config
-        return config.model_copy(update={"method": config.method.model_copy(update={"tolerance": self.tolerance})})
+        return config.model_copy(
+            update={"method": config.method.model_copy(update={"tolerance": self.tolerance})})
 
     @property
     def follows(self) -> bool:
@@ -129,15 +148,18 @@ class _Refinement:
 
     def _plain(self) -> Loaded:
         """For one mesh."""
-        config = self.config.with_element(self.passes.element) if self.passes.element else self.config
+        config = self.config.with_element(
+            self.passes.element) if self.passes.element else self.config
         return replace(self.loaded, config=config.model_copy(update={
-            "method": config.method.model_copy(update={"accuracy": None}), "output": config.output.model_copy(update={"figures": False})}))
+            "method": config.method.model_copy(update={"accuracy": None}),
+            "output": config.output.model_copy(update={"figures": False})}))
 
     def _means(self) -> one.Means:
         sizes: dict[int, dict] = {}
         for (part, name), one_map in self.passes.mesh.maps.items():
             sizes.setdefault(part, {})[name] = one_map
-        meshed = Meshed(sizes, self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
+        meshed = Meshed(sizes,
+                        self.mesher) if sizes and self.mesher else Meshed(sizes, known=self.known)
         return replace(self.means, meshed=meshed, judge=self._judged, artist=None,
                        label="" if self.quiet else f"mesh {1 + len(self.passes.done)}",
                        watch=self.watch.again() if self.passes.done else self.watch)
@@ -145,19 +167,26 @@ class _Refinement:
     def _judged(self, solution: Solution) -> Solution:
         """The solution with its estimate; what is to come of it is decided."""
         if solution.fields.believed is not None:
-            raise wrong(("method", "accuracy"), "accuracy beside a code whose matter is its own", "matter of the YAML's young and poisson: "
-                        "of other matter stresses are not known", "remove accuracy")
-        estimator, summary, mesh = estimator_of(solution.scene), solution.summary, solution.scene.mesh
+            raise wrong(("method", "accuracy"), "accuracy beside a code whose matter is its own",
+                        "matter of the YAML's young and poisson: of other matter stresses are not "
+                        "known", "remove accuracy")
+        estimator, summary, mesh = estimator_of(
+            solution.scene), solution.summary, solution.scene.mesh
         found = estimator(solution.sides)
         now = energies(solution, estimator, found) if solution.converged else None
         share = told(self.passes.before, now, estimator)
-        believed = solution.scene.bonded or share is not None or bool(self.passes.done) and explained(self.passes.before, now)
+        believed = solution.scene.bonded or share is not None or bool(
+            self.passes.done) and explained(self.passes.before, now)
         self.passes.before, self.passes.element = now, "P1" if mesh.cells.shape[1] == 4 else "P2"
-        measurable = now is not None and (now.potential is not None or self.mesher is None)  # halved tets are within those before
+        # halved tets are within those before
+        measurable = now is not None and (now.potential is not None or self.mesher is None)
         energy = criterion(solution, found, share, measurable, self.asked.error)
         made, bound = self.passes.mesh, energy.iterations
-        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh, bound if math.isfinite(bound) else None, energy.error,
-                                     time.perf_counter() - self.since, 1e6 * summary["memory_peak_mb"], made.refined, made.kept, made.had,
+        self.passes.done.append(Pass(len(mesh.cells), len(mesh.nodes), energy.mesh,
+                                     bound if math.isfinite(bound) else None, energy.error,
+                                     time.perf_counter() - self.since,
+                                     1e6 * summary["memory_peak_mb"], made.refined, made.kept,
+                                     made.had,
                                      share, peak_of(solution), answers(summary)))
         if grows := growth([done.peak for done in self.passes.done]):
             summary["peak_stress"] = {**summary["peak_stress"], "grows": grows}
@@ -174,7 +203,8 @@ class _Refinement:
         summary["discretisation_error"] = self.passes.done[-1].mesh_error
         summary["config"] = self.config.complete()
         summary["accuracy"] = {"asked": self.asked.error, "reached": energy.error, "met": met,
-                               "numbers": errors(self.passes.done), "meshes": [vars(done) for done in self.passes.done]}
+                               "numbers": errors(self.passes.done),
+                               "meshes": [vars(done) for done in self.passes.done]}
         if not math.isfinite(bound):
             summary["warnings"] = [*summary["warnings"], UNKNOWN]
         cells = found.cells / (share or 1.0)
@@ -188,7 +218,8 @@ class _Refinement:
         errors, goal = [before.estimated for before in done], energy.goal(self.follows)
         if goal <= 0:
             self.why = f"the iterations alone leave {energy.iterations:.1e}"
-        elif len(done) > 2 and not energy.met and errors[-1] > STALLED * errors[-2] > STALLED**2 * errors[-3]:
+        elif len(done) > 2 and not energy.met and errors[-1] > STALLED * errors[
+            -2] > STALLED**2 * errors[-3]:
             self.why = (f"the error has stayed above {STALLED:.0%} of the mesh's before, twice"
                         + (f", with elements no smaller than {least:g}" if least else ""))
         if self.why:
@@ -203,7 +234,8 @@ class _Refinement:
             self.why = short
             return
         made = self.passes.mesh
-        followed = len(mesh.cells) / made.elements if made.elements else 1.0  # how the mesher has followed the last sizes
+        # how the mesher has followed the last sizes
+        followed = len(mesh.cells) / made.elements if made.elements else 1.0
         count = min(max(count / followed, least_count), limit.elements / followed)
         plan = wanted(self.config, mesh, energy.cells / goal, count, made.maps, least)
         if plan.refined:
@@ -212,7 +244,9 @@ class _Refinement:
             self.why = f"no elements may be smaller: smallest: {least:g}" if least else short
 
     def _told(self, folder: ResultsFolder, why: str) -> dict[str, object]:
-        """The summary, which says why the accuracy is not reached, where it is not; what was decided of its mesh is in it already."""
+        """The summary, which says why the accuracy is not reached, where it is not; what was
+        decided of its mesh is in it already.
+        """
         summary = read_summary(self.path)
         if why and why != self.why:
             summary |= {"converged": False, "stop_reason": f"accuracy: {why}"}

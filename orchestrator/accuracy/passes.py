@@ -39,11 +39,13 @@ class Pass:
     """One run on one mesh.
 
     elements, nodes : of the mesh
-    mesh_error : estimated, raised where it was measured to tell too little; told : the share that the estimate by itself tells of it, no
-        more than one, None where it is not measured
-    iterations_error : bound or estimate of the iterations', None where it is not known; error : both
+    mesh_error : estimated, raised where it was measured to tell too little; told : the share that
+        the estimate by itself tells of it, no more than one, None where it is not measured
+    iterations_error : bound or estimate of the iterations', None where it is not known; error :
+        both
     seconds : wall time; memory : the program's and its codes' at the peak so far, bytes
-    refined : what was meshed anew for it, nothing in the first; kept : what was not; had : share of the squared error before in the first
+    refined : what was meshed anew for it, nothing in the first; kept : what was not; had : share of
+        the squared error before in the first
     peak : the largest stress, and the size of elements there
     numbers : those of its summary, see ``changes.answers``
     """
@@ -73,8 +75,9 @@ class Pass:
         how = "estimated" if self.told is None else "measured against the mesh before"
         kept = f", kept: {some(self.kept)}" if self.kept else ""
         finer = f"; finer: {some(self.refined)} ({self.had:.0%} of the squared error){kept}" if number > 1 else ""
-        return (f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's {self.mesh_error:.2%} {how}, {beside})"
-                f", {self.seconds:.1f} s{finer}")
+        return (
+            f"mesh {number}: {self.elements:,} elements, error {self.error:.2%} (mesh's "
+            f"{self.mesh_error:.2%} {how}, {beside}), {self.seconds:.1f} s{finer}")
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,8 @@ def tightest(asked: Accuracy, done: Sequence[Pass], spent: float, enough: float)
             each = max(each, (last.memory - done[-2].memory) / (last.elements - done[-2].elements))
         takes = (last.memory + each * (enough - last.elements)) / 1e9
         found.append(Limit(max(last.elements + (1e9 * asked.memory - last.memory) / each, 0.0),
-                           f"{asked.memory:g} GB of memory, of which {last.memory / 1e9:.2g} were taken,",
+                           f"{asked.memory:g} GB of memory, of which {last.memory / 1e9:.2g} were "
+                           "taken,",
                            f"{many}, which take some {takes:.2g} GB"))
     return min(found, key=lambda limit: limit.elements)
 
@@ -132,12 +136,17 @@ class Passes:
 
     def write(self, folder: Path) -> None:
         """Into a results folder, whole or not at all."""
-        arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.mesh.maps.values()) for name in ("nodes", "cells", "size")}
+        arrays = {f"{k}/{name}": getattr(one, name) for k, one in enumerate(self.mesh.maps.values())
+                  for name in ("nodes", "cells", "size")}
         if self.before and self.before.solved:
-            arrays |= {f"{SOLVED}/{name}": array for name, array in vars(self.before.solved).items()}
-        before = self.before and {name: value for name, value in vars(self.before).items() if name != SOLVED}
-        told = {"done": [asdict(one) for one in self.done], "keys": list(self.mesh.maps), "before": before,
-                **{name: getattr(self.mesh, name) for name in OF_MESH}, "tolerance": self.tolerance, "element": self.element}
+            arrays |= {f"{SOLVED}/{name}": array
+                       for name, array in vars(self.before.solved).items()}
+        before = self.before and {name: value for name, value in vars(self.before).items()
+                                  if name != SOLVED}
+        told = {"done": [asdict(one) for one in self.done], "keys": list(self.mesh.maps),
+                "before": before,
+                **{name: getattr(self.mesh, name) for name in OF_MESH}, "tolerance": self.tolerance,
+                "element": self.element}
         write_arrays(folder / NAME, told=json.dumps(told), **arrays)
 
     @classmethod
@@ -147,12 +156,17 @@ class Passes:
             return cls()
         arrays = read_arrays(folder / NAME)
         told = json.loads(str(arrays["told"]))
-        maps = {(int(part), name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
+        maps = {
+            (int(part),
+             name): SizeMap(*(arrays[f"{k}/{what}"] for what in ("nodes", "cells", "size")))
                 for k, (part, name) in enumerate(told["keys"])}
-        solved = {name.partition("/")[2]: array for name, array in arrays.items() if name.startswith(f"{SOLVED}/")}
-        before = told["before"] and Energies(**told["before"], solved=Stressed(**solved) if solved else None)
+        solved = {name.partition("/")[2]: array for name, array in arrays.items()
+                  if name.startswith(f"{SOLVED}/")}
+        before = told["before"] and Energies(**told["before"],
+                                             solved=Stressed(**solved) if solved else None)
         mesh = WantedMesh(maps, *(told[name] for name in OF_MESH))
-        return cls([Pass(**one) for one in told["done"]], mesh, before, told["tolerance"], told["element"])
+        return cls([Pass(**one) for one in told["done"]], mesh, before, told["tolerance"],
+                   told["element"])
 
 
 def set_aside(folder: ResultsFolder) -> None:
@@ -169,7 +183,9 @@ def set_aside(folder: ResultsFolder) -> None:
 
 
 def put_back(folder: ResultsFolder) -> bool:
-    """Whether there are results that were set aside; if so they take the place of those that are there."""
+    """Whether there are results that were set aside; if so they take the place of those that are
+    there.
+    """
     kept = [path for path in sorted((folder / GOOD).rglob("*")) if path.is_file()]
     if kept:
         folder.clear()
@@ -180,8 +196,11 @@ def put_back(folder: ResultsFolder) -> bool:
 
 
 def set_aside_again(folder: ResultsFolder) -> None:
-    """Keep a copy of the results that an earlier run has ended with, unless it was killed, which leaves one."""
-    if not (folder / GOOD).exists() and (folder / SUMMARY).is_file() and read_summary(folder.path).get("accuracy"):
+    """Keep a copy of the results that an earlier run has ended with, unless it was killed, which
+    leaves one.
+    """
+    if not (folder / GOOD).exists() and (folder / SUMMARY).is_file() and read_summary(
+        folder.path).get("accuracy"):
         set_aside(folder)
 
 

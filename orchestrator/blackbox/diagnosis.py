@@ -32,16 +32,19 @@ def diagnosis(found: np.ndarray, expected: np.ndarray) -> str:
     missing = [i for i in range(len(expected)) if not found[i].any() and expected[i].any()]
     if missing:
         return f"load case {missing[0] + 1} of {len(expected)} was not answered: all its displacements are zero"
-    order = [next((j for j, row in enumerate(expected) if difference(f, row) <= AGREE), -1) for f in found]
+    order = [next((j for j, row in enumerate(expected) if difference(f, row) <= AGREE), -1)
+             for f in found]
     if -1 not in order and order != list(range(len(order))):
         return f"load cases in another order: {', '.join(str(i + 1) for i in order)}"
     factor = float(np.sum(found * expected) / np.sum(expected**2))
-    if abs(factor - 1) > ROUGH and difference(found, factor * expected) <= AGREE * max(abs(factor), 1.0):
+    if abs(factor - 1) > ROUGH and difference(found,
+                                              factor * expected) <= AGREE * max(abs(factor), 1.0):
         if abs(factor + 1) <= AGREE:
             return "the opposite sign: displacements along the forces are expected"
         return f"{factor:.6g} times what is expected: are forces, lengths and moduli in the units of the model?"
     nodes = expected.shape[1] // 3
-    if 3 * nodes == expected.shape[1] and difference(found.reshape(-1, 3, nodes).swapaxes(1, 2).reshape(found.shape), expected) <= AGREE:
+    if 3 * nodes == expected.shape[1] and difference(
+        found.reshape(-1, 3, nodes).swapaxes(1, 2).reshape(found.shape), expected) <= AGREE:
         return "dofs component after component: 3 * node + component is expected"
     if difference(np.sort(found, axis=1), np.sort(expected, axis=1)) <= AGREE:
         return "the right displacements at the wrong dofs: nodes are numbered otherwise than in the model"

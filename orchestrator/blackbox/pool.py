@@ -1,6 +1,8 @@
-"""The pool: models go to the workers of their codes, all of them work at once, and all end when one fails.
+"""The pool: models go to the workers of their codes, all of them work at once, and all end when one
+fails.
 
-Every worker has a thread of its own for as long as it works: the kernel kills a process together with the thread that started it.
+Every worker has a thread of its own for as long as it works: the kernel kills a process together
+with the thread that started it.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ def longest_first(costs: Sequence[float], workers: int) -> list[list[int]]:
 class Pool(BlackBox):
     """Processes of finite element codes.
 
-    codes : ``Model.code`` → what to run, with its settings: how many processes at once, by which transport
+    codes : ``Model.code`` → what to run, with its settings: how many processes at once, by which
+        transport
     Raises InputError or BlackBoxError where processes do not start; none is left then.
     """
 
@@ -58,7 +61,8 @@ class Pool(BlackBox):
             wanted, first = code.settings.workers, len(self._makers)
             count = len(os.sched_getaffinity(0)) if wanted == "auto" else wanted
             self._teams[number] = range(first, first + count)
-            self._makers += [lambda code=code, own=self._folder / f"code-{number}", worker=worker: code.worker()(code, own, worker)
+            self._makers += [lambda code=code, own=self._folder
+                             / f"code-{number}", worker=worker: code.worker()(code, own, worker)
                              for worker in self._teams[number]]
         self.usage = Usage(codes, self._teams, self._folder)
         with self._ending():
@@ -74,8 +78,10 @@ class Pool(BlackBox):
             self._stop()
             with self._ending():
                 self._start()
-        # Longest first to whoever is free would balance the factorisations alone: on 100 grains the busier of two
-        # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay where the factor is.
+        # Longest first to whoever is free would balance the factorisations alone: on 100 grains the
+        # busier of two
+        # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay
+        # where the factor is.
         self._models, dofs = list(models), [int((~model.fixed).sum()) for model in models]
         costs = predicted_cost(dofs).tolist()
         tasks = self._placed(models, costs)
@@ -86,12 +92,15 @@ class Pool(BlackBox):
         self.usage.hold(self._home, dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        return self._solve(messages.TRACES, {i: _rows(i, f, len(self._models[i].trace)) for i, f in forces.items()})
+        return self._solve(messages.TRACES,
+                           {i: _rows(i, f, len(self._models[i].trace)) for i, f in forces.items()})
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         # an eliminated dof answers its right-hand side, not zero
         fixed = {i: self._models[i].fixed.ravel() for i in forces}
-        answers = self._solve(messages.FIELDS, {i: np.where(fixed[i], 0.0, _rows(i, f, len(fixed[i]))) for i, f in forces.items()})
+        answers = self._solve(messages.FIELDS,
+                              {i: np.where(fixed[i], 0.0, _rows(i, f, len(fixed[i])))
+                               for i, f in forces.items()})
         for i, u in answers.items():
             u[:, fixed[i]] = 0.0
         return answers
@@ -100,11 +109,15 @@ class Pool(BlackBox):
         return self._asked_about(models, lambda worker, i, model: worker.stiffness(i, model))
 
     def own_loads(self, models: Sequence[Model], steps: int) -> list[np.ndarray]:
-        """(steps, 3n) nodal forces of each model that are the code's own, see ``CodeSettings.brings_loads``."""
+        """(steps, 3n) nodal forces of each model that are the code's own, see
+        ``CodeSettings.brings_loads``.
+        """
         return self._asked_about(models, lambda worker, i, model: worker.own_loads(i, model, steps))
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
-        return self._run(lambda worker, own: {i: worker.advance(i, forces[i], commit, self._models[i].name) for i in own},
+        return self._run(
+            lambda worker, own: {i: worker.advance(i, forces[i], commit, self._models[i].name)
+                                 for i in own},
                          self._at_home(forces))
 
     def traits(self, code: int = 0) -> Traits:
@@ -129,7 +142,8 @@ class Pool(BlackBox):
         """New workers, all at once; raises what the first one to fail raises."""
         self._threads = [ThreadPoolExecutor(1, "blackbox") for _ in self._makers]
         self.usage.begin([make() for make in self._makers])
-        self._at_once(lambda worker, _: worker.open() or {}, dict.fromkeys(range(len(self._makers))))
+        self._at_once(lambda worker, _: worker.open() or {},
+                      dict.fromkeys(range(len(self._makers))))
 
     def _stop(self) -> None:
         for worker in self.usage.workers:
@@ -156,7 +170,9 @@ class Pool(BlackBox):
 
     def _each(self, what: str, work: Callable[[Worker, int], Any],
               tasks: Mapping[int, list[int]], costs: Mapping[int, float]) -> dict:
-        """Results of ``work(worker, model)`` for each model; what it costs is told when it is done."""
+        """Results of ``work(worker, model)`` for each model; what it costs is told when it is
+        done.
+        """
         workers = sum(map(bool, tasks.values()))
         self.usage.doing = doing = Doing(what, sum(costs.values()), len(costs), workers)
 
@@ -167,8 +183,11 @@ class Pool(BlackBox):
 
         return self._run(lambda worker, own: {i: one(worker, i) for i in own}, tasks)
 
-    def _run(self, work: Callable[[Worker, list[int]], dict], tasks: Mapping[int, list[int]]) -> dict:
-        """Results of ``work(worker, models)`` for each worker that has any; the first failure ends the pool and is raised."""
+    def _run(self, work: Callable[[Worker, list[int]], dict],
+             tasks: Mapping[int, list[int]]) -> dict:
+        """Results of ``work(worker, models)`` for each worker that has any; the first failure ends
+        the pool and is raised.
+        """
         if self._closed:
             raise BlackBoxError(self._broken or "the black box is closed")
         with self._ending():
@@ -176,14 +195,18 @@ class Pool(BlackBox):
 
     def _at_once(self, work: Callable[[Worker, Any], dict], tasks: Mapping[int, Any]) -> dict:
         begin, united = time.perf_counter(), {}
-        asked = [self._threads[number].submit(self.usage.timed, number, work, own) for number, own in tasks.items()]
+        asked = [self._threads[number].submit(self.usage.timed, number, work, own)
+                 for number, own in tasks.items()]
         for done in as_completed(asked) if len(asked) > 1 else asked:
             united |= done.result()
         self.usage.asked += time.perf_counter() - begin
         return united
 
-    def _asked_about(self, models: Sequence[Model], ask: Callable[[Worker, int, Model], Any]) -> list:
-        """Answers about models that are not kept; numbers of their own overwrite no mesh file of a loaded one."""
+    def _asked_about(self, models: Sequence[Model],
+                     ask: Callable[[Worker, int, Model], Any]) -> list:
+        """Answers about models that are not kept; numbers of their own overwrite no mesh file of a
+        loaded one.
+        """
         first = len(self._models)
         found = self._run(lambda worker, own: {i: ask(worker, first + i, models[i]) for i in own},
                           self._placed(models, [len(model.cells) for model in models]))

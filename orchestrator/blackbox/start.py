@@ -29,17 +29,22 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.registry import CODES, FOREIGN
 from orchestrator.scene.model import Scene
 
-# Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for each other.
+# Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for
+# each other.
 MOST_WORKERS, WORKERS_PER_CORE = 64, 8
 
 
-def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None, run_programs: bool = True) -> dict[int, Code]:
-    """The code of each entry that is used. Nothing is started but an interpreter that an entry names, to be asked.
+def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None,
+               run_programs: bool = True) -> dict[int, Code]:
+    """The code of each entry that is used. Nothing is started but an interpreter that an entry
+    names, to be asked.
 
     settings : the entries of ``blackbox``
     used : which of them have a model; default all
-    run_programs : whether interpreters that entries name may be started, to be asked whether they have what is needed
-    Raises InputError for codes that are not installed, more workers than a machine can start; with the problems of all.
+    run_programs : whether interpreters that entries name may be started, to be asked whether they
+        have what is needed
+    Raises InputError for codes that are not installed, more workers than a machine can start; with
+    the problems of all.
     """
     problems: list[Problem] = []
     cores = len(os.sched_getaffinity(0))
@@ -47,8 +52,10 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
     found: dict[int, Code] = {}
     for index in sorted(set(range(len(settings)) if used is None else used)) or [0]:
         if (workers := settings[index].workers) != "auto" and workers > most:
-            problems.append(Problem((*entry_path(index, settings), "workers"), f"{workers:,} workers on {cores} cores",
-                                    f"at most {most} processes", "leave workers out: one per core is the fastest"))
+            problems.append(Problem((*entry_path(index, settings), "workers"),
+                                    f"{workers:,} workers on {cores} cores",
+                                    f"at most {most} processes",
+                                    "leave workers out: one per core is the fastest"))
             continue
         own = settings[index].code in FOREIGN
         try:
@@ -56,7 +63,8 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
             if run_programs:
                 found[index].ask()
         except InputError as error:  # a code knows nothing of lists
-            problems += [p if own else replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
+            problems += [p if own else replace(p, path=(*entry_path(index, settings), *p.path[1:]))
+                         for p in error.problems]
     if problems:
         raise InputError(problems)
     return found
@@ -67,12 +75,14 @@ def doctor() -> list[str]:
     return [line for name, code in CODES.items() for line in code.doctor(name)]
 
 
-def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterable[int] | None = None) -> BlackBox:
+def make_blackbox(settings: CodeSettings | Sequence[CodeSettings],
+                  used: Iterable[int] | None = None) -> BlackBox:
     """A pool of all codes, whose answers are judged as they arrive.
 
     settings : one, or the entries of a list, to which ``Model.code`` refers
     used : which entries of a list have a model; default all
-    Raises InputError for a code that is not installed, nothing has been started then; BlackBoxError where processes do not start.
+    Raises InputError for a code that is not installed, nothing has been started then; BlackBoxError
+    where processes do not start.
     """
     codes = find_codes(settings if isinstance(settings, Sequence) else [settings], used)
     guarded = {number for number, code in codes.items() if code.guarded}
@@ -80,8 +90,10 @@ def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterabl
 
 
 def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:
-    """The scene with the loads that codes' own models have beside those of the YAML: heat, own weight, whatever a form says. They are
-    asked for once, before anything is decomposed: energies, reactions and the error bound then know them like any others. It is another
+    """The scene with the loads that codes' own models have beside those of the YAML: heat, own
+    weight, whatever a form says. They are
+    asked for once, before anything is decomposed: energies, reactions and the error bound then know
+    them like any others. It is another
     scene, so that the first may be solved again. Raises as ``make_blackbox`` does."""
     asked = {s.code for s in scene.subdomains if settings[s.code].brings_loads}
     if not asked:
@@ -100,9 +112,11 @@ def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:
 
 
 class KeptCodes:
-    """Makes black boxes, as ``make_blackbox`` does, but lends the last one again where the same codes are asked for.
+    """Makes black boxes, as ``make_blackbox`` does, but lends the last one again where the same
+    codes are asked for.
 
-    To be ended after the last run, and after a run that has failed: nobody knows what its codes are in the middle of.
+    To be ended after the last run, and after a run that has failed: nobody knows what its codes are
+    in the middle of.
     """
 
     def __init__(self) -> None:
@@ -154,7 +168,8 @@ class KeptBlackBox(BlackBox):
         keys = [key_of(model) for model in models]
         known = self._before | self._matrices
         new = [i for i, model in enumerate(models) if keys[i] not in known or self._changes(model)]
-        known |= zip((keys[i] for i in new), super().stiffness([models[i] for i in new]) if new else ())
+        known |= zip((keys[i] for i in new), super().stiffness([models[i] for i in new]) if new
+                     else ())
         self._matrices |= {key: known[key] for key in keys}
         return [known[key] for key in keys]
 

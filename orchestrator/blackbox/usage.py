@@ -1,6 +1,7 @@
 """A black box's use of the machine: seconds, memory, processes, folders.
 
-Seconds of codes and workers count from when the workers were started; loading other models in the place of the first starts them anew.
+Seconds of codes and workers count from when the workers were started; loading other models in the
+place of the first starts them anew.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ Activity = dict[str, float]  # of a worker, see ``Usage.activity``
 
 def since(late: Activity, early: Activity) -> Activity:
     """The work of a worker between two moments."""
-    return {key: value - early[key] if key in ("calls", *CLOCKS) else value for key, value in late.items()}
+    return {key: value - early[key] if key in ("calls", *CLOCKS) else value
+            for key, value in late.items()}
 
 
 class Usage:
-    """The time and memory that a pool has taken so far; to be read between two requests, from the thread that makes them.
+    """The time and memory that a pool has taken so far; to be read between two requests, from the
+    thread that makes them.
 
     codes : its ``Code`` of each number
     teams : the numbers of the workers of each code
@@ -74,8 +77,8 @@ class Usage:
         worker, models, dofs : which one, and what it holds now; dofs that are not clamped
         calls : tasks it was given; all subdomains of a linear stage are one
         start, assemble, factorise, solve : CPU seconds on the code's own clock
-        messages : the rest of the seconds in which it had a task: bytes to and from the code and, on a busy machine,
-            the code's wait for a core
+        messages : the rest of the seconds in which it had a task: bytes to and from the code and,
+            on a busy machine, the code's wait for a core
         waiting : seconds without a task while another worker still had one: imbalance
         idle : seconds in which nobody had a task, because the orchestrator computed
         """
@@ -83,25 +86,30 @@ class Usage:
         idle = time.perf_counter() - self._since - asked
         for number, worker in enumerate(self.workers):
             dofs = [n for n, home in zip(self._dofs, self._home) if home == number]
-            found.append({"worker": number, "models": len(dofs), "dofs": sum(dofs), "calls": worker.calls, **worker.seconds,
-                          "messages": worker.working - sum(worker.seconds.values()), "waiting": asked - worker.working, "idle": idle})
+            found.append({"worker": number, "models": len(dofs), "dofs": sum(dofs),
+                          "calls": worker.calls, **worker.seconds,
+                          "messages": worker.working - sum(worker.seconds.values()),
+                          "waiting": asked - worker.working, "idle": idle})
         return found
 
     def codes(self) -> list[dict[str, object]]:
         """One entry per code, as in summary.json.
 
-        Its keys: code (its name), transport, version, models (distinct ones it holds), workers, seconds (per stage and
-        total), compliances (subdomains whose interface compliance it was asked for instead of a run per request, with
-        the number of unit loads and the CPU seconds that took), own_matter (whether its matter is its own, not the YAML's).
+        Its keys: code (its name), transport, version, models (distinct ones it holds), workers,
+        seconds (per stage and total), compliances (subdomains whose interface compliance it was
+        asked for instead of a run per request, with the number of unit loads and the CPU seconds
+        that took), own_matter (whether its matter is its own, not the YAML's).
         """
         entries = []
         for number, code in self._codes.items():
             workers = [self.workers[worker] for worker in self._teams[number]]
             seconds = _summed(workers)
-            entries.append({"code": code.name, "transport": code.settings.transport, "version": code.version(),
-                "models": sum(home in self._teams[number] for home in self._home),
+            entries.append({"code": code.name, "transport": code.settings.transport,
+                            "version": code.version(),
+                            "models": sum(home in self._teams[number] for home in self._home),
                 "workers": len(workers), "seconds": {**seconds, "total": sum(seconds.values())},
-                "compliances": [note for worker in workers for note in worker.compliances()], "own_matter": workers[0].traits().own_matter})
+                "compliances": [note for worker in workers for note in worker.compliances()],
+                            "own_matter": workers[0].traits().own_matter})
         return entries
 
     def memory_peak_mb(self) -> float:

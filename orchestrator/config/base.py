@@ -8,7 +8,8 @@ from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, GetJsonSchemaHandler,
+from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field,
+                      GetJsonSchemaHandler,
                       SerializeAsAny, Tag, WrapValidator, create_model)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError
@@ -35,18 +36,22 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
     expected : what is accepted, as shown to the user
     """
     one, two = f"{TAG}1{expected}", f"{TAG}2{expected}"
-    return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)], Discriminator(lambda value: one if is_first(value) else two)]
+    return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)],
+                     Discriminator(lambda value: one if is_first(value) else two)]
 
 
 def one_of(kinds: dict[str, type[Part]], expected: str) -> Any:
-    """A union of models, each told by a key that it alone has; what has none of these keys is taken for the last one.
+    """A union of models, each told by a key that it alone has; what has none of these keys is taken
+    for the last one.
 
     expected : what is accepted, as shown to the user
     """
     tags = {key: f"{TAG}{number}{expected}" for number, key in enumerate(kinds)}
 
     def told(value: Any) -> str:
-        return tags[next((key for key, model in kinds.items() if isinstance(value, model) or (isinstance(value, dict) and key in value)),
+        return tags[
+            next((key for key, model in kinds.items() if isinstance(value, model)
+                  or (isinstance(value, dict) and key in value)),
                          list(kinds)[-1])]
 
     every = [Annotated[model, Tag(tags[key])] for key, model in kinds.items()]
@@ -54,7 +59,8 @@ def one_of(kinds: dict[str, type[Part]], expected: str) -> Any:
 
 
 class Chosen:
-    """A mapping whose model is found when a value is met: no module of the models is loaded before. Marks a field's type.
+    """A mapping whose model is found when a value is met: no module of the models is loaded before.
+    Marks a field's type.
 
     base : model that all of them derive from
     """
@@ -73,7 +79,8 @@ class Chosen:
             return value
         model = self.model(value)
         if isinstance(value, dict):
-            value = {key: entry for key, entry in value.items() if entry is not None or key in model.model_fields or not self.owners(key)}
+            value = {key: entry for key, entry in value.items() if entry is not None
+                     or key in model.model_fields or not self.owners(key)}
         return model.model_validate(value)
 
     def model(self, value: Any) -> type[Part]:
@@ -103,7 +110,8 @@ class MadeModel(Chosen):
     def shipped(self) -> dict[str, type[Part]]:
         return {"": self.make()}
 
-    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(self, _: Any,
+                                     handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         return handler(self.make().__pydantic_core_schema__)
 
 
@@ -136,36 +144,48 @@ class ByName(Chosen):
             return self.model_of(self.registry[name])
         loose = type(self.base.__name__, (self.base,), {"model_config": {"extra": "ignore"}})
         return create_model(self.base.__name__, __base__=loose, **{self.key: (
-            Annotated[str, AfterValidator(self._refused)], Field(description=self.base.model_fields[self.key].description))})
+            Annotated[str, AfterValidator(self._refused)],
+            Field(description=self.base.model_fields[self.key].description))})
 
     def shipped(self) -> dict[str, type[Part]]:
         return {name: self.model_of(thing) for name, thing in self.registry.shipped().items()}
 
     def owners(self, key: str) -> list[str]:
-        return [name for name, thing in self.registry.items() if key in self.model_of(thing).model_fields]
+        return [name for name, thing in self.registry.items()
+                if key in self.model_of(thing).model_fields]
 
     def keys(self) -> list[str]:
         """The keys that any of the names' models has."""
-        return list(dict.fromkeys(k for thing in self.registry.values() for k in self.model_of(thing).model_fields))
+        return list(dict.fromkeys(k for thing in self.registry.values()
+                                  for k in self.model_of(thing).model_fields))
 
     def _refused(self, name: str) -> str:
         expected = ", ".join(filter(None, [f"one of {', '.join(self.registry)}", self.others()]))
-        raise PydanticCustomError(UNKNOWN_NAME, "an unknown name", {"known": list(self.registry), "expected": expected})
+        raise PydanticCustomError(UNKNOWN_NAME, "an unknown name",
+                                  {"known": list(self.registry), "expected": expected})
 
-    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Any of the names' models, each with its own name; where others are taken, any keys go with them."""
+    def __get_pydantic_json_schema__(self, _: Any,
+                                     handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Any of the names' models, each with its own name; where others are taken, any keys go
+        with them.
+        """
         default, forms = self.base.model_fields[self.key].default, []
         for name, thing in self.registry.items():
-            named = {"properties": {self.key: {"const": name}}, **({} if name == default else {"required": [self.key]})}
+            named = {"properties": {self.key: {"const": name}},
+                     **({} if name == default else {"required": [self.key]})}
             forms.append({"allOf": [handler(self.model_of(thing).__pydantic_core_schema__), named]})
         if self.others():
             other = {"type": "string", "not": {"enum": list(self.registry)}}
-            forms.append({"type": "object", "properties": {self.key: other}, "required": [self.key]})
+            forms.append({"type": "object", "properties": {self.key: other},
+                          "required": [self.key]})
         return {"anyOf": forms}
 
 
-def mappings(kind: Any, notes: Iterable[Any] = (), suffix: str = "") -> Iterator[tuple[str, Chosen | type[Part]]]:
-    """Models inside a type with such notes, or what chooses them, each with what a path to it gets behind it."""
+def mappings(kind: Any, notes: Iterable[Any] = (),
+             suffix: str = "") -> Iterator[tuple[str, Chosen | type[Part]]]:
+    """Models inside a type with such notes, or what chooses them, each with what a path to it gets
+    behind it.
+    """
     if chosen := [note for note in notes if isinstance(note, Chosen)]:
         yield suffix, chosen[0]
     elif isinstance(kind, type) and issubclass(kind, Part):
@@ -179,13 +199,15 @@ def mappings(kind: Any, notes: Iterable[Any] = (), suffix: str = "") -> Iterator
 
 def auto_or(number: Any, expected: str) -> Any:
     """The word ``auto`` or a number."""
-    return either(Literal["auto"], number, lambda value: isinstance(value, str), f"auto, or {expected}")
+    return either(Literal["auto"], number, lambda value: isinstance(value, str),
+                  f"auto, or {expected}")
 
 
 def one_or_per_step(vector: Any, expected: str) -> Any:
     """A vector, or a list of vectors, one per load step."""
     several = Annotated[list[vector], Field(min_length=1)]
-    return either(several, vector, lambda value: isinstance(value, list) and bool(value) and isinstance(value[0], list), expected)
+    return either(several, vector, lambda value: isinstance(value, list) and bool(value)
+                  and isinstance(value[0], list), expected)
 
 
 def as_list(value: Any) -> Any:
@@ -201,8 +223,10 @@ Sizes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 AutoCount = auto_or(Count, "a whole number >= 1")
 Counts = Annotated[list[Count], Field(min_length=3, max_length=3)]
 Name = Annotated[str, Field(min_length=1)]
-Names = Annotated[list[Name], BeforeValidator(as_list, json_schema_input_type=list[Name] | Name), Field(min_length=1)]
-Axis = either(Literal["x", "y", "z"], Vector, lambda value: isinstance(value, str), "x, y or z, or a vector of three numbers")
+Names = Annotated[list[Name], BeforeValidator(as_list, json_schema_input_type=list[Name] | Name),
+                  Field(min_length=1)]
+Axis = either(Literal["x", "y", "z"], Vector, lambda value: isinstance(value, str),
+              "x, y or z, or a vector of three numbers")
 
 
 def unit(axis: str | list[float]) -> list[float]:
@@ -236,4 +260,5 @@ class Frame(Part):
 def no_direction(path: KeyPath, axis: Any) -> Iterator[Problem]:
     """The problem of a raw axis of no length."""
     if isinstance(axis, list) and not any(axis):
-        yield Problem(path, str(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
+        yield Problem(path, str(axis), "a direction: a vector other than zero",
+                      "write axis: z, or [0, 0, 1]")

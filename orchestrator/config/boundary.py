@@ -124,7 +124,7 @@ class Place(Part):
 
     plane: Literal["x", "y", "z"] | None = Field(None,
                                                  description="axis normal to the plane; comes "
-                                                             "with `at`")
+                                                 "with `at`")
     at: float | None = Field(None, description="coordinate of the plane along that axis")
     box: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = Field(
         None, description="lower and upper corner: [[x, y, z], [x, y, z]]")
@@ -183,15 +183,15 @@ def _exactly_one(kinds: Mapping[str, Any], where: str) -> str:
 def _on_faces() -> type[Acting]:
     return create_model("BoundaryCondition", __base__=OnFaces, __module__=__name__,
                         __doc__=_exactly_one(ON_FACES, "on a place"),
-        on=(Where,
+                        on=(Where,
             Field(description="a surface group (shell wildcards allowed), a plane or a box")),
-        part=(Name | None, Field(None, description=(
+                        part=(Name | None, Field(None, description=(
             "name of the volume whose faces are meant, shell wildcards allowed; none: whichever "
             "has them"))), **_keys(ON_FACES),
-        frame=(Frame | None, Field(None, description=(
+                        frame=(Frame | None, Field(None, description=(
             "of a displacement, a traction or a foundation's stiffness: its components are "
             "radial, tangential and axial, {axis, at}"))),
-        history=(Name | None,
+                        history=(Name | None,
                  Field(None,
                        description="name of the factors per load step; none: the same at every step")))
 
@@ -203,7 +203,7 @@ def _in_volumes() -> type[Acting]:
         on=(Names,
             Field(["*"],
                   description="names of volumes, shell wildcards allowed; * because weight acts "
-                              "everywhere")),
+                  "everywhere")),
         **_keys(IN_VOLUMES), history=(Name | None, Field(None, description=(
             "name of the factors per load step, of the force or the temperature; none: the same "
             "at every step"))))

@@ -35,14 +35,17 @@ class KeyPlaces:
     overrides: dict[KeyPath, str] = field(default_factory=dict)
 
     def locate(self, path: KeyPath) -> tuple[str, int | None]:
-        """(file, line) of a key, or of its nearest parent; ("--set key=value", None) for an override."""
+        """(file, line) of a key, or of its nearest parent; ("--set key=value", None) for an
+        override.
+        """
         for length in range(len(path), 0, -1):
             known = path[:length]
             if known in self.overrides:
                 return f"--set {self.overrides[known]}", None
             if known in self.lines:
                 return self.file, self.lines[known]
-            for keys, text in self.overrides.items():  # a parent that only an override made, and did not complete
+            # a parent that only an override made, and did not complete
+            for keys, text in self.overrides.items():
                 if keys[:length] == known and not _by_default(path):
                     return f"--set {text}", None
         return self.file, 1 if self.file else None
@@ -84,8 +87,10 @@ class Loaded:
 def load_config(path: str | Path, overrides: Sequence[str] = (), edited: bool = False) -> Loaded:
     """Reads and validates a configuration.
 
-    path : YAML file; ``mesh.file`` and ``mesh.step`` in it are relative to its folder, or to the current one
-    overrides : ``key.key=value`` texts, values in YAML; applied in order; ``*`` for every entry of a list
+    path : YAML file; ``mesh.file`` and ``mesh.step`` in it are relative to its folder, or to the
+        current one
+    overrides : ``key.key=value`` texts, values in YAML; applied in order; ``*`` for every entry of
+        a list
     edited : comments must not say EDIT any more, as ``orchestrator init`` marks what it guesses
     Raises InputError: with all problems, each with file and line
 
@@ -149,8 +154,10 @@ def config_from(data: Any) -> Config:
     >>> from orchestrator import config_from
     >>> bar = {
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]}
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+    ...     "traction": [10, 0, 0]}]}
     >>> config_from(bar).method.tolerance.error
     1e-06
     >>> config_from({**bar, "methd": {}})
@@ -162,7 +169,8 @@ def config_from(data: Any) -> Config:
     """
     if not isinstance(data, dict):
         found = "nothing" if data is None else echo(data)
-        raise wrong((), found, "a mapping (key: value) with name, mesh, subdomains, materials and boundary",
+        raise wrong((), found,
+                    "a mapping (key: value) with name, mesh, subdomains, materials and boundary",
                     "start from configs/traction_beam.yaml")
     problems: list[Problem] = []
     try:
@@ -170,7 +178,8 @@ def config_from(data: Any) -> Config:
     except ValidationError as error:
         problems = explained(error, data)
     # A misspelt key makes its mapping look incomplete too; the spelling is what to mend.
-    misspelt = {problem.path[:-1] for problem in problems if problem.found.startswith("unknown key")}
+    misspelt = {problem.path[:-1] for problem in problems
+                if problem.found.startswith("unknown key")}
     problems += [problem for problem in broken_rules(data) if problem.path not in misspelt]
     if problems:
         raise InputError(problems)

@@ -54,7 +54,7 @@ class SoleSettings(Part):
         "half follow, all by one factor, for another factorisation"))
     thickness: AutoPositive = Field("auto",
                                     description="auto: the local element size, shrunk where it "
-                                                "would invert")
+                                    "would invert")
     poisson: AutoPoisson = Field("auto", description=(
         "auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong "
         "direction"))
@@ -115,7 +115,7 @@ class Tolerance(Part):
         "their squares add up, so that 0.1 adds half a per cent"))
     indicator: Positive | None = Field(None,
                                        description="the paper's indicator, a squared ratio; for "
-                                                   "studies")
+                                       "studies")
 
     @model_validator(mode="before")
     @classmethod
@@ -134,13 +134,13 @@ class Accuracy(Part):
         description="of mesh and iterations together, relative, in the energy norm, between 0 and 1")
     elements: Count | None = Field(None,
                                    description="no mesh has more tets than about this; none: no "
-                                               "limit")
+                                   "limit")
     memory: Positive | None = Field(None, description=(
         "GB that the program and its codes may take on all ranks together: meshes are only as fine "
         "as that is foreseen to hold; none: no limit but the machine's"))
     seconds: Positive | None = Field(None,
                                      description="meshes are only as fine as will likely be "
-                                                 "solved on in time; none: no limit")
+                                     "solved on in time; none: no limit")
     smallest: Positive | None = Field(None, description=(
         "elements are not made smaller than this, in the model's unit of length, where stresses "
         "grow without limit; none: no limit"))
@@ -182,7 +182,7 @@ class Method(Part):
                                description="the search direction k⁻ as a layer of matter")
     macro: MacroSettings = Field(MacroSettings(),
                                  description="the macro problem: linear, of interface resultants, "
-                                             "for perfect interfaces")
+                                 "for perfect interfaces")
     search_direction: SearchDirectionSettings = Field(SearchDirectionSettings(),
                                                       description="k⁺, for studies")
     acceleration: Literal[tuple(ACCELERATIONS)] = Field("anderson", description=(
@@ -199,7 +199,7 @@ class Method(Part):
         "the plateau of the fixed point. auto: affine, slender bodies in modes of their own"))
     contact: ContactSettings = Field(ContactSettings(),
                                      description="what keeps bodies in place that contact alone "
-                                                 "holds")
+                                     "holds")
     increment: AutoCount = Field("auto", description=(
         "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each "
         "batch starting from the last"))

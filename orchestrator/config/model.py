@@ -1,4 +1,6 @@
-"""The whole configuration, and ``output``: what is written, and what is asked of the solution. Names are the YAML's keys."""
+"""The whole configuration, and ``output``: what is written, and what is asked of the solution.
+Names are the YAML's keys.
+"""
 
 from __future__ import annotations
 
@@ -23,24 +25,32 @@ class Units(Part):
     """Units of the model's numbers: named beside them, nothing is converted."""
 
     length: UnitName = Field(description="unit of the mesh's coordinates, such as mm")
-    force: UnitName = Field(description="unit of forces, such as N; moduli and stresses are then force/length²")
+    force: UnitName = Field(
+        description="unit of forces, such as N; moduli and stresses are then force/length²")
 
     @property
     def stress(self) -> str:
         """Unit of stresses, with the name that the usual pairs have."""
-        known = {("N", "mm"): "MPa", ("N", "m"): "Pa", ("kN", "m"): "kPa", ("kN", "mm"): "GPa", ("MN", "m"): "MPa"}
+        known = {("N", "mm"): "MPa", ("N", "m"): "Pa", ("kN", "m"): "kPa", ("kN", "mm"): "GPa",
+                 ("MN", "m"): "MPa"}
         return known.get((self.force, self.length), f"{self.force}/{self.length}²")
 
 
 class Output(Part):
     directory: Name | None = Field(None, description="results folder; none: results/<name>")
-    fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: bool = Field(True, description="draw the figures, as they are what most people look at first")
+    fields: bool = Field(True,
+                         description="write displacement and stress fields; cheap beside the solve")
+    figures: bool = Field(True,
+                          description="draw the figures, as they are what most people look at first")
     probes: list[Probe] = Field([], description=(
-        "values that are asked for, at points, along paths, on surfaces, across sections; into summary.json, probes.csv, paths.csv"))
+        "values that are asked for, at points, along paths, on surfaces, across sections; into "
+        "summary.json, probes.csv, paths.csv"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(
-        "reactions' moments are about this point; the origin by default, which no one has to look up"))
-    units: Units | None = Field(None, description="names of the units of length and force, shown beside numbers; none: no units")
+        "reactions' moments are about this point; the origin by default, which no one has to look "
+        "up"))
+    units: Units | None = Field(None,
+                                description="names of the units of length and force, shown beside "
+                                "numbers; none: no units")
 
     @property
     def named_probes(self) -> dict[str, Probe]:
@@ -49,28 +59,38 @@ class Output(Part):
 
 
 class Config(Part):
-    """One problem and how to solve it: ``config.mesh.beam.size``, ``config.method.tolerance.error`` …
+    """One problem and how to solve it: ``config.mesh.beam.size``, ``config.method.tolerance.error``
+    …
 
-    Built by ``load_config`` (from a file) or ``config_from`` (from a dict), which also apply the rules that concern several keys.
+    Built by ``load_config`` (from a file) or ``config_from`` (from a dict), which also apply the
+    rules that concern several keys.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
-        description="letters, digits, '-', '_', '.' and spaces, a letter or digit first: it names the results folder")
-    mesh: MeshEntry | None = Field(None, description="exactly one of beam, box, polycrystal, file and step; or parts")
+        description="letters, digits, '-', '_', '.' and spaces, a letter or digit first: it names "
+                    "the results folder")
+    mesh: MeshEntry | None = Field(None,
+                                   description="exactly one of beam, box, polycrystal, file and "
+                                   "step; or parts")
     parts: Annotated[list[OnePart], Field(min_length=1)] | None = Field(None, description=(
-        "in place of mesh: several, each part with its own: [{name: base, mesh: {step: base.stp, h: 4}}, …]"))
-    subdomains: Subdomains = Field(description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
+        "in place of mesh: several, each part with its own: [{name: base, mesh: {step: base.stp, "
+        "h: 4}}, …]"))
+    subdomains: Subdomains = Field(
+        description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
     materials: Annotated[list[MaterialEntry], Field(min_length=1)] | None = Field(
-        None, description="at least one, such as {young: 200e3, poisson: 0.3}; none where each part has its own")
+        None,
+        description="at least one, such as {young: 200e3, poisson: 0.3}; none where each part has "
+                    "its own")
     boundary: Boundary = Field(description="where the body is held and loaded")
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
         {}, description="name: factors, one per load step; none: one load step")
     bolts: list[Bolt] = Field([], description=(
-        "bolts cut across their shanks, tightened by a force, then locked: [{on: bolt_1, force: 8000}]; none by default"))
+        "bolts cut across their shanks, tightened by a force, then locked: [{on: bolt_1, force: "
+        "8000}]; none by default"))
     loads: Loads = Field([], description="body forces; none by default")
     interfaces: Interfaces = Field(default_factory=lambda: [Entry()], description=(
-        "laws between parts, the last match wins; perfect by default where nodes are shared or coincide; faces that do not match "
-        "are joined by an entry alone"))
+        "laws between parts, the last match wins; perfect by default where nodes are shared or "
+        "coincide; faces that do not match are joined by an entry alone"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
     blackbox: BlackBoxes = Field(default_factory=lambda: settings_class({})(), description=(
         "the finite element code, or a list of several with on:, the last match wins"))
@@ -79,7 +99,9 @@ class Config(Part):
     @model_validator(mode="before")
     @classmethod
     def _results_folder(cls, data: Any) -> Any:
-        """``output.directory`` defaults to results/<name>, which only the whole configuration knows."""
+        """``output.directory`` defaults to results/<name>, which only the whole configuration
+        knows.
+        """
         if not isinstance(data, dict) or not isinstance(data.get("name"), str):
             return data
         output = data.get("output", {})
@@ -90,13 +112,17 @@ class Config(Part):
     @model_validator(mode="before")
     @classmethod
     def _element_of_parts(cls, data: Any) -> Any:
-        """Take for ``blackbox`` without an element the one that parts agree on; disagreement is told by a rule."""
-        named = {element for _, element in elements_of(data.get("parts"))} if isinstance(data, dict) else set()
+        """Take for ``blackbox`` without an element the one that parts agree on; disagreement is
+        told by a rule.
+        """
+        named = {element for _, element in elements_of(data.get("parts"))} if isinstance(
+            data, dict) else set()
         if len(named) != 1:
             return data
         given, element = data.get("blackbox"), named.pop()
         codes = [{"element": element, **code} if isinstance(code, dict) else code
-                 for code in (given if isinstance(given, list) else [{} if given is None else given])]
+                 for code in (given if isinstance(given, list)
+                              else [{} if given is None else given])]
         return {**data, "blackbox": codes if isinstance(given, list) else codes[0]}
 
     @property
@@ -106,19 +132,26 @@ class Config(Part):
 
     @property
     def matter(self) -> list[MaterialEntry]:
-        """The materials in the order in which they are given to volumes, parts' own after the general ones."""
-        own = [MaterialEntry(**part.material.model_dump(), on=[part.name]) for part in self.parts or [] if part.material]
+        """The materials in the order in which they are given to volumes, parts' own after the
+        general ones.
+        """
+        own = [MaterialEntry(**part.material.model_dump(), on=[part.name]) for part in self.parts
+               or [] if part.material]
         return [*(self.materials or []), *own]
 
     @property
     def codes(self) -> list[CodeSettings]:
-        """The black boxes, in the order of the YAML; then one for each part that is a model of another program's."""
+        """The black boxes, in the order of the YAML; then one for each part that is a model of
+        another program's.
+        """
         given = self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
         found = list(given)
         for i, part in enumerate(self.parts or []):
             if (own := part.foreign) is not None:
-                young = next((m.young for m in (part.material, *(self.materials or [])) if m is not None), None)
-                found.append(FOREIGN[own.kind].Settings(code=own.kind, on=[part.name], part=own, name=part.name, young=young, place=(
+                young = next((m.young for m in (part.material, *(self.materials or []))
+                              if m is not None), None)
+                found.append(FOREIGN[own.kind].Settings(code=own.kind, on=[part.name], part=own,
+                                                        name=part.name, young=young, place=(
                     "parts", i, own.kind), factors=tuple(self.factors_of(own.history))))
         return found
 
@@ -138,8 +171,11 @@ class Config(Part):
 
     @property
     def steps(self) -> int:
-        """Number of load steps: the length of the histories in use and of the per-step lists; else 1."""
-        for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts, *self.tools.values()):
+        """Number of load steps: the length of the histories in use and of the per-step lists; else
+        1.
+        """
+        for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts,
+                      *self.tools.values()):
             if entry.history is not None:
                 return len(self.histories[entry.history])
             if (vectors := entry.vectors) is not None:
@@ -161,9 +197,12 @@ class Config(Part):
         return [self.factors_of(entry.history) for entry in entries]
 
     def with_element(self, element: str) -> Config:
-        """The same with an element in all entries of ``blackbox``, where it may have been left open."""
+        """The same with an element in all entries of ``blackbox``, where it may have been left
+        open.
+        """
         several = isinstance(self.blackbox, list)
-        made = [code.model_copy(update={"element": element}) for code in (self.blackbox if several else [self.blackbox])]
+        made = [code.model_copy(update={"element": element})
+                for code in (self.blackbox if several else [self.blackbox])]
         return self.model_copy(update={"blackbox": made if several else made[0]})
 
     def complete(self) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""The raw data of a YAML file, whatever shape it has: looked up, changed by ``--set``, files in it found; and how values are written
+"""The raw data of a YAML file, whatever shape it has: looked up, changed by ``--set``, files in it
+found; and how values are written
 in messages."""
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ def get(data: Any, *path: str | int) -> Any:
 
 def matches(path: KeyPath, pattern: KeyPath) -> bool:
     """Whether a path fits a pattern of ``find``."""
-    return len(path) == len(pattern) and all(p == q or (q == "*" and isinstance(p, int)) for p, q in zip(path, pattern))
+    return len(path) == len(pattern) and all(p == q or (q == "*" and isinstance(p, int))
+                                             for p, q in zip(path, pattern))
 
 
 def is_number(value: Any) -> bool:
@@ -67,11 +69,14 @@ def is_per_step(value: Any) -> bool:
 
 
 def is_vectors(value: Any) -> bool:
-    return is_per_step(value) and all(isinstance(row, list) and all(map(is_number, row)) for row in value)
+    return is_per_step(value) and all(isinstance(row, list) and all(map(is_number, row))
+                                      for row in value)
 
 
 def rows_of(value: Any) -> list[list[Any]]:
-    """The vectors of a raw value, one or one per load step; none where it has another shape, which is complained of elsewhere."""
+    """The vectors of a raw value, one or one per load step; none where it has another shape, which
+    is complained of elsewhere.
+    """
     rows = value if is_per_step(value) else [value]
     return rows if all(isinstance(row, list) and len(row) == 3 for row in rows) else []
 
@@ -80,12 +85,15 @@ def free_at_times(path: KeyPath, rows: list[list[Any]]) -> Iterator[Problem]:
     """Components that are null at some load steps and not at others."""
     for name, values in zip("xyz", zip(*rows)):
         if None in values and any(x is not None for x in values):
-            yield Problem(path, f"component {name} free at some steps only", "free at all load steps or at none",
+            yield Problem(path, f"component {name} free at some steps only",
+                          "free at all load steps or at none",
                           "give a number, or null, at every step")
 
 
 def law_of(entry: Any) -> Any:
-    """The class of the law that a raw entry of ``interfaces`` names; of none, or of an unknown one, the default."""
+    """The class of the law that a raw entry of ``interfaces`` names; of none, or of an unknown one,
+    the default.
+    """
     name = entry.get("law") if isinstance(entry, dict) else None
     return LAWS[name if isinstance(name, str) and name in LAWS else DEFAULT_LAW]
 
@@ -106,7 +114,8 @@ def called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator
     for path, entry in entries(data, *where):
         name = entry.get("name") or default.format(path[-1] + 1)
         if name and isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
-            yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
+            yield Problem((*path, "name"), f"a second {what} called '{name}'",
+                          f"a name for each {what}", "give it another name")
 
 
 def shown(value: Any) -> str:
@@ -118,7 +127,7 @@ def shown(value: Any) -> str:
     return f"{value:.12g}" if is_number(value) else str(value)
 
 
-# ---- what is done to it before it is validated ---------------------------------------------------------------
+# ---- what is done to it before it is validated ---------------------------------------------------
 
 # An override that picks one alternative removes the others, and what belongs to them alone.
 # Two mesh sources stay an error: a mesh decides what all other entries mean.
@@ -132,16 +141,20 @@ SHIPPED = "gmsh:"  # models that come with gmsh; the scene knows where they are
 
 
 def parse(text: str, parse_value: Callable[[str], Any]) -> tuple[KeyPath, Any]:
-    """``"materials.0.young=1"`` → ``(("materials", 0, "young"), 1)``; raises InputError without a ``=``, or with an empty key."""
+    """``"materials.0.young=1"`` → ``(("materials", 0, "young"), 1)``; raises InputError without a
+    ``=``, or with an empty key.
+    """
     keys, equals, value = text.partition("=")
     parts = [key.strip() for key in keys.split(".")]
     if not equals or not all(parts):
-        raise wrong((), text, "key=value, such as method.max_iterations=100", "write the key, =, and the value")
+        raise wrong((), text, "key=value, such as method.max_iterations=100",
+                    "write the key, =, and the value")
     return tuple(int(key) if key.isdigit() else key for key in parts), parse_value(value)
 
 
 def places(data: Any, path: KeyPath, at: KeyPath = ()) -> list[KeyPath]:
-    """The paths that a path means: a ``*`` in it stands for every entry of the list there. Raises InputError where there is no list.
+    """The paths that a path means: a ``*`` in it stands for every entry of the list there. Raises
+    InputError where there is no list.
 
     >>> places({"bolts": [{}, {}]}, ("bolts", "*", "force"))
     [('bolts', 0, 'force'), ('bolts', 1, 'force')]
@@ -151,58 +164,74 @@ def places(data: Any, path: KeyPath, at: KeyPath = ()) -> list[KeyPath]:
     here = path.index("*")
     there = get(data, *path[:here])
     if not isinstance(there, list) or not there:
-        raise wrong((*at, *path[:here + 1]), f"'*' for {dotted((*at, *path[:here]))}, which has no entries", "a list with entries",
+        raise wrong((*at, *path[:here + 1]),
+                    f"'*' for {dotted((*at, *path[:here]))}, which has no entries",
+                    "a list with entries",
                     "name the key itself; new entries belong in the file")
-    return [place for index, entry in enumerate(there) for place in places(entry, path[here + 1:], (*at, *path[:here], index))]
+    return [place for index, entry in enumerate(there)
+            for place in places(entry, path[here + 1:], (*at, *path[:here], index))]
 
 
 def apply(data: Any, path: KeyPath, value: Any, at: KeyPath = ()) -> Any:
-    """The data with the value at a path replaced or added; mappings on the way are created. Raises InputError for an index outside a
+    """The data with the value at a path replaced or added; mappings on the way are created. Raises
+    InputError for an index outside a
     list, or a name where a list is."""
     if not path:
         return value
     key, here = path[0], (*at, path[0])
     if isinstance(data, list):
         if not isinstance(key, int) or key >= len(data):
-            raise wrong(here, f"'{key}' in a list of {len(data)} entries", f"an index from 0 to {len(data) - 1}",
+            raise wrong(here, f"'{key}' in a list of {len(data)} entries",
+                        f"an index from 0 to {len(data) - 1}",
                         "take an existing entry; new ones belong in the file")
-        return [apply(entry, path[1:], value, here) if index == key else entry for index, entry in enumerate(data)]
+        return [apply(entry, path[1:], value, here) if index == key else entry
+                for index, entry in enumerate(data)]
     key = str(key)
     kept = data if isinstance(data, dict) else {}
     for pattern, known in ALTERNATIVES:
-        if matches(at, pattern) and (chosen := next((names for names in known if key in names), None)):
+        if matches(at,
+                   pattern) and (chosen := next((names for names in known if key in names), None)):
             removed = set().union(*known) - chosen
             kept = {name: entry for name, entry in kept.items() if name not in removed}
     return {**kept, key: apply(kept.get(key), path[1:], value, here)}
 
 
 def with_files(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
-    """The data with files looked up beside the YAML file first, then in the current folder; problems of those not there."""
+    """The data with files looked up beside the YAML file first, then in the current folder;
+    problems of those not there.
+    """
     problems: list[Problem] = []
 
     def found(name: Any, path: KeyPath) -> Any:
         """A file's path, or a list of such; what is no name is left as it is."""
         if isinstance(name, list):
             return [found(one, (*path, i)) for i, one in enumerate(name)]
-        if not isinstance(name, str) or not name or path[-2:] == ("mesh", "step") and name.startswith(SHIPPED):
+        if not isinstance(name,
+                          str) or not name or path[-2:] == ("mesh",
+                                                            "step") and name.startswith(SHIPPED):
             return name
         known = [os.path.normpath(folder / name), os.path.normpath(name)]
         several = path[-2:] == ("mesh", "file")
-        there = next((file for file in known if os.path.isfile(file) or several and any(map(os.path.isfile, glob(file)))), None)
+        there = next((file for file in known if os.path.isfile(file) or several
+                      and any(map(os.path.isfile, glob(file)))), None)
         if there is None:
             problems.append(Problem(path, f"no file {' nor '.join(dict.fromkeys(known))}",
-                                    "an existing file", "paths are relative to the YAML file's folder"))
+                                    "an existing file",
+                                    "paths are relative to the YAML file's folder"))
         return there or name
 
-    places = [*((*mesh, key) for mesh in (("mesh",), ("parts", "*", "mesh")) for key in ("file", "step")),
+    places = [*((*mesh, key) for mesh in (("mesh",), ("parts", "*", "mesh"))
+                for key in ("file", "step")),
               *(("parts", "*", kind, key) for kind, part in KINDS.items() for key in part.files),
               ("interfaces", "*", "between", 1, "stl"),
-              *(("loads", "*", name, key) for name, kind in IN_VOLUMES.items() for key in kind.files)]
+              *(("loads", "*", name, key) for name, kind in IN_VOLUMES.items()
+                for key in kind.files)]
     for path, name in [one for pattern in places for one in find(data, pattern)]:
         data = apply(data, path, found(name, path))
     entry = get(data, "blackbox")
     if entry is not None:  # a code knows which of its keys name files
-        own = [settings_class(e).beside(e, folder) if isinstance(e, dict) else e for e in (entry if isinstance(entry, list) else [entry])]
+        own = [settings_class(e).beside(e, folder) if isinstance(e, dict) else e
+               for e in (entry if isinstance(entry, list) else [entry])]
         data = {**data, "blackbox": own if isinstance(entry, list) else own[0]}
     return data, problems
 

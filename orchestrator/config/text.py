@@ -14,28 +14,39 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from orchestrator.errors import InputError, KeyPath, Problem
 
 MERGE = "tag:yaml.org,2002:merge"  # the key that stands for those of another mapping
-LARGEST = 20_000_000  # bytes, far above what ``MOST`` entries take: beyond, the file is something else
+# bytes, far above what ``MOST`` entries take: beyond, the file is something else
+LARGEST = 20_000_000
 DEEPEST = 50  # levels; no configuration has more than ten
-MOST = 100_000  # entries, those counted that aliases repeat: a few lines of aliases of aliases make thousands of millions
+# entries, those counted that aliases repeat: a few lines of aliases of aliases make thousands of
+# millions
+MOST = 100_000
 
 
 def read_text(path: Path) -> str:
-    """The text of a configuration file. Raises InputError where no such file, none that can be read, or one larger than ``LARGEST``."""
+    """The text of a configuration file. Raises InputError where no such file, none that can be
+    read, or one larger than ``LARGEST``.
+    """
     try:
         if not path.is_file():
-            raise InputError(Problem((), "a folder" if path.is_dir() else "no such file", "a YAML file",
-                                     "check the path, or start from configs/traction_beam.yaml", str(path)))
+            raise InputError(Problem((), "a folder" if path.is_dir() else "no such file",
+                                     "a YAML file",
+                                     "check the path, or start from configs/traction_beam.yaml",
+                                     str(path)))
         if (size := path.stat().st_size) > LARGEST:
-            raise InputError(Problem((), f"{size / 1e6:.0f} MB", f"a YAML file, below {LARGEST / 1e6:.0f} MB",
-                                     "name the configuration; meshes stand under mesh.file in it", str(path)))
+            raise InputError(Problem((), f"{size / 1e6:.0f} MB",
+                                     f"a YAML file, below {LARGEST / 1e6:.0f} MB",
+                                     "name the configuration; meshes stand under mesh.file in it",
+                                     str(path)))
         return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:  # of values: bytes that are no UTF-8, paths that no system takes
+    # of values: bytes that are no UTF-8, paths that no system takes
+    except (OSError, ValueError) as error:
         raise InputError(Problem((), str(error), "a readable text file in UTF-8",
                                  "check the file's permissions and encoding", str(path))) from error
 
 
 def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
-    """Plain data of a YAML text and the line of every path in it. Raises InputError for bad syntax, a key given twice, more levels than
+    """Plain data of a YAML text and the line of every path in it. Raises InputError for bad syntax,
+    a key given twice, more levels than
     ``DEEPEST`` or entries than ``MOST``."""
     reader, lines = YAML(typ="safe", pure=True), {}
     reader.Composer = _Composer
@@ -43,9 +54,11 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
         node = reader.compose(text)
         return None if node is None else _Plain(reader.constructor, file).of(node, (), lines), lines
     except YAMLError as error:
-        mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
+        mark = (error.problem_mark or error.context_mark) if isinstance(
+            error, MarkedYAMLError) else None
         found = (getattr(error, "problem", None) or str(error)).strip().splitlines()[0]
-        raise InputError(Problem((), found, "correct YAML", "check indentation, brackets and colons around this line",
+        raise InputError(Problem((), found, "correct YAML",
+                                 "check indentation, brackets and colons around this line",
                                  file, mark.line + 1 if mark else None)) from error
 
 
@@ -58,14 +71,16 @@ class _Composer(Composer):
         self._depth += 1
         try:
             if self._depth > DEEPEST:
-                raise MarkedYAMLError(problem=f"more than {DEEPEST} levels of nesting", problem_mark=self.parser.peek_event().start_mark)
+                raise MarkedYAMLError(problem=f"more than {DEEPEST} levels of nesting",
+                                      problem_mark=self.parser.peek_event().start_mark)
             return super().compose_node(parent, index)
         finally:
             self._depth -= 1
 
 
 class _Plain:
-    """Plain dicts, lists and scalars of YAML's nodes; notes the lines on the way. Keys are texts, quoted or not: 1 and "1" are one key, 1
+    """Plain dicts, lists and scalars of YAML's nodes; notes the lines on the way. Keys are texts,
+    quoted or not: 1 and "1" are one key, 1
     and 1.0 are two, and none of them is a number."""
 
     def __init__(self, constructor: SafeConstructor, file: str):
@@ -74,9 +89,12 @@ class _Plain:
     def of(self, node: Node, path: KeyPath, lines: dict[KeyPath, int]) -> Any:
         self._count += 1
         if self._count > MOST or len(path) > DEEPEST:
-            raise InputError(Problem((), f"more than {MOST:,} entries" if self._count > MOST else f"more than {DEEPEST} levels of nesting",
-                                     f"at most {MOST:,} entries, {DEEPEST} levels deep, with what aliases (*name) repeat",
-                                     "write out what is meant, without aliases of aliases", self._file, node.start_mark.line + 1))
+            raise InputError(Problem((), f"more than {MOST:,} entries" if self._count > MOST
+                                     else f"more than {DEEPEST} levels of nesting",
+                                     f"at most {MOST:,} entries, {DEEPEST} levels deep, with what "
+                                     "aliases (*name) repeat",
+                                     "write out what is meant, without aliases of aliases",
+                                     self._file, node.start_mark.line + 1))
         if isinstance(node, MappingNode):
             return self._mapping(node, path, lines)
         if isinstance(node, SequenceNode):
@@ -87,9 +105,11 @@ class _Plain:
         try:
             return self._constructor.construct_object(node)
         except (ValueError, ArithmeticError) as error:  # a number of 5,000 digits
-            raise MarkedYAMLError(problem=str(error).partition(";")[0], problem_mark=node.start_mark) from error
+            raise MarkedYAMLError(problem=str(error).partition(";")[0],
+                                  problem_mark=node.start_mark) from error
 
-    def _mapping(self, node: MappingNode, path: KeyPath, lines: dict[KeyPath, int]) -> dict[str, Any]:
+    def _mapping(self, node: MappingNode, path: KeyPath,
+                 lines: dict[KeyPath, int]) -> dict[str, Any]:
         seen: dict[str, int] = {}
         own, merged = {}, {}
         for key, value in node.value:
@@ -97,8 +117,12 @@ class _Plain:
             if not isinstance(key, ScalarNode):
                 raise MarkedYAMLError(problem="a list or a mapping for a key", problem_mark=mark)
             if key.value in seen:
-                raise InputError(Problem((), f"duplicate key \"{key.value}\", on lines {seen[key.value]} and {mark.line + 1}",
-                                         "every key once in its mapping", "remove one of the two", self._file, mark.line + 1))
+                raise InputError(
+                    Problem((),
+                            f"duplicate key \"{key.value}\", on lines {seen[key.value]} and "
+                            f"{mark.line + 1}",
+                            "every key once in its mapping", "remove one of the two",
+                            self._file, mark.line + 1))
             seen[key.value] = mark.line + 1
             if key.tag != MERGE:
                 lines[*path, key.value] = mark.line + 1

@@ -1,21 +1,24 @@
-"""Glue that breaks: a bilinear law of traction and separation, with a damage that load steps leave behind.
+"""Glue that breaks: a bilinear law of traction and separation, with a damage that load steps leave
+behind.
 
-With the stiffness K per area, the strength σ and the toughness G, A a pair's share of the area, and on side 1
+With the stiffness K per area, the strength σ and the toughness G, A a pair's share of the area, and
+on side 1
 
     δ = (⟨d·n⟩² + |d_t|²)^½,   κ = the largest δ so far,   δ₀ = σ/K,   δ₁ = 2G/σ
     D = 0 for κ ≤ δ₀,    D = δ₁ (κ − δ₀) / (κ (δ₁ − δ₀)) up to κ = δ₁,    D = 1 beyond
     f̂ = (1 − D) K A d,   but f̂·n = K A d·n where the sides are pressed together
 
-the traction grows to σ at δ₀, falls to 0 at δ₁, and G is the area below. Unloading goes straight back to the origin. D is the
-law's own variable; κ follows from it. With F = f̂ + keq d and s(κ) = A σ (δ₁ − κ)/(δ₁ − δ₀) = (1 − D) K A κ, a pair
-whose damage grows has the κ for which
+the traction grows to σ at δ₀, falls to 0 at δ₁, and G is the area below. Unloading goes straight
+back to the origin. D is the law's own variable; κ follows from it. With F = f̂ + keq d and s(κ) = A
+σ (δ₁ − κ)/(δ₁ − δ₀) = (1 − D) K A κ, a pair whose damage grows has the κ for which
 
     (⟨F·n⟩ / (k_n κ + s))² + (|F_t| / (k_t κ + s))² = 1
 
-decreasing and convex in κ where the law falls more slowly than keq rises, so that Newton's method goes there from below.
-Where it falls faster the pair breaks at once.
+decreasing and convex in κ where the law falls more slowly than keq rises, so that Newton's method
+goes there from below. Where it falls faster the pair breaks at once.
 
-Reference: Camanho & Dávila, NASA/TM-2002-211737 (2002), for equal strengths and toughnesses of all modes.
+Reference: Camanho & Dávila, NASA/TM-2002-211737 (2002), for equal strengths and toughnesses of all
+modes.
 """
 
 from __future__ import annotations
@@ -42,9 +45,11 @@ FINAL = 1e-14  # change of κ, relative, that is none
 class CohesiveEntry(Entry):
     """Glue that breaks."""
 
-    stiffness: Positive = Field(description="stiffness of the undamaged glue, above 0: force per area and per length")
+    stiffness: Positive = Field(
+        description="stiffness of the undamaged glue, above 0: force per area and per length")
     strength: Positive = Field(description="largest traction, above 0: force per area")
-    toughness: Positive = Field(description="energy per area that breaking takes, above strength²/(2 stiffness)")
+    toughness: Positive = Field(
+        description="energy per area that breaking takes, above strength²/(2 stiffness)")
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
@@ -52,8 +57,11 @@ class CohesiveEntry(Entry):
         if all(isinstance(x, int | float) and x > 0 for x in given):
             stiffness, strength, toughness = given
             if toughness <= (least := strength**2 / (2 * stiffness)):
-                yield ("toughness", f"toughness {toughness:g} of glue that has stored {least:g} when it begins to yield",
-                       "a toughness above strength²/(2 stiffness)", f"raise it above {least:g}, or raise the stiffness")
+                yield ("toughness",
+                       f"toughness {toughness:g} of glue that has stored {least:g} when it begins "
+                       "to yield",
+                       "a toughness above strength²/(2 stiffness)",
+                       f"raise it above {least:g}, or raise the stiffness")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,23 +80,29 @@ class Cohesive(Law):
     meaning = "glue that breaks: traction up to the strength, then less, until the toughness is spent"
     statuses = (INTACT, DAMAGED, BROKEN, BONDED)
     variables = (Variable("damage", "0 where the glue is whole, 1 where it is broken"),)
-    measures = (Measure("glue", "glue", "max |f − (1 − D) K A d| k_eq / (k_eq + (1 − D) K A) / A / max |f| / A",
-                        "forces that do not belong to how far the glue is drawn", pressure=1),)
+    measures = (
+        Measure("glue", "glue",
+                "max |f − (1 − D) K A d| k_eq / (k_eq + (1 − D) K A) / A / max |f| / A",
+                "forces that do not belong to how far the glue is drawn", pressure=1),)
 
     @property
     def rigidity(self) -> float:
         return self.stiffness
 
     @classmethod
-    def of(cls, entry: CohesiveEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Cohesive:
+    def of(cls, entry: CohesiveEntry, count: int, direction: float,
+           distance: np.ndarray | None = None) -> Cohesive:
         return cls(entry.stiffness, entry.strength, entry.toughness)
 
-    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+    def parameters(self, chosen: np.ndarray, length: np.ndarray,
+                   area: np.ndarray) -> dict[str, np.ndarray]:
         first, last = self.strength / self.stiffness, 2 * self.toughness / self.strength
-        return {"stiff": self.stiffness * area, "first": np.full(len(area), first), "last": np.full(len(area), last)}
+        return {"stiff": self.stiffness * area, "first": np.full(len(area), first),
+                "last": np.full(len(area), last)}
 
     @staticmethod
-    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+    def force(points: Points, F: np.ndarray, previous: np.ndarray,
+              derivative: bool = False) -> Answer:
         """f̂, and the damage that it leaves."""
         before, stiff = points["damage"], points["stiff"]
         F_n = points.along(F)
@@ -96,7 +110,8 @@ class Cohesive(Law):
         shear = norm(F_t)
         kappa = _reached(points, before)
         whole = (1 - before) * stiff
-        grows = np.flatnonzero(np.hypot(pull / (points.stiff_n + whole), shear / (points.stiff_t + whole)) > kappa)
+        grows = np.flatnonzero(np.hypot(pull / (points.stiff_n + whole),
+                                        shear / (points.stiff_t + whole)) > kappa)
         kappa[grows] = _grown(points.some(grows), kappa[grows], pull[grows], shear[grows])
         damage = before.copy()
         damage[grows] = _damage(points["first"], points["last"], kappa)[grows]
@@ -104,17 +119,21 @@ class Cohesive(Law):
         normal = np.where(F_n > 0, across, stiff)
         along, aside = normal / (points.stiff_n + normal), across / (points.stiff_t + across)
         answer = Answer(points.scaled(along, aside, F),
-                        np.where(damage >= 1, BROKEN, np.where(damage > 0, DAMAGED, INTACT)), own={"damage": damage})
+                        np.where(damage >= 1, BROKEN, np.where(damage > 0, DAMAGED, INTACT)),
+                        own={"damage": damage})
         if derivative:
             answer.active = np.arange(len(points))
             answer.derivative = points.blocks(along, aside)
             at = grows[damage[grows] < 1]
-            answer.derivative[..., at] += _softening(points.some(at), kappa[at], np.where(F_n > 0, F_n, 0.0)[at], F_t[:, at])
+            answer.derivative[..., at] += _softening(points.some(at), kappa[at],
+                                                     np.where(F_n > 0, F_n, 0.0)[at], F_t[:, at])
         return answer
 
     @staticmethod
     def carries(points: Points) -> Carries:
-        """Any pressure, and a pull or a shear up to what the damage of the load step before has left."""
+        """Any pressure, and a pull or a shear up to what the damage of the load step before has
+        left.
+        """
         result = Carries.anything(len(points))
         result.side = np.full(len(points), -1.0)
         result.limit = _falls(points) * (points["last"] - _reached(points, points["damage"]))
@@ -126,13 +145,17 @@ class Cohesive(Law):
         d_n, across = points.along(at.jump), (1 - at.own["damage"]) * points["stiff"]
         normal = np.where(d_n > 0, across, points["stiff"])
         e = at.force - points.scaled(normal, across, at.jump)
-        e = points.scaled(points.stiff_n / (points.stiff_n + normal), points.stiff_t / (points.stiff_t + across), e)
+        e = points.scaled(points.stiff_n / (points.stiff_n + normal),
+                          points.stiff_t / (points.stiff_t + across), e)
         return norm(at.force) / points.area, {"glue": norm(e) / points.area}
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
-        """Node by node, relative to the largest traction and to that of whole glue drawn by the largest displacement."""
+        """Node by node, relative to the largest traction and to that of whole glue drawn by the
+        largest displacement.
+        """
         left = (1 - at.own["damage"]) * self.stiffness
-        normal = -at.pressure * at.length - np.where(at.opening > 0, left, self.stiffness) * at.opening / at.length
+        normal = -at.pressure * at.length - np.where(at.opening > 0, left,
+                                                     self.stiffness) * at.opening / at.length
         shear = np.linalg.norm(at.shear - left[..., None] * at.slip, axis=2)
         worst = max(np.abs(normal).max(initial=0.0), shear.max(initial=0.0))
         return {"the glue's law": worst / (pressure + self.stiffness * length)}
@@ -173,12 +196,15 @@ def _grown(points: Points, kappa: np.ndarray, pull: np.ndarray, shear: np.ndarra
 
 
 def _softening(points: Points, kappa: np.ndarray, F_n: np.ndarray, F_t: np.ndarray) -> np.ndarray:
-    """(3, 3, Q) what ∂f̂/∂F has beside that at constant damage: by how much κ grows, and what that takes from f̂."""
+    """(3, 3, Q) what ∂f̂/∂F has beside that at constant damage: by how much κ grows, and what that
+    takes from f̂.
+    """
     falls = _falls(points)
     s = falls * (points["last"] - kappa)
     N, M = points.stiff_n * kappa + s, points.stiff_t * kappa + s
     slope_n, slope_t = points.stiff_n - falls, points.stiff_t - falls
     pulled = (F_n / N**2) * points.normal + F_t / M**2
     growth = pulled / (F_n**2 / N**3 * slope_n + dot(F_t, F_t) / M**3 * slope_t)
-    taken = F_n * (falls * N + s * slope_n) / N**2 * points.normal + (falls * M + s * slope_t) / M**2 * F_t
+    taken = F_n * (falls * N + s * slope_n) / N**2 * points.normal + (
+        falls * M + s * slope_t) / M**2 * F_t
     return -taken[:, None, :] * growth

@@ -34,24 +34,32 @@ OPEN = Status(OPENS, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
 STICK = Status(STICKS, "stick", "#0072B2", Hold.PRESSED, Hold.PRESSED)
 SLIP = Status(SLIPS, "slip", "#E69F00", Hold.PRESSED, Hold.NEVER)
 
-Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
+Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str),
+             "a number, or geometry")
 
 
 class ContactEntry(Entry):
     """Unilateral contact with Coulomb friction."""
 
-    friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above; none: 0")
+    friction: float | None = Field(None, ge=0,
+                                   description="Coulomb's coefficient, 0 or above; none: 0")
     gap: Gap | None = Field(None, description=(
-        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0, and geometry beside between: auto"))
-    within: Positive | None = Field(None, description=("search distance of gap: geometry, a length; none: twice the local element size"))
+        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: "
+        "0, and geometry beside between: auto"))
+    within: Positive | None = Field(None,
+                                    description=(
+                                        "search distance of gap: geometry, a length; none: twice "
+                                        "the local element size"))
     pairing: Literal["auto", "fixed", "follow"] = Field("auto", description=(
-        "fixed: what lies opposite each other before loading stays paired, for sliding below an element; follow: paired anew "
-        "where the sides have slid to, load step after load step; auto: fixed, and solved again with those that follow that have slid "
-        "by more than a fifth of an element, where they can"))
+        "fixed: what lies opposite each other before loading stays paired, for sliding below an "
+        "element; follow: paired anew where the sides have slid to, load step after load step; "
+        "auto: fixed, and solved again with those that follow that have slid by more than a fifth "
+        "of an element, where they can"))
 
     @property
     def apart(self) -> str:
-        return "gap" if self.gap == "geometry" or ((self.found or self.tool) and self.gap is None) else ""
+        return "gap" if self.gap == "geometry" or ((self.found or self.tool)
+                                                   and self.gap is None) else ""
 
     @property
     def reach(self) -> float | None:
@@ -73,12 +81,15 @@ class ContactEntry(Entry):
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         between = raw.get("between")
         with_tool = isinstance(between, list) and any(isinstance(side, dict) for side in between)
-        read = raw.get("gap") == "geometry" or (raw.get("gap") is None and (between == "auto" or with_tool))
+        read = raw.get("gap") == "geometry" or (raw.get("gap") is None
+                                                and (between == "auto" or with_tool))
         if raw.get("history") is not None and not with_tool and (read or not raw.get("gap")):
-            yield ("history", "history without a gap to multiply", "history beside a gap that is a number other than 0",
+            yield ("history", "history without a gap to multiply",
+                   "history beside a gap that is a number other than 0",
                    "give the gap as a number, or remove the history")
         if raw.get("within") is not None and not read:
-            yield ("within", "within without gap: geometry", "within beside gap: geometry only", "remove within, or write gap: geometry")
+            yield ("within", "within without gap: geometry", "within beside gap: geometry only",
+                   "remove within, or write gap: geometry")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +107,19 @@ class Contact(Law):
 
     name = "contact"
     Parameters = ContactEntry
-    formula = ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where equal: slip along f_t")
+    formula = (
+        "g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where "
+        "equal: slip along f_t")
     meaning = "unilateral contact with Coulomb friction"
     statuses = (OPEN, STICK, SLIP, BONDED)
-    measures = (Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ", "sides inside each other", length=1),
-        Measure("tension", "tension", "max (n·f / A) / max pressure", "sides that pull each other", pressure=1),
+    measures = (Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ",
+                        "sides inside each other", length=1),
+        Measure("tension", "tension", "max (n·f / A) / max pressure", "sides that pull each other",
+                pressure=1),
         Measure("cone", "cone violation", "max (|f_t| − μ |f_n|) / A / max pressure",
                 "more friction than Coulomb's law allows", pressure=1),
-        Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
+        Measure("slip_direction", "slip direction",
+                "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1))
 
     prices, slips = True, True
@@ -124,31 +140,40 @@ class Contact(Law):
     def imposed(self) -> float:
         return float(np.max(-self.gap, initial=0.0))
 
-    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray,
+                chosen: np.ndarray) -> np.ndarray:
         """Depth of the sides inside each other where all that the normal has is prescribed."""
         told = (known | (np.abs(normal) < 1e-6)).all(axis=1)
-        return np.where(told, np.maximum(-(self.gap[chosen] + np.einsum("pc,pc->p", normal, jump)), 0.0), 0.0)
+        return np.where(told,
+                        np.maximum(-(self.gap[chosen] + np.einsum("pc,pc->p", normal, jump)), 0.0),
+                        0.0)
 
     @property
     def caution(self) -> str:
-        return (f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
-                "convergence is not assured" if self.friction > 1 else "")
+        return (
+            f"with friction {self.friction:g}: above 1, which few surfaces have, and with which "
+            "convergence is not assured" if self.friction > 1 else "")
 
     @classmethod
-    def of(cls, entry: ContactEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Contact:
+    def of(cls, entry: ContactEntry, count: int, direction: float,
+           distance: np.ndarray | None = None) -> Contact:
         if entry.apart:  # faces that are shared touch: a gap read from the geometry is zero there
             gap = np.zeros(count) if distance is None else distance
         else:
             gap = np.full(count, float(entry.gap or 0.0))
         return cls(float(entry.friction or 0.0), gap, entry.follows)
 
-    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+    def parameters(self, chosen: np.ndarray, length: np.ndarray,
+                   area: np.ndarray) -> dict[str, np.ndarray]:
         """Beside a shorter normal both the gap and the coefficient are larger."""
         return {"gap": self.gap[chosen] / length, "friction": self.friction / length}
 
     @staticmethod
-    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-        """The force a contact carries; the tangential part of ``previous`` is where friction sticks."""
+    def force(points: Points, F: np.ndarray, previous: np.ndarray,
+              derivative: bool = False) -> Answer:
+        """The force a contact carries; the tangential part of ``previous`` is where friction
+        sticks.
+        """
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
         most = points.own.get("most", NONE)
         given = (*points.search, points["gap"], points["friction"], most), F, previous
@@ -165,7 +190,9 @@ class Contact(Law):
 
     @staticmethod
     def lagged(points: Points, force: np.ndarray) -> Points:
-        """The points with friction of at most what μ allows under these forces: Tresca's law, which is convex."""
+        """The points with friction of at most what μ allows under these forces: Tresca's law, which
+        is convex.
+        """
         push = np.maximum(-points.along(force), 0.0)
         return replace(points, own=points.own | {"most": points["friction"] * push})
 
@@ -175,37 +202,52 @@ class Contact(Law):
         return Carries.pressed(points.normal, points["friction"], apart=points["gap"])
 
     @staticmethod
-    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """p g, and what friction at most s = μ p would take of the slip Δ beyond what the force does: s |Δ| − f_t·Δ."""
-        push, slip, shear = -points.along(force), points.across(jump - previous), points.across(force)
+    def duality_gap(points: Points, force: np.ndarray, jump: np.ndarray,
+                    previous: np.ndarray) -> np.ndarray:
+        """p g, and what friction at most s = μ p would take of the slip Δ beyond what the force
+        does: s |Δ| − f_t·Δ.
+        """
+        push, slip, shear = -points.along(force), points.across(jump - previous), points.across(
+            force)
         opened = points["gap"] + points.along(jump)
-        opened = np.where(opened > TOUCHES * (np.abs(points["gap"]) + np.abs(push) / points.stiff_n), opened, 0.0)
+        opened = np.where(opened > TOUCHES
+                          * (np.abs(points["gap"]) + np.abs(push) / points.stiff_n), opened, 0.0)
         far, size = norm(slip), norm(shear)
         size = np.where(size > TOUCHES * np.abs(push), size, 0.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             way = np.where(size > 0, shear / size, 0.0)
             along = dot(slip, way)
             aside = slip - along * way
-            lost = np.where(along > 0, dot(aside, aside) / (far + along), far - along)  # |Δ| − e·Δ without a difference
-        return push * opened + np.maximum(points["friction"] * push - size, 0.0) * far + np.where(size > 0, size * lost, 0.0)
+            # |Δ| − e·Δ without a difference
+            lost = np.where(along > 0, dot(aside, aside) / (far + along), far - along)
+        return push * opened + np.maximum(points["friction"] * push - size,
+                                          0.0) * far + np.where(size > 0, size * lost, 0.0)
 
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Pressures, and the four measures; load step after load step, as arrays of all are no better than memory."""
+        """Pressures, and the four measures; load step after load step, as arrays of all are no
+        better than memory.
+        """
         gap, friction, largest = points["gap"], points["friction"], []
-        for t, (force, jump, answered, status) in enumerate(zip(at.force, at.jump, at.answered, at.status)):
-            traction, slip = force / points.area, points.across(answered - (at.answered[t - 1] if t else at.before))
+        for t, (force, jump, answered,
+                status) in enumerate(zip(at.force, at.jump, at.answered, at.status)):
+            traction, slip = force / points.area, points.across(
+                answered - (at.answered[t - 1] if t else at.before))
             pressed, shear = points.along(traction), points.across(traction)
             size, inside = norm(shear), -(gap + points.along(jump))
             inside = np.where(inside > TOUCHES * np.abs(gap), inside, 0.0)
-            rubbed = np.where((status == SLIPS) & (friction > 0), size * norm(slip) - dot(shear, slip), 0.0)
+            rubbed = np.where((status == SLIPS) & (friction > 0),
+                              size * norm(slip) - dot(shear, slip), 0.0)
             largest.append([np.max(x, initial=0.0) for x in (np.abs(pressed), inside, pressed,
-                                                             size - friction * np.maximum(-pressed, 0.0), rubbed)])
+                                                             size - friction
+                                                             * np.maximum(-pressed, 0.0), rubbed)])
         pressure, *measures = np.max(np.reshape(largest, (-1, 5)), axis=0)[:, None]
         return pressure, dict(zip(("penetration", "tension", "cone", "slip_direction"), measures))
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
-        """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open gap."""
+        """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open
+        gap.
+        """
         gap, push = (self.gap[at.chosen] + at.opening) / length, at.pressure / pressure
         shear = np.linalg.norm(at.shear, axis=2) / pressure
         return {"penetration": np.max(-gap, initial=0.0), "tension": np.max(-push, initial=0.0),

@@ -15,8 +15,8 @@ OPENS, STICKS, SLIPS = 0, 1, 2  # numbers of the statuses
 def forces(start, stop, points, F, previous, force, status):
     """Write f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop.
 
-    points : normal, stiff_n and stiff_t as in ``Points``, gap, friction, and how much friction there
-        is at most where that is given, else (0,)
+    points : normal, stiff_n and stiff_t as in ``Points``, gap, friction, and how much friction
+        there is at most where that is given, else (0,)
     """
     normal, stiff_n, stiff_t, gap, friction, most = points
     part = slice(start, stop)  # of the points
@@ -79,5 +79,6 @@ def slopes(start, stop, points, F, previous, active, slope):
             e[c] = e[c] / size if size > 0.0 else 0.0
         for c in range(3):
             for d in range(3):
-                slope[c, d, r] = ((along - turn) * n[c] - steep * e[c]) * n[d] - curved * e[c] * e[d]
+                slope[c, d, r] = ((along - turn) * n[c] - steep
+                                  * e[c]) * n[d] - curved * e[c] * e[d]
             slope[c, c, r] += turn

@@ -32,16 +32,19 @@ class Perfect(Law):
         return np.zeros(3)
 
     @classmethod
-    def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Perfect:
+    def of(cls, entry: Entry, count: int, direction: float,
+           distance: np.ndarray | None = None) -> Perfect:
         return cls()
 
     @staticmethod
-    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+    def force(points: Points, F: np.ndarray, previous: np.ndarray,
+              derivative: bool = False) -> Answer:
         """f̂ = F."""
         count = F.shape[1]
         answer = Answer(F, np.full(count, BONDED))
         if derivative:
-            answer.active, answer.derivative = np.arange(count), np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
+            answer.active, answer.derivative = np.arange(count), np.broadcast_to(
+                np.eye(3)[:, :, None], (3, 3, count))
         return answer
 
 
@@ -54,7 +57,8 @@ class JumpEntry(Entry):
     per_step: ClassVar[tuple[str, ...]] = ("jump",)
 
     jump: Imposed = Field(description=(
-        "imposed jump from the first part to the second: three numbers, as [0, 0, 0.01], or a list of such, one per load step"))
+        "imposed jump from the first part to the second: three numbers, as [0, 0, 0.01], or a "
+        "list of such, one per load step"))
 
     @property
     def scaled(self) -> tuple[str, ...]:
@@ -68,7 +72,9 @@ class JumpEntry(Entry):
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         if raw.get("between") == "auto":
-            yield ("between", "auto beside law: jump", "the names of two parts: the jump leads from the first to the second", "name them")
+            yield ("between", "auto beside law: jump",
+                   "the names of two parts: the jump leads from the first to the second",
+                   "name them")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +101,16 @@ class Jump(Law):
         return self.jump
 
     @classmethod
-    def of(cls, entry: JumpEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
+    def of(cls, entry: JumpEntry, count: int, direction: float,
+           distance: np.ndarray | None = None) -> Jump:
         return cls(direction * np.asarray(entry.jump, dtype=float))
 
-    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+    def parameters(self, chosen: np.ndarray, length: np.ndarray,
+                   area: np.ndarray) -> dict[str, np.ndarray]:
         return {"jump": np.repeat(self.jump[:, None], len(chosen), axis=1)}
 
     @staticmethod
-    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+    def force(points: Points, F: np.ndarray, previous: np.ndarray,
+              derivative: bool = False) -> Answer:
         """f̂ = F − keq d₀: bonded, as seen from the jump."""
         return Perfect.force(points, F - points.stiffness(points["jump"]), previous, derivative)

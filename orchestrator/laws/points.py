@@ -1,8 +1,10 @@
-"""The node pairs a law works on, what it answers, and what a pair does: its status, a number for the files, a name and a colour for
-people, and what it holds. Each law declares its own; ``BONDED`` is everybody's, as nodes that boundary conditions prescribe on both
-sides are bonded whatever the law.
+"""The node pairs a law works on, what it answers, and what a pair does: its status, a number for
+the files, a name and a colour for
+people, and what it holds. Each law declares its own; ``BONDED`` is everybody's, as nodes that
+boundary conditions prescribe on both sides are bonded whatever the law.
 
-Vectors are rows of components, (3, P): numpy is several times faster along long rows than across short ones.
+Vectors are rows of components, (3, P): numpy is several times faster along long rows than across
+short ones.
 """
 
 from __future__ import annotations
@@ -62,8 +64,9 @@ def table(laws: Iterable) -> list[Status]:
         for status in law.statuses:
             known = found.setdefault(int(status), status)
             if known.name != status.name:
-                raise ValueError(f"law {law.name}: status {int(status)} is called {status.name!r}, but it is "
-                                 f"{known.name!r} elsewhere; take another number")
+                raise ValueError(
+                    f"law {law.name}: status {int(status)} is called {status.name!r}, but it is "
+                    f"{known.name!r} elsewhere; take another number")
     return [found[number] for number in sorted(found)]
 
 
@@ -75,10 +78,12 @@ class Points:
     stiff_n, stiff_t : (P,) keq = k₁k₂/(k₁ + k₂) of the search direction, along n and across it
     area : (P,) share of the interface's area
     own : name → (…, P), the law's parameters
-    stepped : name → (T, …, P), those of them that differ from load step to load step, at all steps of the scene
+    stepped : name → (T, …, P), those of them that differ from load step to load step, at all steps
+        of the scene
     interface : (P,) int, which interface each is on, for laws whose pairs answer together
 
-    ``points[name]`` is a parameter, or one of the law's own variables at the end of the load step before.
+    ``points[name]`` is a parameter, or one of the law's own variables at the end of the load step
+    before.
     """
 
     normal: np.ndarray
@@ -97,19 +102,24 @@ class Points:
 
     def some(self, part: slice | np.ndarray) -> Points:
         """Some of the points."""
-        return Points(np.ascontiguousarray(self.normal[:, part]), self.stiff_n[part], self.stiff_t[part], self.area[part],
-                      *({name: values[..., part] for name, values in own.items()} for own in (self.own, self.stepped)),
+        return Points(np.ascontiguousarray(self.normal[:, part]), self.stiff_n[part],
+                      self.stiff_t[part], self.area[part],
+                      *({name: values[..., part] for name, values in own.items()}
+                        for own in (self.own, self.stepped)),
                       interface=self.interface[part] if len(self.interface) else self.interface)
 
     def at(self, step: float, before: Mapping[str, np.ndarray] | None = None) -> Points:
-        """The points at a load step, counted from 0, or at a part of one: with the law's parameters, and its variables ``before`` it."""
+        """The points at a load step, counted from 0, or at a part of one: with the law's
+        parameters, and its variables ``before`` it.
+        """
         if not self.stepped and not before:
             return self
         own = self.own | (self._at(step) if self.stepped else {}) | dict(before or {})
         return replace(self, own=own, stepped={})
 
     def _at(self, step: float) -> dict[str, np.ndarray]:
-        """Parameters between two load steps in proportion; before the first one, and where what is no number changes, as of a bolt
+        """Parameters between two load steps in proportion; before the first one, and where what is
+        no number changes, as of a bolt
         that is locked, the later ones."""
         later = math.ceil(step)
         share = later - step
@@ -119,8 +129,10 @@ class Points:
         for values in self.stepped.values():
             if values.dtype != float:
                 same &= (values[later] == values[later - 1]).reshape(-1, len(self)).all(axis=0)
-        return {name: np.where(same, share * values[later - 1] + (1 - share) * values[later], values[later])
-                if values.dtype == float else values[later] for name, values in self.stepped.items()}
+        return {name: np.where(same, share * values[later - 1] + (1 - share) * values[later],
+                               values[later])
+                if values.dtype == float else values[later]
+                for name, values in self.stepped.items()}
 
     @property
     def search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -137,7 +149,8 @@ class Points:
 
     def scaled(self, normal: np.ndarray, aside: np.ndarray, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) x times ``normal`` (…, P) along the normal and ``aside`` (…, P) across it."""
-        return aside[..., None, :] * x + ((normal - aside) * self.along(x))[..., None, :] * self.normal
+        return aside[..., None, :] * x + ((normal - aside)
+                                          * self.along(x))[..., None, :] * self.normal
 
     def blocks(self, normal: np.ndarray, aside: np.ndarray) -> np.ndarray:
         """(3, 3, P) the matrices of ``scaled``."""
@@ -151,7 +164,8 @@ class Points:
 
     def compliance(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) x / keq."""
-        return x / self.stiff_t + ((1 / self.stiff_n - 1 / self.stiff_t) * self.along(x))[..., None, :] * self.normal
+        return x / self.stiff_t + ((1 / self.stiff_n - 1 / self.stiff_t)
+                                   * self.along(x))[..., None, :] * self.normal
 
 
 @dataclass
@@ -176,7 +190,8 @@ class Answer:
 
 @dataclass
 class Collective:
-    """The pairs' joint share of the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one group.
+    """The pairs' joint share of the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one
+    group.
 
     group : (R,) int, of the pairs ``at``; all pairs of a group belong to one interface
     at : (R,) int, ascending within a group
@@ -197,16 +212,21 @@ class Collective:
 
 @dataclass
 class Carries:
-    """The forces λ on side 1 that a law allows at P points, whatever the sides do, as far as rigid bodies are concerned:
+    """The forces λ on side 1 that a law allows at P points, whatever the sides do, as far as rigid
+    bodies are concerned:
 
         λ = q s n + x,    q ≥ 0,    x along ``directions``,    |x| ≤ limit + friction q
 
-    directions : (3, 3, P) at [which, component, P], orthonormal or zero; where the limit is infinite they need not be
-    side : (P,) s: −1 where sides push each other, 1 where they pull, 0 where there is neither beside x
+    directions : (3, 3, P) at [which, component, P], orthonormal or zero; where the limit is
+        infinite they need not be
+    side : (P,) s: −1 where sides push each other, 1 where they pull, 0 where there is neither
+        beside x
     limit : (P,) force; infinite: any
     friction : (P,)
-    motions : (m, 3, P) jumps that all points of an interface together make freely, beside x of no limit: a bolt's shortening
-    works : (m, P) what the law's force does in each, at all points together; the same at all points of an interface
+    motions : (m, 3, P) jumps that all points of an interface together make freely, beside x of no
+        limit: a bolt's shortening
+    works : (m, P) what the law's force does in each, at all points together; the same at all points
+        of an interface
     apart : (P,) how far apart sides that push each other are before loading, a length
     """
 
@@ -221,19 +241,23 @@ class Carries:
     @classmethod
     def anything(cls, count: int) -> Carries:
         """Any force, at so many points."""
-        return cls(np.repeat(np.eye(3)[:, :, None], count, axis=2), np.zeros(count), np.full(count, np.inf), np.zeros(count),
+        return cls(np.repeat(np.eye(3)[:, :, None], count, axis=2), np.zeros(count),
+                   np.full(count, np.inf), np.zeros(count),
                    np.zeros((0, 3, count)), np.zeros((0, count)), np.zeros(count))
 
     @classmethod
-    def pressed(cls, normal: np.ndarray, friction: np.ndarray | float = 0.0, side: np.ndarray | float = -1.0,
+    def pressed(cls, normal: np.ndarray, friction: np.ndarray | float = 0.0,
+                side: np.ndarray | float = -1.0,
                 limit: np.ndarray | float = 0.0, apart: np.ndarray | float = 0.0) -> Carries:
         """A push (or pull) along normals (3, P), and what goes across them."""
         count = normal.shape[1]
         first = np.cross(normal.T, np.eye(3)[np.argmin(np.abs(normal), axis=0)]).T
         first = first / norm(first)
         across = np.stack([first, np.cross(normal.T, first.T).T, np.zeros_like(first)])
-        side, limit, friction, apart = (np.broadcast_to(np.asarray(x, float), count).copy() for x in (side, limit, friction, apart))
-        return cls(across, side, limit, friction, np.zeros((0, 3, count)), np.zeros((0, count)), apart)
+        side, limit, friction, apart = (np.broadcast_to(np.asarray(x, float), count).copy()
+                                        for x in (side, limit, friction, apart))
+        return cls(across, side, limit, friction, np.zeros((0, 3, count)), np.zeros((0, count)),
+                   apart)
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

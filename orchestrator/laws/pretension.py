@@ -1,13 +1,14 @@
-"""Pretension: across a cut through a bolt the whole force along its axis is given, then the length that goes with it.
+"""Pretension: across a cut through a bolt the whole force along its axis is given, then the length
+that goes with it.
 
-The cut's sides do not move across the axis, and along it all of them by the same unknown d. With n from side 1 to side 2,
-and the force N > 0 of a bolt that is pulled,
+The cut's sides do not move across the axis, and along it all of them by the same unknown d. With n
+from side 1 to side 2, and the force N > 0 of a bolt that is pulled,
 
     tightened   Σ f̂·n = N,   d_n = d at all pairs:   d = (Σ F·n − N) / Σ keq_n,   f̂ = F − keq d n
     locked      d as it was at the end of the load step before:                  f̂ = F − keq d_before
 
-so that −d > 0 is what tightening has taken off the bolt's length. It is the pretension node of other codes: one unknown
-per bolt and load step, which the local stage finds in closed form.
+so that −d > 0 is what tightening has taken off the bolt's length. It is the pretension node of
+other codes: one unknown per bolt and load step, which the local stage finds in closed form.
 """
 
 from __future__ import annotations
@@ -31,10 +32,11 @@ LOCKED = Status(8, "locked", "#009E73", Hold.ALWAYS, Hold.ALWAYS)
 class PretensionEntry(Entry):
     """The force of a bolt, and what comes after it."""
 
-    force: Positive = Field(description="pretension, above 0: the force that pulls at the bolt while it is tightened")
+    force: Positive = Field(
+        description="pretension, above 0: the force that pulls at the bolt while it is tightened")
     then: Literal["locked", "force"] = Field("locked", description=(
-        "locked: from the load step after the last change of its history the bolt keeps its length; force: its force is "
-        "what the history says at all load steps"))
+        "locked: from the load step after the last change of its history the bolt keeps its "
+        "length; force: its force is what the history says at all load steps"))
 
     @property
     def scaled(self) -> tuple[str, ...]:
@@ -43,7 +45,8 @@ class PretensionEntry(Entry):
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         if raw.get("between") == "auto":
-            yield ("between", "auto beside law: pretension", "the names of the two parts that the force pulls together",
+            yield ("between", "auto beside law: pretension",
+                   "the names of the two parts that the force pulls together",
                    "name them, or name the bolt under bolts:")
 
     @classmethod
@@ -59,7 +62,8 @@ class PretensionEntry(Entry):
         begun = next((t for t, x in enumerate(factors) if x), len(factors))
         last = next(t for t in range(len(factors)) if all(x == factors[t] for x in factors[t:]))
         given = [t >= begun and (self.then == "force" or t <= last) for t in range(len(factors))]
-        return [self.model_copy(update={"force": x * self.force if by_force else None}) for x, by_force in zip(factors, given)]
+        return [self.model_copy(update={"force": x * self.force if by_force else None})
+                for x, by_force in zip(factors, given)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,40 +82,50 @@ class Pretension(Law):
     as_one = axial = joins = True
     pairwise = False
     statuses = (TIGHTENED, LOCKED, BONDED)
-    measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N", "bolts whose force is not what is prescribed"),)
+    measures = (Measure("bolt_force", "bolt force", "max |Σ f·n − N| / N",
+                        "bolts whose force is not what is prescribed"),)
 
     @classmethod
-    def of(cls, entry: PretensionEntry, count: int, direction: float, distance: np.ndarray | None = None) -> Pretension:
+    def of(cls, entry: PretensionEntry, count: int, direction: float,
+           distance: np.ndarray | None = None) -> Pretension:
         return cls(entry.force)
 
     @property
     def acts(self) -> bool:
         return bool(self.pull)
 
-    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+    def parameters(self, chosen: np.ndarray, length: np.ndarray,
+                   area: np.ndarray) -> dict[str, np.ndarray]:
         by_force = self.pull is not None
-        return {"pull": np.full(len(chosen), self.pull if by_force else 0.0), "tightened": np.full(len(chosen), by_force)}
+        return {"pull": np.full(len(chosen), self.pull if by_force else 0.0),
+                "tightened": np.full(len(chosen), by_force)}
 
     @staticmethod
-    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+    def force(points: Points, F: np.ndarray, previous: np.ndarray,
+              derivative: bool = False) -> Answer:
         """f̂ = F − keq d, interface by interface."""
         by_force = points["tightened"]
         group = np.unique(points.interface, return_inverse=True)[1]
         stiffness = np.bincount(group, weights=points.stiff_n)
-        d = (np.bincount(group, weights=points.along(F)) - _one_each(group, points["pull"])) / stiffness
-        force = F - np.where(by_force, points.stiff_n * d[group] * points.normal, points.stiffness(previous))
+        d = (np.bincount(group, weights=points.along(F))
+             - _one_each(group, points["pull"])) / stiffness
+        force = F - np.where(by_force, points.stiff_n * d[group] * points.normal,
+                             points.stiffness(previous))
         answer = Answer(force, np.where(by_force, TIGHTENED, LOCKED))
         if derivative:
             answer.active = np.arange(len(points))
             answer.derivative = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, len(points)))
             at = np.flatnonzero(by_force)
             share = (points.stiff_n / stiffness[group])[at]
-            answer.collective = Collective(group[at], at, share * points.normal[:, at], points.normal[:, at])
+            answer.collective = Collective(group[at], at, share * points.normal[:, at],
+                                           points.normal[:, at])
         return answer
 
     @staticmethod
     def carries(points: Points) -> Carries:
-        """Anything across the axis, and along it the force that is given, or any once the bolt is locked."""
+        """Anything across the axis, and along it the force that is given, or any once the bolt is
+        locked.
+        """
         result, by_force = Carries.anything(len(points)), points["tightened"]
         result.motions = np.where(by_force, points.normal, 0.0)[None]
         result.works = np.where(by_force, points["pull"], 0.0)[None]

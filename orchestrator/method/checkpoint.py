@@ -1,14 +1,16 @@
 """What a stopped run goes on from: one ``Checkpoint`` after each iteration.
 
-It has the evaluation of the fixed point that the iteration was, what the coarse problem and the monitors remember, and where an
-increment of load steps has ended its fields. The acceleration is not in it: it begins anew and takes in the last evaluations once
-more. Arrays are named ``kind/name`` by how their columns are numbered:
+It has the evaluation of the fixed point that the iteration was, what the coarse problem and the
+monitors remember, and where an increment of load steps has ended its fields. The acceleration is
+not in it: it begins anew and takes in the last evaluations once more. Arrays are named
+``kind/name`` by how their columns are numbered:
 
 - ``trace``, ``boundary``  (T, D) and (T, B), the columns as in ``TraceSpace``;
 - ``macro``                (T, size), as in ``Macro``; several ranks may have the same ones;
 - ``common``               the same on all ranks.
 
-Each rank has its own columns, and knows which ones of the whole scene's they are: a run may go on with another number of ranks.
+Each rank has its own columns, and knows which ones of the whole scene's they are: a run may go on
+with another number of ranks.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ _EVALUATED = ("trace/s", "boundary/u", "macro/alpha")
 _DELIVERED = tuple(f"{kind}/delivered.{name}" for kind, name in zip(
     ("trace", "boundary", "macro", "trace", "trace"), ("s", "u", "alpha", "w", "f")))
 _ANCHOR = "trace/delivered.anchor"
-Numbers = Mapping[str, np.ndarray]  # kind → number of each of this rank's columns in the whole scene
+# kind → number of each of this rank's columns in the whole scene
+Numbers = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Checkpoint:
 
     iteration : linear stages after set-up
     increment : of load steps, which one
-    evaluations : of how many of the last iterations the evaluations are needed; 0: ``trace/s`` is the next state
+    evaluations : of how many of the last iterations the evaluations are needed; 0: ``trace/s`` is
+        the next state
     arrays : ``kind/name`` → array; not to be changed
     notes : numbers, texts and lists of these
     """
@@ -53,11 +57,13 @@ class Checkpoint:
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool, path: Mapping[str, Any]) -> Checkpoint:
+    def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool,
+           path: Mapping[str, Any]) -> Checkpoint:
         """After an iteration.
 
         last : no other increment follows
-        path : steps: load steps of all increments; part: of a load step, from where to where this one goes; path: see ``increments``
+        path : steps: load steps of all increments; part: of a load step, from where to where this
+            one goes; path: see ``increments``
         """
         verdict, problem = now.verdict, now.problem
         ended, met = bool(verdict.reason), bool(verdict.met)
@@ -65,7 +71,8 @@ class Checkpoint:
         if not latin.evaluations:
             arrays["trace/s"] = latin.s
         elif not (ended and met):  # nobody goes on from there
-            arrays = dict(zip(_EVALUATED, now.point.rows[:3] if problem.all_perfect else now.point.rows[:1]))
+            arrays = dict(zip(_EVALUATED, now.point.rows[:3] if problem.all_perfect
+                              else now.point.rows[:1]))
             arrays["trace/image"] = now.local.s
         notes = {"sweeps": latin.sweeps, "seconds": event.seconds, **path, "last": last, "met": met,
                  "reason": verdict.reason, "states": {}}
@@ -122,7 +129,9 @@ def go_on(latin: Latin, latest: Sequence[Checkpoint]) -> None:
     for each in latest[-last.evaluations:]:
         s, *more = (each.arrays[name] for name in _EVALUATED if name in each.arrays)
         none = np.empty((len(s), 0))
-        fields = problem.stage.complete(s, *more) if more else Admissible(s, none, none, none, none, problem.space)
+        fields = problem.stage.complete(s,
+                                        *more) if more else Admissible(
+                                            s, none, none, none, none, problem.space)
         latin.take(fields, each.arrays["trace/image"])
     latin.s = latin.acceleration.next()
 
@@ -148,15 +157,16 @@ def ended(latin: Latin, last: Checkpoint) -> Iterated:
     local = problem.local(best)
     latin.number, latin.sweeps = last.iteration, last.notes["sweeps"]
     event = Iteration.of_content(last.notes["event"], best.s)
-    return delivered(latin, (problem.stage.ended(best), local, event), (last.notes["met"], last.notes["reason"]), [])
+    return delivered(latin, (problem.stage.ended(best), local, event),
+                     (last.notes["met"], last.notes["reason"]), [])
 
 
 @dataclass(frozen=True)
 class Start:
     """Where iterations begin: from a state, or where an earlier run stood.
 
-    state : (T, D) s; None: zero, and in an increment of load steps the last state of the one before; checkpoints of increments: those
-        that they have ended with
+    state : (T, D) s; None: zero, and in an increment of load steps the last state of the one
+        before; checkpoints of increments: those that they have ended with
     iteration, sweeps : done so far, set-up not counted
     seconds : spent so far
     ended : the last checkpoint of each increment that is done
@@ -180,7 +190,8 @@ class Start:
         """
         team, numbers = d.space.team, numbers_of(d)
         start = team.share(start or Start())
-        counts = dict(zip(numbers, team.max(*(1 + own.max(initial=-1) for own in numbers.values()))))
+        counts = dict(
+            zip(numbers, team.max(*(1 + own.max(initial=-1) for own in numbers.values()))))
 
         def part(kept: Checkpoint) -> Checkpoint:
             for name, width in kept.widths.items():

@@ -53,7 +53,8 @@ class Decomposition:
     coarse : coarse contact problem, where some are not
     certificate : the energy error, where some are not and it is asked for
     nonlinear : the subdomains that are; None where none is
-    following : the interfaces that are paired anew as they slide, where there are some, see ``monitors.following``
+    following : the interfaces that are paired anew as they slide, where there are some, see
+        ``monitors.following``
     springs : ε of springs of stabilisation over that at the beginning
     """
 
@@ -81,7 +82,9 @@ class Decomposition:
 
     @property
     def all_perfect(self) -> bool:
-        """Whether there is no interface but perfect ones, and no subdomain but linear ones: the problem is linear."""
+        """Whether there is no interface but perfect ones, and no subdomain but linear ones: the
+        problem is linear.
+        """
         return self.bound is not None
 
     @property
@@ -110,7 +113,8 @@ class Decomposition:
         return fields if self.coarse is None else self.coarse(fields)
 
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
-        """Energy, continuity and error bound of fields; where laws are not perfect and none is asked for no bound.
+        """Energy, continuity and error bound of fields; where laws are not perfect and none is
+        asked for no bound.
 
         known : what judging has found already, if anything: it costs no back-substitutions then
         """
@@ -118,28 +122,33 @@ class Decomposition:
             return known
         if self.all_perfect:
             return self.bound(fields, asked=np.inf)
-        if self.certificate is not None and np.isfinite((known := self.certificate(fields)).relative):
+        if self.certificate is not None and np.isfinite(
+            (known := self.certificate(fields)).relative):
             return known
         space = self.space
         delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.loading.known)
-        energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
+        energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)),
+                                                        fields.u, space.loads(fields.f)))
         still = np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes)))
         if known is not None:  # there are no admissible fields: what is delivered is as it is
             return replace(known, energy=energy, repositioned=still, correction=delta)
         return Bound(np.nan, np.nan, energy, still, delta)
 
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
-        """The point that the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
+        """The point that the acceleration takes in: where matter is nonlinear the state that was
+        asked, as what the coarse problem has
         changed is extrapolated."""
         return fields if self.nonlinear is None else replace(fields, s=s)
 
-    def batch(self, steps: slice | np.ndarray, before: History | None = None, bound: Bound | None = None) -> Decomposition:
+    def batch(self, steps: slice | np.ndarray, before: History | None = None,
+              bound: Bound | None = None) -> Decomposition:
         """The decomposition for some of the load steps.
 
         before, bound : what the step before has left, and how those before ended; None at the start
         """
         loading = self.loading.batch(steps)
-        one = None if self.nonlinear is None else partial(self.nonlinear.put, range(self.steps)[steps][0])
+        one = None if self.nonlinear is None else partial(self.nonlinear.put,
+                                                          range(self.steps)[steps][0])
         stage = self.stage.under(loading, one)
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
@@ -150,15 +159,20 @@ class Decomposition:
             coarse.start_from(local)
         certificate = self.certificate and self.certificate.batch(steps, stage, bound)
         bound = self.bound and self.bound.of(stage, steps)
-        return replace(self, stage=stage, local=local, coarse=coarse, bound=bound, certificate=certificate)
+        return replace(self, stage=stage, local=local, coarse=coarse, bound=bound,
+                       certificate=certificate)
 
     def foreseen(self, step: int) -> Decomposition:
-        """The decomposition with pseudo-loads of the load step before at this one: as if nothing more would flow."""
+        """The decomposition with pseudo-loads of the load step before at this one: as if nothing
+        more would flow.
+        """
         self.nonlinear.foresee(step)
         return self.reloaded()
 
     def reloaded(self) -> Decomposition:
-        """The decomposition with the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
+        """The decomposition with the loads that the subdomains have by now: pseudo-loads are among
+        them where matter is nonlinear.
+        """
         if self.nonlinear is None:
             return self
         return replace(self, stage=self.stage.under(self.nonlinear.reload()))
@@ -186,7 +200,9 @@ class Decomposition:
         return replace(self, coarse=coarse)
 
     def paired_as(self, other: Decomposition) -> Decomposition:
-        """Take, for all load steps, the pairs that another decomposition has for some; its springs of stabilisation stay its own."""
+        """Take, for all load steps, the pairs that another decomposition has for some; its springs
+        of stabilisation stay its own.
+        """
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
         pairs, coarse = other.local.pairs.at_steps_of(self.local.pairs), copy(other.coarse)
@@ -197,5 +213,7 @@ class Decomposition:
 
     def __repr__(self) -> str:
         macro = self.stage.macro
-        return (f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} interfaces, "
-                f"{self.space.size} trace dofs, {macro.size if macro else 0} macro unknowns)")
+        return (
+            f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} "
+            f"interfaces, {self.space.size} trace dofs, {macro.size if macro else 0} macro "
+            "unknowns)")

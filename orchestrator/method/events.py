@@ -1,4 +1,6 @@
-"""Events of a run, for those who listen: history, progress, checkpoint, and subscribers of the user's."""
+"""Events of a run, for those who listen: history, progress, checkpoint, and subscribers of the
+user's.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from typing import Any
 import numpy as np
 
 
-# What every history has; columns for further statuses, for the laws' measures and for what else monitors tell follow.
+# What every history has; columns for further statuses, for the laws' measures and for what else
+# monitors tell follow.
 COUNTED = ("open", "stick", "slip")
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", *COUNTED,
-    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps", "coarse_left",
+    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error",
+    "newton_steps", "coarse_left",
     "far_bodies",
 ]
 _UNTOLD = dict.fromkeys(HISTORY_COLUMNS, math.nan) | {"newton_steps": 0, "far_bodies": 0}
@@ -43,8 +47,10 @@ class Iteration:
     state : (steps, dofs) the best state s so far
     counts : name of a status → node pairs that have it, summed over the steps
     laws : the interface laws' own measures, by name
-    coarse_ends : how the coarse contact problem's solves have ended so far → how many, see ``CoarseProblem``
-    checkpoint : all that has to be known to go on after this iteration, see ``checkpoint.Checkpoint``
+    coarse_ends : how the coarse contact problem's solves have ended so far → how many, see
+        ``CoarseProblem``
+    checkpoint : all that has to be known to go on after this iteration, see
+        ``checkpoint.Checkpoint``
     """
 
     values: Mapping[str, float]
@@ -69,7 +75,8 @@ class Iteration:
     @property
     def content(self) -> dict[str, Any]:
         """All but state and checkpoint: numbers and texts."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("state", "checkpoint")}
+        return {f.name: getattr(self, f.name) for f in fields(self)
+                if f.name not in ("state", "checkpoint")}
 
     def without_state(self) -> Iteration:
         """Leave out the arrays, which are large, and views hold them."""
@@ -82,14 +89,19 @@ class Iteration:
 
     @property
     def row(self) -> dict[str, float]:
-        """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, their measures, what else monitors tell."""
+        """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, their
+        measures, what else monitors tell.
+        """
         known = {**dict.fromkeys(COUNTED, 0), **self.counts, **self.laws, **self.values}
-        return {**{name: known[name] if name in known else getattr(self, name) for name in HISTORY_COLUMNS}, **known}
+        return {**{name: known[name] if name in known else getattr(self, name)
+                   for name in HISTORY_COLUMNS}, **known}
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The iterations have ended: ``stop_reason`` is "converged", "max_iterations", "diverged", "stagnated …"."""
+    """The iterations have ended: ``stop_reason`` is "converged", "max_iterations", "diverged",
+    "stagnated …".
+    """
 
     converged: bool
     stop_reason: str
@@ -99,11 +111,12 @@ class Finished:
 class Subscriber:
     """Hears what goes on in a run. All methods are optional: override those of use.
 
-    They are called in the thread of the run, which waits for them; an exception ends it. Events are shared by
-    all who listen: their arrays must not be changed, and are to be copied if they are kept. Of several ranks,
-    only rank 0 has subscribers.
+    They are called in the thread of the run, which waits for them; an exception ends it. Events are
+    shared by all who listen: their arrays must not be changed, and are to be copied if they are
+    kept. Of several ranks, only rank 0 has subscribers.
 
-    wants_states : whether ``Iteration.state`` is needed: with several ranks, it is brought together for those alone who want it
+    wants_states : whether ``Iteration.state`` is needed: with several ranks, it is brought together
+        for those alone who want it
     wants_checkpoints : the same of ``Iteration.checkpoint``
 
     Examples
@@ -116,8 +129,10 @@ class Subscriber:
     ...         print(event.stop_reason, "after", event.iterations)
     >>> solution = solve(config_from({
     ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}]}),
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+    ...     "traction": [0, 0, 1]}]}),
     ...     subscribers=[Printer()])
     meshing
     assembling and factorising
@@ -127,7 +142,9 @@ class Subscriber:
     wants_states = wants_checkpoints = False
 
     def stage(self, name: str) -> None:
-        """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""
+        """Something begins that is no iteration, such as "meshing" or "assembling and
+        factorising".
+        """
 
     def working(self, usage: object) -> None:
         """A black box begins its work: ``usage.doing`` says how far it is, in any thread."""
@@ -136,13 +153,17 @@ class Subscriber:
         """An iteration is done."""
 
     def warned(self, sentence: str) -> None:
-        """Something is noticed that a user should know while it runs; the summary has it as well."""
+        """Something is noticed that a user should know while it runs; the summary has it as
+        well.
+        """
 
     def finished(self, event: Finished) -> None:
         """The iterations have ended, converged or not; what is delivered is computed next."""
 
     def failed(self, error: BaseException) -> None:
-        """The run has been interrupted or has failed, at whatever stage; ``error`` ends it after this."""
+        """The run has been interrupted or has failed, at whatever stage; ``error`` ends it after
+        this.
+        """
 
 
 def _to_all(name: str) -> Callable[[Subscribers, object], None]:

@@ -1,8 +1,10 @@
-"""Load steps that are solved together, and parts of one that is halved, each solved from where the one before has ended.
+"""Load steps that are solved together, and parts of one that is halved, each solved from where the
+one before has ended.
 
-Loads, prescribed displacements and what laws are given at each load step (a gap, the force of a bolt) go from one load step to the next in
-proportion. Of a part nothing is delivered; what it leaves is the history that the next one begins with. A part takes two
-back-substitutions per subdomain for its loads, and no factorisation.
+Loads, prescribed displacements and what laws are given at each load step (a gap, the force of a
+bolt) go from one load step to the next in proportion. Of a part nothing is delivered; what it
+leaves is the history that the next one begins with. A part takes two back-substitutions per
+subdomain for its loads, and no factorisation.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from orchestrator.scene.model import Scene
 
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
 INCREMENT = 4
-LEAST = 1 / 16  # of a load step, the smallest part: what does not settle in it snaps, and no path leads through
+# of a load step, the smallest part: what does not settle in it snaps, and no path leads through
+LEAST = 1 / 16
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,8 @@ class Increment:
     """Load steps that are solved together, or a part of one.
 
     steps : of the decomposition
-    begin, end : of what a single load step adds, where the part begins and where it ends; else 0 and 1
+    begin, end : of what a single load step adds, where the part begins and where it ends; else 0
+        and 1
     """
 
     steps: slice
@@ -54,7 +58,9 @@ class Increment:
 
 
 def increments_of(steps: int, perfect: bool, method, one_by_one: bool = False) -> list[Increment]:
-    """Increments of load steps that are solved together; parameters as for ``increments.check_iterations``."""
+    """Increments of load steps that are solved together; parameters as for
+    ``increments.check_iterations``.
+    """
     if perfect and not one_by_one:
         return [Increment(slice(0, steps))]
     size = 1 if one_by_one else method.increment
@@ -66,29 +72,35 @@ def increments_of(steps: int, perfect: bool, method, one_by_one: bool = False) -
 def may_be_halved(d: Decomposition, method) -> bool:
     """Whether the way to a load counts, and load steps have halves.
 
-    Nonlinear matter cannot take back what it has gone through, sides that follow are paired for load steps as they are, and the mesh's
-    error is estimated for them.
+    Nonlinear matter cannot take back what it has gone through, sides that follow are paired for
+    load steps as they are, and the mesh's error is estimated for them.
     """
     return d.nonlinear is None and d.following is None and method.tolerance.error != "auto"
 
 
 def proportional(d: Decomposition) -> bool:
-    """Whether half of what the first load step adds has half of its solution, so that its halves are no easier; all ranks ask.
+    """Whether half of what the first load step adds has half of its solution, so that its halves
+    are no easier; all ranks ask.
 
     Nothing acts but the loads, and no law knows a length: no gaps, no press fits, no damage.
     """
-    knows = any(law.acts or np.any(law.distance) or law.variables for i in d.scene.interfaces for law in i.laws(1))
+    knows = any(law.acts or np.any(law.distance) or law.variables for i in d.scene.interfaces
+                for law in i.laws(1))
     return not d.space.team.max(float(knows))[0]
 
 
-def part_of(d: Decomposition, part: Increment, before: History | None, bound: Bound | None) -> Decomposition:
-    """The decomposition for a part of one of its load steps; ``before`` and ``bound`` as for ``Decomposition.batch``."""
+def part_of(d: Decomposition, part: Increment, before: History | None,
+            bound: Bound | None) -> Decomposition:
+    """The decomposition for a part of one of its load steps; ``before`` and ``bound`` as for
+    ``Decomposition.batch``.
+    """
     step, share = part.steps.start, part.end
     view = d.batch(part.steps, before, bound)
     certificate = view.certificate and view.certificate.estimated()
     if share == 1:
         return replace(view, certificate=certificate)
-    stage, local, coarse = view.stage.under(_loading(d, step, share)), copy(view.local), copy(view.coarse)
+    stage, local, coarse = view.stage.under(_loading(d, step, share)), copy(view.local), copy(
+        view.coarse)
     local.pairs = _at(local.pairs, step, share)
     if coarse is not None:
         coarse.start_from(local)
@@ -105,21 +117,26 @@ def _at(pairs: Pairs, step: int, share: float) -> Pairs:
 
 def _loading(d: Decomposition, step: int, share: float) -> Loading:
     """Answers to the loads of a part alone."""
-    subdomains = [replace(s, prescribed=partway(s.prescribed, step, share)[None], loads=partway(s.loads, step, share)[None])
+    subdomains = [replace(s, prescribed=partway(s.prescribed, step, share)[None],
+                          loads=partway(s.loads, step, share)[None])
                   for s in d.scene.subdomains]
     scene: Scene = replace(d.scene, subdomains=subdomains, steps=1)
-    return apply_loads(scene, d.stage.direction, d.made.node_counts, d.made.traces, d.made.rims, d.blackbox,
+    return apply_loads(scene, d.stage.direction, d.made.node_counts, d.made.traces, d.made.rims,
+                       d.blackbox,
                        d.made.carried.between(step, share))
 
 
 def path_sentence(found: Mapping[str, Any]) -> str:
     """Sentence on load steps that were solved again in smaller ones, or could not be."""
-    (first, last), (begin, end), why = found["load_steps"], found["part"], f"{found['why']} (iteration {found['after']})"
+    (first, last), (begin,
+                    end), why = found["load_steps"], found[
+                        "part"], f"{found['why']} (iteration {found['after']})"
     if first != last:
         return f"load steps {first} to {last} were solved again one by one: {why}"
     if found["stuck"]:
-        return (f"load step {first} could not be followed from {begin:.4g} to {end:.4g} of what it adds: {why}; smaller parts would not "
-                "do, and the rest was tried as a whole")
+        return (
+            f"load step {first} could not be followed from {begin:.4g} to {end:.4g} of what it "
+            f"adds: {why}; smaller parts would not do, and the rest was tried as a whole")
     part = "" if (begin, end) == (0, 1) else f" from {begin:.4g} to {end:.4g} of what it adds"
     what = f"load step {first}{part}"
     return f"{what} was solved again in two halves: {why}"

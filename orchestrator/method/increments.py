@@ -1,10 +1,12 @@
-"""The load steps of a run: all together where they do not depend on each other, else increment after increment.
+"""The load steps of a run: all together where they do not depend on each other, else increment
+after increment.
 
-Each increment begins with the state that the one before has ended with, and with its history. Where the way to a load counts, load
-steps that are solved together may settle where none of them would lead, as where a jammed wedge comes out that stays if it is let go
-first. Such an increment is solved again in smaller steps where its bodies are held by springs alone in the end, or fly off, or its law
-residual has stopped to fall: load step by load step, and a single one in two halves, each of which may be halved again (``halving``).
-What comes after is tried as a whole again.
+Each increment begins with the state that the one before has ended with, and with its history. Where
+the way to a load counts, load steps that are solved together may settle where none of them would
+lead, as where a jammed wedge comes out that stays if it is let go first. Such an increment is
+solved again in smaller steps where its bodies are held by springs alone in the end, or fly off, or
+its law residual has stopped to fall: load step by load step, and a single one in two halves, each
+of which may be halved again (``halving``). What comes after is tried as a whole again.
 """
 
 from __future__ import annotations
@@ -27,25 +29,31 @@ from orchestrator.method.monitors.ending import HELD
 from orchestrator.method.stopping.law_residuals import LengthScale
 from orchestrator.timing import Stopwatch
 
-# An increment does not settle whose law residual has not fallen to such a share of its least in so many iterations.
+# An increment does not settle whose law residual has not fallen to such a share of its least in so
+# many iterations.
 FALLS, PATIENCE = 0.5, 100
 UNSETTLED = "law residual stands still"
-# What a load step of nonlinear matter begins with is elastic to this residual, or after so many iterations as good as it will be.
+# What a load step of nonlinear matter begins with is elastic to this residual, or after so many
+# iterations as good as it will be.
 FORESEEN, MOST_FORESEEN = 1e-2, 100
 
 
-def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(),
-            numbers: Sequence[int] | None = None, given: Mapping[str, Any] | None = None) -> Iterated:
+def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch,
+            start: Start = Start(),
+            numbers: Sequence[int] | None = None, given: Mapping[str, Any]
+            | None = None) -> Iterated:
     """Solve all load steps; with perfect interfaces they are one increment.
 
-    method : ``method`` of the configuration. ``increment`` load steps are solved together. One that does not converge does not
-        keep the next ones from being tried: of the iterations that are allowed for all of them, one is left to each
+    method : ``method`` of the configuration. ``increment`` load steps are solved together. One that
+        does not converge does not keep the next ones from being tried: of the iterations that are
+        allowed for all of them, one is left to each
     subscribers : told of every ``Iteration``, and that they have ``Finished``
     start : where to go on from
     numbers : of the load steps, from 1, for people; None: 1, 2, …
     given : for monitors, see ``Case``
     """
-    run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
+    run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start,
+               given or {})
     told = Subscribers(subscribers)
     while len(run.ended) < len(run.increments):
         run.solve(told)
@@ -62,23 +70,30 @@ class _Run:
     as for ``iterate``
 
     increments : all, those that are to be solved as well
-    path : of those that were solved again in smaller steps, or could not be: load steps, from 1, part, why and after which iteration
+    path : of those that were solved again in smaller steps, or could not be: load steps, from 1,
+        part, why and after which iteration
     lost : events of the increment under way that belong to larger steps
     done : iterations, and sweeps
-    least : law residual of the increment under way, and the iteration from which it has fallen no more
+    least : law residual of the increment under way, and the iteration from which it has fallen no
+        more
     """
 
-    def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int], start: Start, given: Mapping[str, Any]):
+    def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int],
+                 start: Start, given: Mapping[str, Any]):
         self.d, self.method, self.watch, self.numbers, self.start, self.given = d, method, watch, numbers, start, given
-        self.state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
-        self.increments = increments_of(d.steps, d.all_perfect, method, bool(d.nonlinear or d.following))
+        self.state = np.zeros(
+            (d.steps, d.space.size)) if start.state is None else start.state.copy()
+        self.increments = increments_of(d.steps, d.all_perfect, method,
+                                        bool(d.nonlinear or d.following))
         known = [*start.ended, *start.latest[-1:]]
         for number, kept in enumerate(known):
             self._split_as(number, kept)
         self.path: list[dict[str, Any]] = list(known[-1].notes["path"]) if known else []
-        self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(d, method), proportional(d)
+        self.has_history, self.halves, self.proportional = d.has_history, may_be_halved(
+            d, method), proportional(d)
         self.ended: list[Iterated] = []
-        self.shares: dict[int, float] = {}  # load step, from 1 → share of it that pressures on the way to it can carry
+        # load step, from 1 → share of it that pressures on the way to it can carry
+        self.shares: dict[int, float] = {}
         self.begun: int | None = None  # iterations of earlier runs
         self.lost: list[Any] = []
         self.done = start.iteration, start.sweeps
@@ -90,10 +105,13 @@ class _Run:
         increment = self.increments[number]
         steps, several = increment.steps, len(self.increments) > 1
         view, first = self._view(number, increment, several), self.state[steps].copy()
-        # a load step may unload: what its residuals are relative to is what the scene was told in all of them
+        # a load step may unload: what its residuals are relative to is what the scene was told in
+        # all of them
         told_all = LengthScale(self.d).told if several and not self.d.all_perfect else 0.0
         given = {**self.given, "settled": self._settled(), "shares": self.shares}
-        latin = Latin(view, self.method, monitors_of(Case(view, self.method, self.numbers[steps], told_all, given)), self.watch)
+        latin = Latin(view, self.method,
+                      monitors_of(Case(view, self.method, self.numbers[steps], told_all, given)),
+                      self.watch)
         if number < len(start.ended):
             result = ended(latin, start.ended[number])
         else:
@@ -106,7 +124,8 @@ class _Run:
             if self.begun is None:
                 self.begun = latin.number
             # one is left to each that follows, and one to this: it gives the fields
-            latin.last = max(self.begun + self.method.max_iterations - self._left(number), latin.number + 1)
+            latin.last = max(self.begun + self.method.max_iterations - self._left(number),
+                             latin.number + 1)
             result = self._iterated(latin, number, told)
         self.done = max(self.done[0], latin.number), max(self.done[1], latin.sweeps)
         if result is None:
@@ -131,7 +150,8 @@ class _Run:
     def _smaller(self, number: int, now: Evaluation) -> str:
         """Why an increment is to be solved again in smaller steps; empty: it is not."""
         parts = self._parts(number)
-        if not parts or now.number + len(parts) + self._left(number) > self.begun + self.method.max_iterations:
+        if not parts or now.number + len(parts) + self._left(
+            number) > self.begun + self.method.max_iterations:
             return ""
         reason, residual = now.verdict.reason, now.verdict.laws.largest_other
         if residual <= FALLS * self.least[0]:
@@ -139,11 +159,14 @@ class _Run:
         if not reason and now.number >= self.least[1] + PATIENCE:
             return UNSETTLED
         # in smaller parts springs would carry less, but a number for them is what it is
-        asked = reason == HELD and len(self.increments[number]) == 1 and self.method.contact.stabilisation != "auto"
+        asked = reason == HELD and len(
+            self.increments[number]) == 1 and self.method.contact.stabilisation != "auto"
         return reason if now.verdict.led and not asked else ""
 
     def _parts(self, number: int) -> list[Increment]:
-        """Parts in which an increment would be solved again; nothing where the way to a load does not count."""
+        """Parts in which an increment would be solved again; nothing where the way to a load does
+        not count.
+        """
         increment = self.increments[number]
         if not self.has_history:
             return []
@@ -161,7 +184,9 @@ class _Run:
         self.increments[number:number + 1] = self._parts(number)
 
     def _pass(self, number: int, converged: bool, reason: str) -> None:
-        """Once an increment has ended: of a load step a part of which does not converge, all that is left is tried as a whole."""
+        """Once an increment has ended: of a load step a part of which does not converge, all that
+        is left is tried as a whole.
+        """
         increment = self.increments[number]
         if converged or increment.end == 1:
             return
@@ -173,7 +198,8 @@ class _Run:
     def _entry(self, number: int, why: str, after: int, stuck: bool = False) -> dict[str, Any]:
         """Entry on an increment that is solved again in smaller steps, or is ``stuck``."""
         increment, numbers = self.increments[number], self.numbers[self.increments[number].steps]
-        return {"load_steps": [int(numbers[0]), int(numbers[-1])], "part": [increment.begin, increment.end], "why": why, "after": after,
+        return {"load_steps": [int(numbers[0]), int(numbers[-1])],
+                "part": [increment.begin, increment.end], "why": why, "after": after,
                 "stuck": stuck}
 
     def _split_as(self, number: int, kept: Checkpoint) -> None:
@@ -186,7 +212,9 @@ class _Run:
             self._pass(number, kept.notes["met"], kept.notes["reason"])
 
     def _view(self, number: int, increment: Increment, several: bool) -> Decomposition:
-        """The decomposition for the load steps of an increment, and what the one before has left."""
+        """The decomposition for the load steps of an increment, and what the one before has
+        left.
+        """
         d, before = self.d, self.ended[-1] if self.ended else None
         history = None if before is None else before.left()
         if d.following is not None and before is not None:
@@ -195,7 +223,8 @@ class _Run:
             d = d.foreseen(number)
         if increment.begin > 0 or increment.end < 1:
             return part_of(d, increment, history, before and before.bound)
-        return d.batch(increment.steps, history, before and before.bound) if several or d.nonlinear is not None else d
+        return d.batch(increment.steps, history, before
+                       and before.bound) if several or d.nonlinear is not None else d
 
     def _begin(self, latin: Latin, number: int, steps: slice) -> None:
         """Begin from the state, after so many iterations and sweeps as have been done."""
@@ -204,13 +233,15 @@ class _Run:
         if self.ended and number == len(start.ended) and latin.problem.coarse is not None:
             latin.problem.coarse.problem.restore(start.ended[-1].state_of("coarse"))
         if latin.problem.nonlinear is not None:
-            self.state[steps] = foreseen(latin.problem, self.method, self.state[steps], self.numbers[steps], self.watch)
+            self.state[steps] = foreseen(latin.problem, self.method, self.state[steps],
+                                         self.numbers[steps], self.watch)
         latin.s = self.state[steps].copy()  # those who listen write into what they were given
 
     def _iterated(self, latin: Latin, number: int, told: Subscriber) -> Iterated | None:
         """Iterate to the end: eq. 6 is solved. None: it is to be solved in smaller steps."""
         increment, left, history = self.increments[number], self._left(number), self.lost
-        told_of = {"steps": self.d.steps, "part": [increment.begin, increment.end], "path": list(self.path)}
+        told_of = {"steps": self.d.steps, "part": [increment.begin, increment.end],
+                   "path": list(self.path)}
         self.least = np.inf, latin.number
         while True:
             now = latin.iterate()
@@ -219,7 +250,8 @@ class _Run:
             event = event_of(now, latin.sweeps, self.start.seconds + self.watch.total)
             history.append(event.without_state())
             state, smaller = event.state, self._smaller(number, now)
-            kept = None if smaller else Checkpoint.of(latin, now, event, number, not left, told_of)  # nobody goes on from there
+            # nobody goes on from there
+            kept = None if smaller else Checkpoint.of(latin, now, event, number, not left, told_of)
             if latin.problem is not self.d:
                 self.state[increment.steps], state = state, self.state
             told.iteration(replace(event, state=state, checkpoint=kept))
@@ -233,17 +265,21 @@ class _Run:
             best = now.problem.stage.ended(now.best)
         with self.watch("bound"):
             known = now.verdict.bound if best is now.best else None
-            return delivered(latin, (best, now.local, event), (bool(now.verdict.met), now.verdict.reason), history, known)
+            return delivered(latin, (best, now.local, event),
+                             (bool(now.verdict.met), now.verdict.reason), history, known)
 
 
-def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int], watch: Stopwatch) -> np.ndarray:
-    """State (1, D) to begin a load step with where matter is nonlinear: the elastic answer to what the step adds, roughly.
+def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
+             watch: Stopwatch) -> np.ndarray:
+    """State (1, D) to begin a load step with where matter is nonlinear: the elastic answer to what
+    the step adds, roughly.
 
-    Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked under forces that nothing bears,
-    as where a body is to slide and has not been let go yet.
+    Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked
+    under forces that nothing bears, as where a body is to slide and has not been let go yet.
     """
     elastic = replace(view, stage=view.stage.under(view.loading), following=None)
-    rough = method.model_copy(update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
+    rough = method.model_copy(
+        update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
     latin = Latin(elastic, rough, monitors_of(Case(elastic, rough, numbers)), watch)
     latin.s, latin.last = s.copy(), MOST_FORESEEN
     while True:
@@ -255,7 +291,8 @@ def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int],
 def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
     """Every increment of load steps needs an iteration for its fields.
 
-    one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
+    one_by_one : whether load steps follow each other because matter is nonlinear, or sides are
+        paired anew as they slide
     Raises Refusal: that is more than ``method.max_iterations``
     """
     count = len(increments_of(steps, perfect, method, one_by_one))

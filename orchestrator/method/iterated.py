@@ -1,7 +1,8 @@
-"""The iterations' result: the input of all that is delivered; and load steps that need none, because they follow from others.
+"""The iterations' result: the input of all that is delivered; and load steps that need none,
+because they follow from others.
 
-Where all interfaces are perfect the problem is linear. The load vectors of all steps (prescribed displacements and nodal forces)
-are combinations of a few of them, and so are the solutions.
+Where all interfaces are perfect the problem is linear. The load vectors of all steps (prescribed
+displacements and nodal forces) are combinations of a few of them, and so are the solutions.
 """
 
 from __future__ import annotations
@@ -39,9 +40,11 @@ class Iterated:
     last : the last event
     history : all events, without their states
     found : monitor's name → what it has found, case after case; path: see ``increments``
-    problem : the decomposition for these load steps, or for a part of one, as it was in the end; None: several of them
+    problem : the decomposition for these load steps, or for a part of one, as it was in the end;
+        None: several of them
     part : whether this is a part of a load step, of which nothing is delivered
-    begins : first load steps of increments, from 0 → what the one before has left; none where there is one increment
+    begins : first load steps of increments, from 0 → what the one before has left; none where there
+        is one increment
     between : load steps that were halved, from 0 → their parts but for the last one
     """
 
@@ -62,10 +65,13 @@ class Iterated:
 
     @classmethod
     def joined(cls, increments: Sequence[Iterated]) -> Iterated:
-        """Join the results of increments, in order; the reason is that of the first failure, and the error the largest."""
+        """Join the results of increments, in order; the reason is that of the first failure, and
+        the error the largest.
+        """
         if len(increments) == 1:
             return increments[0]
-        decisive, final = next((x for x in increments if not x.converged), increments[-1]), increments[-1]
+        decisive, final = next((x for x in increments if not x.converged),
+                               increments[-1]), increments[-1]
         whole, begins, between, step = [], {}, {}, 0
         for x in increments:
             if x.part:
@@ -76,27 +82,36 @@ class Iterated:
             step += len(x.fields.s)
         bound = type(whole[0].bound).joined([x.bound for x in whole])
         if between:
-            bound = replace(bound, relative=float(np.max([bound.relative, *(x.bound.relative for x in increments if x.part)])))
-        return cls(Admissible.joined([x.fields for x in whole]), LocalState.joined([x.local for x in whole]), bound,
+            bound = replace(bound,
+                            relative=float(
+                                np.max([bound.relative,
+                                        *(x.bound.relative for x in increments if x.part)])))
+        return cls(Admissible.joined([x.fields for x in whole]),
+                   LocalState.joined([x.local for x in whole]), bound,
             decisive.converged, decisive.stop_reason, final.iterations, final.sweeps, decisive.last,
-            [event for x in increments for event in x.history],
-            {name: [found for x in whole for found in x.found[name]] for name in whole[0].found}, begins=begins, between=between)
+                   [event for x in increments for event in x.history],
+            {name: [found for x in whole for found in x.found[name]] for name in whole[0].found},
+                   begins=begins, between=between)
 
     def left(self) -> History:
-        """The state that the next load step begins with: where an energy error is known the displacements that it is measured with, lest
+        """The state that the next load step begins with: where an energy error is known the
+        displacements that it is measured with, lest
         the next step's be measured from another beginning than it is solved with."""
         if isinstance(self.bound, Certified) and not self.bound.pair.missing:
-            return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))  # points of perfect interfaces come last
+            # points of perfect interfaces come last
+            return self.bound.pair.before[-1].take(slice(0, self.local.jump.shape[2]))
         return self.local.left()
 
     def by_pairing(self, d: Decomposition) -> Iterator[tuple[slice, Pairs, History]]:
-        """Load steps of a decomposition in which the same pairs meet, from one beginning; these, and what the step before has left; the
+        """Load steps of a decomposition in which the same pairs meet, from one beginning; these,
+        and what the step before has left; the
         scene has their operators meanwhile."""
         if d.following is None and not self.begins:
             yield slice(0, d.steps), d.local.pairs, d.local.before
         elif d.following is None:
             for first, last in zip(self.begins, [*self.begins, d.steps][1:]):
-                yield slice(first, last), d.local.pairs.batch(slice(first, last)), self.begins[first]
+                yield slice(first,
+                            last), d.local.pairs.batch(slice(first, last)), self.begins[first]
         for step, paired in enumerate(self.found.get("following", [])):
             for i in d.following.interfaces:
                 i.mortar = paired.mortars[i.index]
@@ -110,13 +125,17 @@ def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
     """
     measures, told, coarse = now.measures, dict(now.verdict.told), now.problem.coarse
     target, laws = told.pop("target", ("", np.nan)), told.pop("laws", {})
-    values = {"iteration": now.number, "sweeps": now.problem.made.sweeps + sweeps, "seconds": seconds, **measures.values, **told}
+    values = {"iteration": now.number, "sweeps": now.problem.made.sweeps + sweeps,
+              "seconds": seconds, **measures.values, **told}
     if coarse is not None:
-        values |= {"newton_steps": coarse.problem.newton_steps, "coarse_left": max(coarse.problem.left.values(), default=0.0)}
-    return Iteration(values, target, now.best.s, measures.counts, laws, {} if coarse is None else dict(coarse.problem.ends))
+        values |= {"newton_steps": coarse.problem.newton_steps,
+                   "coarse_left": max(coarse.problem.left.values(), default=0.0)}
+    return Iteration(values, target, now.best.s, measures.counts, laws,
+                     {} if coarse is None else dict(coarse.problem.ends))
 
 
-def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: tuple[bool, str], history: list[Iteration],
+def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: tuple[bool, str],
+              history: list[Iteration],
               known: Bound | None = None) -> Iterated:
     """Result of an increment's iterations.
 
@@ -129,7 +148,8 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
     if bound is not known:
         latin.sweeps += bound.sweeps * problem.steps / problem.scene.steps
     event = replace(event, checkpoint=None)
-    return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event, history or [event.without_state()],
+    return Iterated(fields, local, bound, *why, latin.number, latin.sweeps, event,
+                    history or [event.without_state()],
                     {monitor.name: monitor.found(problem) for monitor in latin.monitors}, problem)
 
 
@@ -166,7 +186,8 @@ class LoadCases:
         return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
 
 
-def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None, team: Team = ALONE) -> LoadCases:
+def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None,
+               team: Team = ALONE) -> LoadCases:
     """The steps to solve, the same on all ranks, which ask together.
 
     skip : ``method.skip`` of the configuration
@@ -174,19 +195,23 @@ def load_cases(scene: Scene, skip, own: Sequence[Subdomain] | None = None, team:
     """
     remembers = team.max(float(scene.remembers))[0]
     if skip.superposition and scene.steps > 1 and scene.bonded and not remembers:
-        return _independent(_load_vectors(scene.steps, scene.subdomains if own is None else own, team))
+        return _independent(_load_vectors(scene.steps, scene.subdomains if own is None else own,
+                                          team))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
 def _load_vectors(steps: int, own: Sequence[Subdomain], team: Team) -> np.ndarray:
-    """(n, T) prescribed displacements and forces, each relative to the largest; of several ranks the triangle of their least squares."""
+    """(n, T) prescribed displacements and forces, each relative to the largest; of several ranks
+    the triangle of their least squares.
+    """
     parts = []
     for name in ("prescribed", "loads"):
         values = np.hstack([getattr(s, name).reshape(steps, -1) for s in own]).T
         values = values[values.any(axis=1)]
         parts.append(values / team.max(np.abs(values).max(initial=np.finfo(float).tiny))[0])
     loads = np.vstack(parts)
-    return loads if team.size == 1 else np.vstack(team.all_gather(la.qr(loads, mode="r")[0][:steps] if len(loads) else loads))
+    return loads if team.size == 1 else np.vstack(
+        team.all_gather(la.qr(loads, mode="r")[0][:steps] if len(loads) else loads))
 
 
 def _independent(loads: np.ndarray) -> LoadCases:
@@ -194,7 +219,8 @@ def _independent(loads: np.ndarray) -> LoadCases:
     if not loads.any():
         return LoadCases(np.array([0]), np.ones((1, loads.shape[1])), "superposition")
     _, triangle, order = la.qr(loads, mode="economic", pivoting=True)
-    # what a column has below row r is what r steps leave unexplained of it; largest columns come first
+    # what a column has below row r is what r steps leave unexplained of it; largest columns come
+    # first
     left = np.sqrt(np.cumsum(triangle[::-1] ** 2, axis=0)[::-1])
     size = left[0]
     rank = next((r for r in range(1, len(left)) if (left[r] <= SAME * size).all()), len(left))
@@ -209,11 +235,12 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
 
     d : the decomposition with all load steps
 
-    The bound that ended the iterations already held for all steps, see ``ErrorBound.for_cases``; energies and
-    the correction to u_D are evaluated again.
+    The bound that ended the iterations already held for all steps, see ``ErrorBound.for_cases``;
+    energies and the correction to u_D are evaluated again.
     """
     if not cases.left_out:
         return iterated
     fields = iterated.fields.combined(cases.weights)
     bound = replace(d.bound.first(fields)[0], relative=iterated.bound.relative)
-    return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s), bound=bound)
+    return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s),
+                   bound=bound)

@@ -1,4 +1,5 @@
-"""The multiscale LATIN method: Algorithm 1 of the paper, mended, for load steps that are solved together.
+"""The multiscale LATIN method: Algorithm 1 of the paper, mended, for load steps that are solved
+together.
 
     s                       the state, s = f̂ + k ŵ
     linear stage            admissible fields u, w, f of s, eq. 20, with the macro problem, eq. 33 and 38
@@ -38,13 +39,16 @@ class Latin:
     taken : evaluations that the acceleration has taken in
     """
 
-    def __init__(self, problem: Decomposition, method, monitors: Sequence[Monitor], watch: Stopwatch):
+    def __init__(self, problem: Decomposition, method, monitors: Sequence[Monitor],
+                 watch: Stopwatch):
         self.problem, self.method, self.monitors, self.watch = problem, method, monitors, watch
         self.acceleration = make_acceleration(problem, method)
         self.s, self.number, self.sweeps, self.last, self.taken = np.empty(0), 0, 0.0, 0, 0
 
     def iterate(self) -> Evaluation:
-        """One iteration; ``s`` then is the state of the next one, if another follows (``verdict.reason``)."""
+        """One iteration; ``s`` then is the state of the next one, if another follows
+        (``verdict.reason``).
+        """
         problem, watch, s = self.problem, self.watch, self.s
         self.number += 1
         with watch("linear_stage"):
@@ -61,7 +65,8 @@ class Latin:
             best = self.acceleration.best(fields)
         now = Evaluation(self.number, self.number >= self.last, problem, point, fields, best, local)
         with watch("bound"):
-            now.measures = measure(problem, best, local, residual, self.method.tolerance.indicator is not None, ends)
+            now.measures = measure(problem, best, local, residual,
+                                   self.method.tolerance.indicator is not None, ends)
             for monitor in self.monitors:  # each sees what those before it have said
                 now.verdict = now.verdict.and_then(monitor.judge(now))
         share = problem.steps / problem.scene.steps  # of a sweep through all load steps
@@ -78,7 +83,8 @@ class Latin:
     @property
     def evaluations(self) -> int:
         """Number of the last evaluations that decide about what follows."""
-        return self.taken if self.acceleration.depth is None else min(self.taken, self.acceleration.depth)
+        return self.taken if self.acceleration.depth is None else min(
+            self.taken, self.acceleration.depth)
 
     def go_on(self, now: Evaluation) -> None:
         """Change the problem as monitors want it changed, and choose the next state."""
@@ -88,6 +94,7 @@ class Latin:
         self.problem = now.problem
         with self.watch("acceleration"):
             if now.verdict.anew:
-                self.acceleration, self.taken, self.s = make_acceleration(self.problem, self.method), 0, now.fields.s.copy()
+                self.acceleration, self.taken, self.s = make_acceleration(
+                    self.problem, self.method), 0, now.fields.s.copy()
             else:
                 self.s = self.acceleration.next()

@@ -1,20 +1,23 @@
-"""Local stage: from admissible fields to ŵ and f̂ that satisfy the interface laws (paper, eq. 3, 7 and 10), and the next state.
+"""Local stage: from admissible fields to ŵ and f̂ that satisfy the interface laws (paper, eq. 3, 7
+and 10), and the next state.
 
 On perfect interfaces ŵ is continuous and f̂ balanced. For a search direction k⁺ on each side,
 
     ŵ = (k⁺ + k⁺')⁻¹ (k⁺ w + k⁺' w' − f − f'),      f̂ = f − k⁺(w − ŵ),      s = f̂ + k⁻ŵ
 
-- ``exchange``: k⁺ is the neighbour's sole. Then s = k⁻ w' − f' and nothing is factorised: the two-sided
+- ``exchange``: k⁺ is the neighbour's sole. Then s = k⁻ w' − f' and nothing is factorised: the
+two-sided
   optimised Schwarz method. With symmetric soles it is the same as ``full``.
 - ``full``: one's own sole, k⁺ = k⁻; a factorisation per interface.
 - ``diagonal``: its diagonal, which makes the stage pointwise, as the paper does.
 
-Where nodes do not match there is no exchange, and k⁺ = k⁻ whatever is chosen: ŵ are the traces without jump that are
-``Nearest``, f̂ = −Bᵀ q. Where nodes match and both sides have the same sole that is the exchange.
+Where nodes do not match there is no exchange, and k⁺ = k⁻ whatever is chosen: ŵ are the traces
+without jump that are ``Nearest``, f̂ = −Bᵀ q. Where nodes match and both sides have the same sole
+that is the exchange.
 
-Where some interfaces are not perfect their laws answer pointwise, swept through the load steps. The laws' history lives here
-alone: the linear stage stays parallel over the load steps. At points with the jump d, from the predicted force F to the traces as
-``point_traces`` has it:
+Where some interfaces are not perfect their laws answer pointwise, swept through the load steps. The
+laws' history lives here alone: the linear stage stays parallel over the load steps. At points with
+the jump d, from the predicted force F to the traces as ``point_traces`` has it:
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d₀), see ``stabilisation``
 """
@@ -44,14 +47,19 @@ class LocalState:
     """Result of a local stage: an element of the set ℒ, eq. 9."""
 
     s: np.ndarray  # (T, D) next state f̂ + k⁻ŵ
-    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
+    # ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
+    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     force: np.ndarray | None = None  # (T, 3, P) f̂ on side 1 of each pair that is not perfect
-    lawful: np.ndarray | None = None  # (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
+    # (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
+    lawful: np.ndarray | None = None
     jump: np.ndarray | None = None  # (T, 3, P) its jump d
     status: np.ndarray | None = None  # (T, P) int, what its law says it does
-    own: dict[str, np.ndarray] = field(default_factory=dict)  # name → (T, P) the laws' own variables at the end of each load step
-    at: PointTraces | None = field(default=None, repr=False)  # the fields that it was made of at these pairs, for who measures it next
-    # these fields, the forces of bodies' nodes shared among their traces as the pairs have them; None: as they were
+    # name → (T, P) the laws' own variables at the end of each load step
+    own: dict[str, np.ndarray] = field(default_factory=dict)
+    # the fields that it was made of at these pairs, for who measures it next
+    at: PointTraces | None = field(default=None, repr=False)
+    # these fields, the forces of bodies' nodes shared among their traces as the pairs have them;
+    # None: as they were
     fields: Admissible | None = field(default=None, repr=False)
 
     def left(self, step: int = -1) -> History:
@@ -66,10 +74,15 @@ class LocalState:
 
     @classmethod
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
-        """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
-        return cls(np.vstack([b.s for b in batches]), tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
-                   *(np.concatenate(parts) for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))),
-                   own={name: np.concatenate([b.own[name] for b in batches]) for name in batches[0].own})
+        """The state of all load steps from those of batches of them, in order, where interfaces are
+        not perfect.
+        """
+        return cls(np.vstack([b.s for b in batches]),
+                   tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
+                   *(np.concatenate(parts)
+                     for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))),
+                   own={name: np.concatenate([b.own[name] for b in batches])
+                        for name in batches[0].own})
 
 
 class Exchange:
@@ -81,7 +94,8 @@ class Exchange:
 
     def __init__(self, direction: SearchDirection, kplus: str = "exchange"):
         self.direction, self.kplus, transfer = direction, kplus, direction.space.transfer
-        self._apart = [i for i in np.flatnonzero(transfer.perfect & ~transfer.matched) if len(transfer.sides[i][0])]
+        self._apart = [i for i in np.flatnonzero(transfer.perfect & ~transfer.matched)
+                       if len(transfer.sides[i][0])]
         self._held = None if transfer.picks else direction.space.held_everywhere  # all ranks ask
 
     def __call__(self, fields: Admissible) -> LocalState:
@@ -134,8 +148,10 @@ class Exchange:
         """Trace dofs of interfaces whose nodes do not match, ghosts included, and their problem."""
         transfer = self.direction.space.transfer
         dofs = joined([side for i in self._apart for side in transfer.sides[i]])
-        points = joined([np.arange(transfer.bounds[i], transfer.bounds[i + 1]) for i in self._apart])
-        return dofs, Nearest(sp.csr_array(self.direction.whole[dofs][:, dofs]), sp.csr_array(transfer.B[points][:, dofs]), self._held[dofs])
+        points = joined([np.arange(transfer.bounds[i], transfer.bounds[i + 1])
+                         for i in self._apart])
+        return dofs, Nearest(sp.csr_array(self.direction.whole[dofs][:, dofs]),
+                             sp.csr_array(transfer.B[points][:, dofs]), self._held[dofs])
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Nothing to count: perfect interfaces have one status."""
@@ -150,10 +166,14 @@ class Exchange:
 
     @cached_property
     def _factors(self):
-        """k⁺ of this side and of the other, seen from here, (D, D) each, and a solver of their sum."""
+        """k⁺ of this side and of the other, seen from here, (D, D) each, and a solver of their
+        sum.
+        """
         if self.kplus == "diagonal":
             whole = sp.csr_array(sp.diags_array(self.direction.whole_diagonal))
-            k, other = sp.csr_array(sp.diags_array(self.direction.diagonal)), self.direction.space.transfer.seen_across(whole)
+            k, other = sp.csr_array(
+                sp.diags_array(self.direction.diagonal)), self.direction.space.transfer.seen_across(
+                    whole)
             both = k.diagonal() + other.diagonal()
             return k, other, lambda rows: rows / both
         k, other = self.direction.k, self.direction.other
@@ -179,7 +199,9 @@ class LawStage:
         self._groups = cache(partial(NodeGroups.of, direction.space, pairs))
 
     def conditioning(self) -> tuple[float, float]:
-        """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
+        """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at
+        1.
+        """
         root = self.pairs.nodes.root
         at = np.flatnonzero(root.diagonal() > 0)
         root = root[at][:, at]
@@ -197,7 +219,8 @@ class LawStage:
         at, anchors = pairs.traces(w, f), pairs.anchors(fields.anchor)
         F, before, own = at.predicted(), self.before, []
         nodes, met = self.meeting(w, f, anchors)
-        force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
+        force, jump, status = np.empty_like(F), np.empty_like(F), np.empty(
+            (steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             anchor = before.jump if anchors is None else anchors[t]
@@ -218,30 +241,40 @@ class LawStage:
         alone = self.perfect
         if len(alone):
             exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))
-            w_hat[:, alone] = 0.5 * (w[:, alone] + w_other)  # what they tend to: the exchange itself forms none
+            # what they tend to: the exchange itself forms none
+            w_hat[:, alone] = 0.5 * (w[:, alone] + w_other)
             f_hat[:, alone] = 0.5 * (f[:, alone] - f_other)
         k_hat = self.direction.times(w_hat)
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
-                          {name: np.stack([each[name] for each in own]) for name in own[0]}, at, fields if met else None)
+                          {name: np.stack([each[name] for each in own]) for name in own[0]}, at,
+                          fields if met else None)
 
     @property
     def groups(self) -> NodeGroups | None:
         """Pairs that share nodes of bodies; None where none do."""
         return self._groups()
 
-    def meeting(self, w: np.ndarray, f: np.ndarray, anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
-        """This rank's groups at traces (T, D + G), None where there are none, and whether any rank has some; all ask together."""
-        nodes = None if self.groups is None else NodeStage(self.groups, self.pairs, w, f, self.before, anchors)
-        square, count = self.direction.space.team.sum(np.zeros((2, len(w))) if nodes is None else nodes.left)[0]
+    def meeting(self, w: np.ndarray, f: np.ndarray,
+                anchors: np.ndarray | None) -> tuple[NodeStage | None, bool]:
+        """This rank's groups at traces (T, D + G), None where there are none, and whether any rank
+        has some; all ask together.
+        """
+        nodes = None if self.groups is None else NodeStage(self.groups, self.pairs, w, f,
+                                                           self.before, anchors)
+        square, count = self.direction.space.team.sum(np.zeros((2, len(w))) if nodes is None
+                                                      else nodes.left)[0]
         if nodes is not None:
             nodes.rms = np.sqrt(square / np.maximum(count, 1))
         return nodes, bool(count.any())
 
-    def _by_nodes(self, nodes: NodeStage | None, fields: Admissible, w_hat: np.ndarray, f_hat: np.ndarray) -> Admissible:
-        """The same fields with forces shared as the pairs have them; writes ŵ at the groups' traces. Ghosts travel anew."""
+    def _by_nodes(self, nodes: NodeStage | None, fields: Admissible, w_hat: np.ndarray,
+                  f_hat: np.ndarray) -> Admissible:
+        """The same fields with forces shared as the pairs have them; writes ŵ at the groups'
+        traces. Ghosts travel anew.
+        """
         s, f, anchor = fields.s.copy(), fields.f.copy(), fields.anchor
         if nodes is not None:
             at, forces, moves = nodes.shared(self.direction.diagonal, f_hat)
@@ -256,4 +289,5 @@ class LawStage:
         """Per status that a law may give, this rank's pairs, summed over the steps."""
         mine = self.pairs.mine
         found = local.status if mine.all() else local.status[:, mine]
-        return {status.name: int(np.count_nonzero(found == status)) for status in self.pairs.statuses if status != BONDED}
+        return {status.name: int(np.count_nonzero(found == status))
+                for status in self.pairs.statuses if status != BONDED}

@@ -1,7 +1,8 @@
 """A team over MPI. Nobody ever blocks inside MPI: all waiting is polling, with naps.
 
-So a waiting rank leaves its core to the codes and answers signals. A failing rank tells all others why. A thread of theirs
-listens and interrupts whatever they do; they end in good order, and rank 0 saves what there is and says why, once.
+So a waiting rank leaves its core to the codes and answers signals. A failing rank tells all others
+why. A thread of theirs listens and interrupts whatever they do; they end in good order, and rank 0
+saves what there is and says why, once.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ _TRACES, _FAILURE, _OBJECT = 1, 2, 3  # tags
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
 _LISTENING = 0.1  # seconds between two looks for failures elsewhere
-_GATHERED = 1 << 16  # numbers, over all ranks, up to which a sum is gathered, in one message, rather than reduced and sent back
+# numbers, over all ranks, up to which a sum is gathered, in one message, rather than reduced and
+# sent back
+_GATHERED = 1 << 16
 
 
 class MpiRanks(Team):
@@ -41,12 +44,14 @@ class MpiRanks(Team):
         node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
         self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
         self._failed, self._heard = False, None
-        self._open: dict[int, Any] = {}  # requests under way, kept alive whatever happens: MPI writes into their memory
+        # requests under way, kept alive whatever happens: MPI writes into their memory
+        self._open: dict[int, Any] = {}
         atexit.register(self._end)
 
     # ---- what the method asks ------------------------------------------------------------------
 
-    def both(self, parts: Sequence, largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
+    def both(self, parts: Sequence,
+             largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
         arrays = [np.asarray(part, float) for part in parts]
         ends = np.cumsum([0, *(a.size for a in arrays)])
         mine = np.concatenate([*(a.ravel() for a in arrays), np.array(largest, float)])
@@ -59,18 +64,21 @@ class MpiRanks(Team):
         else:  # one rank adds, all take its bits
             total, most = np.empty(ends[-1]), np.array(largest, float)
             sums = mine[: ends[-1]]
-            self._wait(self._world.Ireduce(sums, total if self.rank == 0 else None, MPI.SUM, root=0), sums, total)
+            self._wait(self._world.Ireduce(sums, total if self.rank == 0 else None, MPI.SUM,
+                                           root=0), sums, total)
             self._count(total if self.rank == 0 else total[:0])
             self._wait(self._world.Ibcast(total, root=0), total)
             if len(most):
                 most = np.array(self.max(*most))
-        return [total[a:b].reshape(x.shape) for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
+        return [total[a:b].reshape(x.shape)
+                for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
 
     def meet(self) -> None:
         self._count(np.empty(0))
         self._wait(self._world.Ibarrier())
 
-    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    def exchange(self, outgoing: Mapping[int, np.ndarray],
+                 incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
         outgoing = {rank: np.ascontiguousarray(array) for rank, array in outgoing.items()}
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]
         requests += [self._world.Isend(array, rank, _TRACES) for rank, array in outgoing.items()]
@@ -88,7 +96,8 @@ class MpiRanks(Team):
         others = [rank for rank in range(self.size) if rank != self.rank]
         arrived = self.exchange({rank: flat[rank] for rank in others if len(flat[rank])},
                                 {rank: np.empty(found[rank]) for rank in others if found[rank]})
-        return [flat[rank] if rank == self.rank else arrived.get(rank, np.empty(0)) for rank in range(self.size)]
+        return [flat[rank] if rank == self.rank else arrived.get(rank, np.empty(0))
+                for rank in range(self.size)]
 
     def all_gather(self, part: Any) -> list[Any]:
         packed, sizes = np.frombuffer(pickle.dumps(part), np.uint8), np.empty(self.size, dtype=int)
@@ -142,7 +151,8 @@ class MpiRanks(Team):
     def cores(self) -> float:
         """Each core is shared evenly by the ranks of this node that may use it."""
         users = {rank: set(allowed) for rank, _, allowed in self._neighbours}
-        return sum(1 / sum(core in allowed for allowed in users.values()) for core in users[self.rank])
+        return sum(1 / sum(core in allowed for allowed in users.values())
+                   for core in users[self.rank])
 
     def _count(self, *sent: np.ndarray) -> None:
         self.messages += len(sent)
@@ -170,7 +180,8 @@ class MpiRanks(Team):
         """The block all ranks run. Leaving it, they wait for each other, unless one has failed."""
         previous = signal.signal(signal.SIGUSR1, self._stop)
         over = threading.Event()
-        listener = threading.Thread(target=self._listen, args=(over,), name="failures elsewhere", daemon=True)
+        listener = threading.Thread(target=self._listen, args=(over,), name="failures elsewhere",
+                                    daemon=True)
         listener.start()
         try:
             yield
@@ -188,7 +199,8 @@ class MpiRanks(Team):
         status = MPI.Status()
         while not over.wait(_LISTENING):
             if self._alarm.Iprobe(MPI.ANY_SOURCE, _FAILURE, status):
-                self._heard = Elsewhere(status.source, self._alarm.recv(source=status.source, tag=_FAILURE))
+                self._heard = Elsewhere(status.source,
+                                        self._alarm.recv(source=status.source, tag=_FAILURE))
                 signal.pthread_kill(threading.main_thread().ident, signal.SIGUSR1)
                 return
 
@@ -197,7 +209,9 @@ class MpiRanks(Team):
             self._leave()
 
     def _leave(self) -> None:
-        """Raise what another rank has met: by the signal once, and where that was swallowed, at the next wait for others."""
+        """Raise what another rank has met: by the signal once, and where that was swallowed, at the
+        next wait for others.
+        """
         self._failed = True
         raise self._heard
 
@@ -221,7 +235,8 @@ class MpiRanks(Team):
             error = OrchestratorError(f"{type(error).__name__}: {error}")
         if self.rank:
             error = told_from(f"on rank {self.rank} ({platform.node()})", error)
-        self._open |= {-1 - rank: self._alarm.isend(error, rank, _FAILURE) for rank in range(self.size) if rank != self.rank}
+        self._open |= {-1 - rank: self._alarm.isend(error, rank, _FAILURE)
+                       for rank in range(self.size) if rank != self.rank}
 
     def cause(self, error: BaseException) -> BaseException:
         """What ended the run, as rank 0 shall say it."""
@@ -229,13 +244,15 @@ class MpiRanks(Team):
             return error.error
         if isinstance(error, KeyboardInterrupt) and (lost := self.lost()):
             which = " and ".join(map(str, lost))
-            return OrchestratorError(f"rank {which} has died, killed by hand or by the kernel for want of memory; "
-                                     "all others have stopped")
+            return OrchestratorError(
+                f"rank {which} has died, killed by hand or by the kernel for want of memory; all "
+                "others have stopped")
         return error
 
     def speaks(self) -> bool:
         lost = self.lost()
-        return self.rank == min(rank for rank, _, _ in self._neighbours if rank not in lost) and (self.rank == 0 or 0 in lost)
+        return self.rank == min(rank for rank, _, _ in self._neighbours
+                                if rank not in lost) and (self.rank == 0 or 0 in lost)
 
     def lost(self) -> list[int]:
         return [rank for rank, pid, _ in self._neighbours if not _alive(pid)]

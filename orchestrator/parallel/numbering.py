@@ -18,27 +18,35 @@ from orchestrator.scene.mesh.faces import components
 
 
 def runs(starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,) says, run after run."""
+    """(sum of lengths,) int, whole numbers from each start (k,) on, as many as its length (k,)
+    says, run after run.
+    """
     return np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(lengths.sum())
 
 
-def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping[int, np.ndarray], team: Team) -> np.ndarray:
+def classes(names: np.ndarray, one: np.ndarray, two: np.ndarray, across: Mapping[int, np.ndarray],
+            team: Team) -> np.ndarray:
     """(n,) int, the lowest name in the class of each of this rank's things; all ranks ask together.
 
-    A class goes from rank to rank by way of its neighbours, a round of messages for each that lies between: on meshes a few.
+    A class goes from rank to rank by way of its neighbours, a round of messages for each that lies
+    between: on meshes a few.
 
     names : (n,) int below 2⁵³, no two alike on all ranks
     one, two : (k,) int, things of this rank that are one
-    across : rank → (m,) int, things of this rank that are one with that rank's, which has its own in the same order; −1: none is
+    across : rank → (m,) int, things of this rank that are one with that rank's, which has its own
+        in the same order; −1: none is
     """
     count, label = components(one, two, len(names))
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, label, names)
     changed = team.size > 1
     while changed:
-        outgoing = {rank: np.where(at >= 0, lowest[label[at]], np.inf) if len(label) else np.full(len(at), np.inf)
+        outgoing = {rank: np.where(at >= 0, lowest[label[at]], np.inf) if len(label)
+                    else np.full(len(at), np.inf)
                     for rank, at in across.items()}
-        arrived, before = team.exchange(outgoing, {rank: np.empty(len(at)) for rank, at in across.items()}), lowest.copy()
+        arrived, before = team.exchange(outgoing,
+                                        {rank: np.empty(len(at))
+                                         for rank, at in across.items()}), lowest.copy()
         for rank, at in across.items():
             np.minimum.at(lowest, label[at[at >= 0]], arrived[rank][at >= 0])
         changed = bool(team.max(float((lowest < before).any()))[0])
@@ -78,29 +86,36 @@ class Link:
         return cls(number, boundary_number, int(counts[0].sum()), count, team=team)
 
 
-_MIX, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)  # 2⁶⁴ over the golden ratio (Knuth, TAOCP 3, 6.4)
+# 2⁶⁴ over the golden ratio (Knuth, TAOCP 3, 6.4)
+_MIX, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)
 
 
 class Borders:
-    """Completes sums at some of a rank's places by what other ranks have there; every rank makes one, and calls it as often.
+    """Completes sums at some of a rank's places by what other ranks have there; every rank makes
+    one, and calls it as often.
 
-    names : (k, c) numbers that are the same on every rank that has such a place, and differ from place to place
+    names : (k, c) numbers that are the same on every rank that has such a place, and differ from
+        place to place
     at : (k,) int, where each is among this rank's places
     """
 
     def __init__(self, names: np.ndarray, at: np.ndarray, team: Team = ALONE):
         self.team, self._at = team, at
         if team.size > 1:
-            unique, first, self._place = np.unique(np.asarray(names, float) + 0.0, axis=0, return_index=True, return_inverse=True)
+            unique, first, self._place = np.unique(np.asarray(names, float) + 0.0, axis=0,
+                                                   return_index=True, return_inverse=True)
             self._first, self._with = at[first], rendezvous(unique, team)
 
     def __call__(self, sums: np.ndarray) -> np.ndarray:
-        """The same array (..., places), completed in place; ranks are added in their order, so that all get the same bits."""
+        """The same array (..., places), completed in place; ranks are added in their order, so that
+        all get the same bits.
+        """
         if self.team.size == 1:
             return sums
         own, leading = sums[..., self._first], sums.shape[:-1]
         theirs = self.team.exchange({rank: own[..., met] for rank, met in self._with.items()},
-                                    {rank: np.empty((*leading, len(met))) for rank, met in self._with.items()})
+                                    {rank: np.empty((*leading, len(met)))
+                                     for rank, met in self._with.items()})
         total = np.zeros(own.shape)
         for rank in sorted([self.team.rank, *theirs]):
             if rank == self.team.rank:
@@ -112,7 +127,8 @@ class Borders:
 
 
 def rendezvous(names: np.ndarray, team: Team) -> dict[int, np.ndarray]:
-    """Other ranks that have some of the same names, and (m,) int, ascending, which of this rank's these are; all ranks ask together.
+    """Other ranks that have some of the same names, and (m,) int, ascending, which of this rank's
+    these are; all ranks ask together.
 
     names : (k, c) ascending, none twice
     """
@@ -133,14 +149,19 @@ def rendezvous(names: np.ndarray, team: Team) -> dict[int, np.ndarray]:
 
 
 def _met(asked: list[np.ndarray]) -> list[np.ndarray]:
-    """Per rank that has asked with some names (k, c), (m, 2): the row of a name, and another rank that has asked with it."""
-    rank, row = (np.concatenate(x) for x in zip(*((np.full(len(rows), r), np.arange(len(rows))) for r, rows in enumerate(asked))))
+    """Per rank that has asked with some names (k, c), (m, 2): the row of a name, and another rank
+    that has asked with it.
+    """
+    rank, row = (np.concatenate(x)
+                 for x in zip(*((np.full(len(rows), r), np.arange(len(rows)))
+                                for r, rows in enumerate(asked))))
     name = np.unique(np.concatenate(asked), axis=0, return_inverse=True)[1].ravel()
     order = np.argsort(name, kind="stable")
     name, rank, row = name[order], rank[order], row[order]
     pairs = [np.empty((0, 3), dtype=int)]
     for step in range(1, int(np.bincount(name).max(initial=0))):
         both = np.flatnonzero(name[step:] == name[:-step])
-        pairs += [np.column_stack([rank[a], row[a], rank[b]]) for a, b in ((both, both + step), (both + step, both))]
+        pairs += [np.column_stack([rank[a], row[a], rank[b]])
+                  for a, b in ((both, both + step), (both + step, both))]
     found = np.concatenate(pairs)
     return [found[found[:, 0] == r, 1:].astype(float) for r in range(len(asked))]

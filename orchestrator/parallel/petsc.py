@@ -1,10 +1,12 @@
-"""PETSc over the ranks: MUMPS factorises a sum of blocks of which each rank has one, and nobody holds the whole.
+"""PETSc over the ranks: MUMPS factorises a sum of blocks of which each rank has one, and nobody
+holds the whole.
 
-petsc4py comes from Debian, for its own Python (``./setup.sh cluster`` makes an environment of it), or from conda-forge. pip would compile
-all of PETSc, without MUMPS unless told: it is no extra of this package.
+petsc4py comes from Debian, for its own Python (``./setup.sh cluster`` makes an environment of it),
+or from conda-forge. pip would compile all of PETSc, without MUMPS unless told: it is no extra of
+this package.
 
-PETSc and MUMPS wait inside MPI, where they hear of no failure and keep their core busy. The ranks meet before each call (``Team.meet``),
-waiting outside: inside, all are at work at the same time.
+PETSc and MUMPS wait inside MPI, where they hear of no failure and keep their core busy. The ranks
+meet before each call (``Team.meet``), waiting outside: inside, all are at work at the same time.
 """
 
 from __future__ import annotations
@@ -23,16 +25,21 @@ import scipy.sparse as sp
 from orchestrator.optional import absent
 from orchestrator.parallel.team import Team
 
-DEBIAN = "/usr/lib/petscdir"  # where Debian's PETSc are, each with its binding, which Python finds by itself only where PETSC_DIR is set
+# where Debian's PETSc are, each with its binding, which Python finds by itself only where PETSC_DIR
+# is set
+DEBIAN = "/usr/lib/petscdir"
 NUMPY_2 = (3, 21)  # the first binding that goes with numpy 2
 CURE = "./setup.sh cluster makes an environment with Debian's python3-petsc4py, .venv-cluster; conda-forge has petsc4py too"
-# Largest |A x − b| over that of the entries times |x| and b, which a factorisation may leave: as of ``factor.BACKWARD``.
+# Largest |A x − b| over that of the entries times |x| and b, which a factorisation may leave: as of
+# ``factor.BACKWARD``.
 BACKWARD = 1e-11
 OPTIONS = ("-no_signal_handler", "-skip_petscrc")  # signals are ours
 
 
 def lacking() -> str:
-    """Why there is no PETSc for this Python, and what brings one; empty where there is one. PETSc itself is not loaded."""
+    """Why there is no PETSc for this Python, and what brings one; empty where there is one. PETSc
+    itself is not loaded.
+    """
     if absent("petsc4py"):
         folders, ours = _folders(), f"petsc4py/lib/PETSc.{sys.implementation.cache_tag}-*"
         sys.path += [str(folder) for folder in folders if list(folder.glob(ours))][:1]
@@ -47,9 +54,12 @@ def lacking() -> str:
 
 
 def _folders() -> list[Path]:
-    """Where bindings may be that Python does not look for, PETSC_DIR's first, then the newest; complex numbers are not asked for."""
+    """Where bindings may be that Python does not look for, PETSC_DIR's first, then the newest;
+    complex numbers are not asked for.
+    """
     asked = [Path(os.environ["PETSC_DIR"])] if os.environ.get("PETSC_DIR") else []
-    found = [path / "lib/python3/dist-packages" for path in [*asked, *sorted(Path(DEBIAN).glob("petsc*/*-real"), reverse=True)]]
+    found = [path / "lib/python3/dist-packages"
+             for path in [*asked, *sorted(Path(DEBIAN).glob("petsc*/*-real"), reverse=True)]]
     return [path for path in found if (path / "petsc4py").is_dir()]
 
 
@@ -66,7 +76,8 @@ def library() -> ModuleType | str:
     atexit.register(found._finalize)  # before MPI is ended, which began earlier
     if np.dtype(found.ScalarType) != np.float64:
         return f"PETSc computes with {np.dtype(found.ScalarType)}, not with real numbers in double precision; {CURE}"
-    return found if found.Sys.hasExternalPackage("mumps") else f"PETSc has been built without MUMPS; {CURE}"
+    return found if found.Sys.hasExternalPackage(
+        "mumps") else f"PETSc has been built without MUMPS; {CURE}"
 
 
 def shared_by(team: Team) -> ModuleType | None:
@@ -76,30 +87,36 @@ def shared_by(team: Team) -> ModuleType | None:
         return None
     team.meet()  # it begins on all ranks together
     found = library()
-    failed, = team.max(float(isinstance(found, str) or found.COMM_WORLD.size != team.size))  # another MPI than mpi4py's sees one rank
+    # another MPI than mpi4py's sees one rank
+    failed, = team.max(float(isinstance(found, str) or found.COMM_WORLD.size != team.size))
     return None if failed else found
 
 
 class SpreadBlocks:
-    """Solves with A = Σ Rᵣᵀ Bᵣ Rᵣ, symmetric and positive definite but for rounding: every rank has a block, and its own solution.
+    """Solves with A = Σ Rᵣᵀ Bᵣ Rᵣ, symmetric and positive definite but for rounding: every rank has
+    a block, and its own solution.
 
     petsc : as of ``shared_by``
     block : (n, n) B of this rank, symmetric, dense or sparse
-    place : (n,) int, which rows of A these are; owned : how many of them this rank keeps. Places count rank by rank, each its own
+    place : (n,) int, which rows of A these are; owned : how many of them this rank keeps. Places
+        count rank by rank, each its own
     team : the ranks
     Raises RuntimeError: A is singular, or MUMPS has not solved it
     """
 
-    def __init__(self, petsc: ModuleType, block: np.ndarray | sp.sparray, place: np.ndarray, owned: int, team: Team):
+    def __init__(self, petsc: ModuleType, block: np.ndarray | sp.sparray, place: np.ndarray,
+                 owned: int, team: Team):
         self._petsc, self._team = petsc, team
         world, alone, places = petsc.COMM_WORLD, petsc.COMM_SELF, place.astype(petsc.IntType)
         team.meet()
         rows = petsc.LGMap().create(places, comm=world)
-        matrix = petsc.Mat().createIS(((owned, petsc.DETERMINE),) * 2, lgmapr=rows, lgmapc=rows, comm=world)
+        matrix = petsc.Mat().createIS(((owned, petsc.DETERMINE),) * 2, lgmapr=rows, lgmapc=rows,
+                                      comm=world)
         matrix.setISLocalMat(_local(petsc, block))
         matrix.assemble()
         matrix.convert("aij")  # in place
-        # not as positive definite: rounding may have made it indefinite, and MUMPS then chooses pivots
+        # not as positive definite: rounding may have made it indefinite, and MUMPS then chooses
+        # pivots
         matrix.setOption(petsc.Mat.Option.SYMMETRIC, True)
         self._solver = petsc.KSP().create(world)
         self._solver.setOperators(matrix)
@@ -110,14 +127,19 @@ class SpreadBlocks:
         self._solver.setUp()
         self._right, self._left = matrix.createVecs()
         self._mine = petsc.Vec().createSeq(len(place), comm=alone)
-        self._moved = petsc.Scatter().create(self._right, petsc.IS().createGeneral(places, comm=alone), self._mine, None)
+        self._moved = petsc.Scatter().create(self._right,
+                                             petsc.IS().createGeneral(places, comm=alone),
+                                             self._mine, None)
         told = conditioner.getFactorMatrix().getMumpsInfog(1)
         if told < 0:
-            raise RuntimeError("a pivot vanishes" if told == -10 else f"MUMPS ends with code {told}")
+            raise RuntimeError("a pivot vanishes" if told == -10
+                               else f"MUMPS ends with code {told}")
         self._check(matrix)
 
     def _check(self, matrix) -> None:
-        """Raises RuntimeError: a right-hand side is not solved; libraries of different MPIs have been mixed, say."""
+        """Raises RuntimeError: a right-hand side is not solved; libraries of different MPIs have
+        been mixed, say.
+        """
         first, last = self._right.getOwnershipRange()
         right = np.random.default_rng(first).uniform(-1.0, 1.0, last - first)
         self._right.setArray(right)
@@ -126,18 +148,22 @@ class SpreadBlocks:
         left = matrix.createVecLeft()
         matrix.mult(self._left, left)
         left.axpy(-1.0, self._right)
-        apart, largest = left.norm(self._petsc.NormType.INFINITY), matrix.norm(self._petsc.NormType.INFINITY)
+        apart, largest = left.norm(self._petsc.NormType.INFINITY), matrix.norm(
+            self._petsc.NormType.INFINITY)
         if not apart <= BACKWARD * (largest * found + 1.0):
             raise RuntimeError(f"MUMPS leaves a residual of {apart:.1e}")
 
     def __call__(self, parts: np.ndarray) -> np.ndarray:
-        """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the right-hand sides."""
+        """(T, n) solutions at this rank's places, of the sums of all ranks' parts (T, n) of the
+        right-hand sides.
+        """
         petsc, result = self._petsc, np.empty_like(parts)
         self._team.meet()
         for part, solution in zip(parts, result):
             self._right.set(0.0)
             self._mine.setArray(part)
-            self._moved.scatter(self._mine, self._right, addv=petsc.InsertMode.ADD_VALUES, mode=petsc.ScatterMode.REVERSE)
+            self._moved.scatter(self._mine, self._right, addv=petsc.InsertMode.ADD_VALUES,
+                                mode=petsc.ScatterMode.REVERSE)
             self._solver.solve(self._right, self._left)
             self._moved.scatter(self._left, self._mine, mode=petsc.ScatterMode.FORWARD)
             solution[:] = self._mine.getArray()
@@ -147,7 +173,10 @@ class SpreadBlocks:
 def _local(petsc: ModuleType, block: np.ndarray | sp.sparray) -> object:
     """A matrix of this rank alone."""
     if not sp.issparse(block):
-        return petsc.Mat().createDense(block.shape, array=np.asfortranarray(block), comm=petsc.COMM_SELF)
+        return petsc.Mat().createDense(block.shape, array=np.asfortranarray(block),
+                                       comm=petsc.COMM_SELF)
     rows = sp.csr_array(block)
-    return petsc.Mat().createAIJ(rows.shape, csr=(*(x.astype(petsc.IntType) for x in (rows.indptr, rows.indices)), rows.data),
+    return petsc.Mat().createAIJ(rows.shape,
+                                 csr=(*(x.astype(petsc.IntType)
+                                        for x in (rows.indptr, rows.indices)), rows.data),
                                  comm=petsc.COMM_SELF)

@@ -28,7 +28,9 @@ class Placement:
 
     rank_of: np.ndarray  # (subdomains,) int, the rank of each
     touched: list[bool]  # (interfaces,) bool, whether a side of it is this rank's
-    codes: list[int]  # which codes of the configuration this rank asks: those of its subdomains and of their neighbours
+    # which codes of the configuration this rank asks: those of its subdomains and of their
+    # neighbours
+    codes: list[int]
 
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Placement:
@@ -46,16 +48,22 @@ def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
     """
     count = len(scene.subdomains)
     if ranks > count:
-        raise wrong(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
-                    "at least one subdomain for every rank", f"mpiexec -n {count} at most, or cut into more subdomains")
+        raise wrong(("subdomains",),
+                    f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
+                    "at least one subdomain for every rank",
+                    f"mpiexec -n {count} at most, or cut into more subdomains")
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
-    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
+    return owners(costs, [i.subdomains for i in scene.interfaces],
+                  [int(i.free.sum()) for i in scene.interfaces], ranks)
 
 
 def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
-    """Settings of codes, where ``workers: auto`` has become the number of cores that this rank may call its own."""
+    """Settings of codes, where ``workers: auto`` has become the number of cores that this rank may
+    call its own.
+    """
     share = max(1, int(team.cores()))
-    return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
+    return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code
+            for code in codes]
 
 
 def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
@@ -74,9 +82,11 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
     if ranks == 1:
         return np.zeros(n, dtype=int)
     one, two = np.asarray(pairs).reshape(-1, 2).T
-    graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])), shape=(n, n)).tocsr()
+    graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])),
+                         shape=(n, n)).tocsr()
     weights = np.maximum(1, np.rint(UNITS * costs / costs.sum())).astype(int)
-    found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices), vweights=weights.tolist(),
+    found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices),
+                               vweights=weights.tolist(),
                                eweights=graph.data.astype(int).tolist(), recursive=True)
     owner = np.asarray(found.vertex_part, dtype=int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains
@@ -85,5 +95,6 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int],
             spare = np.bincount(owner, minlength=ranks) > 1
             richest = np.flatnonzero(owner == np.argmax(np.where(spare, load, -1.0)))
             owner[richest[np.argmin(costs[richest])]] = rank
-    lightest = np.argmin(np.bincount(owner[np.r_[one, two]], weights=np.tile(dofs, 2), minlength=ranks))
+    lightest = np.argmin(np.bincount(owner[np.r_[one, two]], weights=np.tile(dofs, 2),
+                                     minlength=ranks))
     return np.where(owner == lightest, 0, np.where(owner == 0, lightest, owner))

@@ -1,8 +1,9 @@
 """The processes that solve one scene together, and what they tell each other.
 
-``Team`` is the single process: everything is local and costs nothing. ``mpi.MpiRanks`` is the same over MPI. Sums are taken in
-the order of the ranks, so that all of them hold the same bits and take the same decisions. Whether mpiexec (or srun) has started this
-process is told from the environment; of MPI nothing is imported unless it has.
+``Team`` is the single process: everything is local and costs nothing. ``mpi.MpiRanks`` is the same
+over MPI. Sums are taken in the order of the ranks, so that all of them hold the same bits and take
+the same decisions. Whether mpiexec (or srun) has started this process is told from the environment;
+of MPI nothing is imported unless it has.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ class Team:
 
     rank, size : which of how many
     waited : seconds spent waiting for others
-    messages, bytes : sent to others so far; of what all take part in, this rank's own part of it counts as one message
+    messages, bytes : sent to others so far; of what all take part in, this rank's own part of it
+        counts as one message
     reductions : of these, sums and maxima over all ranks
     parted : whether a rank has failed: they work together no more
     """
@@ -36,8 +38,11 @@ class Team:
     parted = False
     messages = bytes = reductions = 0
 
-    def both(self, parts: Sequence, largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
-        """Sums of arrays (or numbers) over the ranks, and the largest of each of some values, the same bits everywhere."""
+    def both(self, parts: Sequence,
+             largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
+        """Sums of arrays (or numbers) over the ranks, and the largest of each of some values, the
+        same bits everywhere.
+        """
         return [np.asarray(part, float) for part in parts], [float(value) for value in largest]
 
     def sum(self, *parts) -> list[np.ndarray]:
@@ -51,12 +56,17 @@ class Team:
     def meet(self) -> None:
         """Wait until all ranks are here."""
 
-    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Point to point: send an array to each of some ranks, and receive one of known size from each of some."""
+    def exchange(self, outgoing: Mapping[int, np.ndarray],
+                 incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Point to point: send an array to each of some ranks, and receive one of known size from
+        each of some.
+        """
         return incoming
 
     def deliver(self, outgoing: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """An array of numbers to every rank, most of them empty: what each of the ranks has for this one, flat; all ranks take part."""
+        """An array of numbers to every rank, most of them empty: what each of the ranks has for
+        this one, flat; all ranks take part.
+        """
         return [np.ravel(array) for array in outgoing]
 
     def all_gather(self, part: Any) -> list[Any]:
@@ -72,11 +82,15 @@ class Team:
         return thing
 
     def spread(self, array: np.ndarray) -> np.ndarray:
-        """Rank 0's array on all ranks, where others have room for it: as ``share``, in one message."""
+        """Rank 0's array on all ranks, where others have room for it: as ``share``, in one
+        message.
+        """
         return array
 
     def hand_out(self, make: Callable[[int], Any]) -> Any:
-        """What rank 0 makes for each rank, one after the other: nobody holds more than one of them."""
+        """What rank 0 makes for each rank, one after the other: nobody holds more than one of
+        them.
+        """
         return make(0)
 
     def cores(self) -> float:
@@ -112,11 +126,13 @@ class Elsewhere(BaseException):
 
 
 ALONE = Team()
-# Each launcher's number of processes and number of this process: Open MPI; MPICH, Intel MPI and Slurm's PMI; MVAPICH;
+# Each launcher's number of processes and number of this process: Open MPI; MPICH, Intel MPI and
+# Slurm's PMI; MVAPICH;
 # Slurm with PMIx, which sets PMIX_RANK in the processes of a parallel step only.
 _VARIABLES = (("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"), ("PMI_SIZE", "PMI_RANK"),
               ("MV2_COMM_WORLD_SIZE", "MV2_COMM_WORLD_RANK"), ("SLURM_STEP_NUM_TASKS", "PMIX_RANK"))
-# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name alone, 5 by it too.
+# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere: 4 by this name
+# alone, 5 by it too.
 SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_vader_backing_directory"
 
 
@@ -129,7 +145,9 @@ def launched(environment: Mapping[str, str] = os.environ) -> tuple[int, int]:
 
 
 def watched() -> bool:
-    """Whether a terminal is one that somebody looks at: Open MPI gives each rank one, wherever it writes to itself."""
+    """Whether a terminal is one that somebody looks at: Open MPI gives each rank one, wherever it
+    writes to itself.
+    """
     return launched()[1] == 1
 
 
@@ -158,8 +176,11 @@ def join() -> Team:
 
 
 def _share_memory() -> None:
-    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all others where it is killed."""
-    if {BACKING, BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
+    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all
+    others where it is killed.
+    """
+    if {BACKING,
+        BACKING.replace("vader", "sm")} & os.environ.keys() or not os.access(SHARED, os.W_OK):
         return
     folder = folders.make(SHARED)
     os.environ[BACKING] = str(folder)

@@ -1,12 +1,14 @@
-"""The largest and smallest of every quantity, part by part, with their places and load steps; signed.
+"""The largest and smallest of every quantity, part by part, with their places and load steps;
+signed.
 
 extremes.csv has a line for each: displacement of the nodes, stress as in ``nodal``.
 
 Stress at the nodes: of each part and each matter by itself, never averaged across.
 
-The stresses of the tets around a node, there, are averaged by volume. A node has one such stress for each part and each
-matter that it belongs to, and for each side of an interface that may open or whose meshes do not match; perfect interfaces
-inside a part leave no trace. In between, and in the middle of edges, it is linear.
+The stresses of the tets around a node, there, are averaged by volume. A node has one such stress
+for each part and each matter that it belongs to, and for each side of an interface that may open or
+whose meshes do not match; perfect interfaces inside a part leave no trace. In between, and in the
+middle of edges, it is linear.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ class Nodal:
 
     fields : those on ``Fields.opened``, whose nodes are meant
     corner : (m, 4) int, which of the K each tet's corners are
-    node : (K,) int, one of the nodes of ``fields`` at each; where copies have been joined, the first
+    node : (K,) int, one of the nodes of ``fields`` at each; where copies have been joined, the
+        first
     part : (K,) int, index into ``Fields.parts``
     """
 
@@ -53,8 +56,11 @@ class Nodal:
 
     @cached_property
     def _around(self) -> np.ndarray:
-        """(K,) volume around each; formed at the first stress: who only numbers nodes needs none."""
-        return np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=len(self))
+        """(K,) volume around each; formed at the first stress: who only numbers nodes needs
+        none.
+        """
+        return np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4),
+                           minlength=len(self))
 
     def __len__(self) -> int:
         return len(self.node)
@@ -73,7 +79,8 @@ class Nodal:
         sigma = fields.stress(step) if linear else fields.corner_stress(step)
         result = np.empty((6, len(self)))
         for c in range(6):
-            each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
+            each = np.repeat(volumes * sigma[:, c],
+                             4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
             result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
         if fields.believed is not None:
             result[:, self.corner[~fields.believed]] = np.nan
@@ -87,14 +94,18 @@ class Nodal:
 
     @cached_property
     def _edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """(e, 2) int, of the nodes in the middle of edges of ten-node tets, which of the K are the ends; (m, 6) int, edges of each tet."""
+        """(e, 2) int, of the nodes in the middle of edges of ten-node tets, which of the K are the
+        ends; (m, 6) int, edges of each tet.
+        """
         from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
 
         return edges_of(self.corner, TET_EDGES)
 
     @cached_property
     def split(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes of ``fields`` (K + e,) at each place that has a stress, edges' middles last, and the tets (m, 4 or 10) on them."""
+        """Nodes of ``fields`` (K + e,) at each place that has a stress, edges' middles last, and
+        the tets (m, 4 or 10) on them.
+        """
         if self.fields.cells.shape[1] == 4:
             return self.node, self.corner
         ends, edge = self._edges
@@ -103,8 +114,11 @@ class Nodal:
         return np.concatenate([self.node, middle]), np.hstack([self.corner, len(self) + edge])
 
     def everywhere(self, values: np.ndarray) -> np.ndarray:
-        """(K + e, …) values (K, …) of the nodes, and in the middle of edges the mean of their ends."""
-        return values if self.fields.cells.shape[1] == 4 else np.concatenate([values, values[self._edges[0]].mean(axis=1)])
+        """(K + e, …) values (K, …) of the nodes, and in the middle of edges the mean of their
+        ends.
+        """
+        return values if self.fields.cells.shape[1] == 4 else np.concatenate(
+            [values, values[self._edges[0]].mean(axis=1)])
 
 
 NAME = "extremes.csv"
@@ -116,7 +130,8 @@ COLUMNS = ("part", "quantity", "extreme", "value", "x", "y", "z", "load_step")
 
 @dataclass(frozen=True)
 class Extremes:
-    """Extremes of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the smallest and the largest.
+    """Extremes of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the
+    smallest and the largest.
 
     parts : names; quantities : names
     value : (2, p, q), nan where nothing is known or to be believed
@@ -136,7 +151,8 @@ class Extremes:
             for q, quantity in enumerate(self.quantities):
                 for k, extreme in enumerate(("min", "max")):
                     if np.isfinite(self.value[k, p, q]):
-                        yield (part, quantity, extreme, float(self.value[k, p, q]), *map(float, self.at[k, p, q]), int(self.step[k, p, q]))
+                        yield (part, quantity, extreme, float(self.value[k, p, q]),
+                               *map(float, self.at[k, p, q]), int(self.step[k, p, q]))
 
     def largest(self, quantity: str) -> dict[str, object] | None:
         """The largest of all parts: value, at, part, load_step; None where none is known."""
@@ -144,7 +160,8 @@ class Extremes:
         if not np.isfinite(values).any():
             return None
         p, q = int(np.nanargmax(values)), self.quantities.index(quantity)
-        return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p], "load_step": int(self.step[1, p, q])}
+        return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p],
+                "load_step": int(self.step[1, p, q])}
 
 
 def components_of_stress(sigma: np.ndarray) -> np.ndarray:
@@ -160,7 +177,8 @@ def components_of_displacement(u: np.ndarray) -> np.ndarray:
 def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
     """Extremes of a solution, over all load steps.
 
-    lost : (steps, subdomains) bool, bodies that nothing holds: where they are means nothing; None: there are none
+    lost : (steps, subdomains) bool, bodies that nothing holds: where they are means nothing; None:
+        there are none
     """
     fields, names = nodal.fields, nodal.fields.parts or ("",)
     node, cells = nodal.split
@@ -183,10 +201,13 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
 
 
 def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(2, count, q) smallest and largest of values (K, q) of each part, and where these are, int; nan where all are nan."""
+    """(2, count, q) smallest and largest of values (K, q) of each part, and where these are, int;
+    nan where all are nan.
+    """
     order = np.argsort(part, kind="stable") if count > 1 else np.arange(len(part))
     bounds = np.searchsorted(part[order], np.arange(count + 1))
-    result, which = np.full((2, count, values.shape[1]), np.nan), np.zeros((2, count, values.shape[1]), dtype=int)
+    result, which = np.full((2, count, values.shape[1]),
+                            np.nan), np.zeros((2, count, values.shape[1]), dtype=int)
     for p, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
         rows = order[a:b]
         rows = rows[np.isfinite(values[rows]).all(axis=1)]

@@ -1,4 +1,6 @@
-"""Whether two runs solve the same problem: all that the method's state depends on, key by key, and a hash of it."""
+"""Whether two runs solve the same problem: all that the method's state depends on, key by key, and
+a hash of it.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +15,20 @@ from pathlib import Path
 
 import numpy as np
 
-# When to stop, where to write, who computes and how long it may take change nothing in what a state means.
+# When to stop, where to write, who computes and how long it may take change nothing in what a state
+# means.
 _FREE = {"name", "output", "blackbox.workers", "blackbox.transport", "blackbox.timeout",
          "parts.program.timeout", "method.tolerance", "method.max_iterations"}
 _SHORT = 40  # signs of a value in a message
 
 
 def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, str]:
-    """The problem that a state depends on: key → value of the configuration (complete), key → content of the files that it names and
+    """The problem that a state depends on: key → value of the configuration (complete), key →
+    content of the files that it names and
     of those that these include, and e.g. the mesh's nodes and cells.
 
-    Tolerance, iteration limit, name, output, workers, transport and timeout are left out: a run may be
-    resumed with others. So are the places of files: what is in them counts.
+    Tolerance, iteration limit, name, output, workers, transport and timeout are left out: a run may
+    be resumed with others. So are the places of files: what is in them counts.
     """
     problem: dict[str, str] = {}
     for key, value in _leaves(config, "", ""):
@@ -32,15 +36,18 @@ def problem_of(config: Mapping[str, object], *arrays: np.ndarray) -> dict[str, s
         if file is None:
             problem[key] = json.dumps(value, default=str)
             if key.endswith("mesh.file"):  # a pattern, of several files
-                problem |= {f"{key}, {os.path.basename(other)}": f"content: {hashed(other)}" for other in sorted(glob(value))}
+                problem |= {f"{key}, {os.path.basename(other)}": f"content: {hashed(other)}"
+                            for other in sorted(glob(value))}
             continue
         problem[key] = f"content of {os.path.basename(file)}{rest}: {hashed(file)}"
         for other in included(file):
-            problem[f"{key}, with {os.path.relpath(other, os.path.dirname(file))}"] = f"content: {hashed(other)}"
+            problem[
+                f"{key}, with {os.path.relpath(other, os.path.dirname(file))}"] = f"content: {hashed(other)}"
     for number, array in enumerate(arrays):
         digest = hashlib.sha256(f"{array.dtype}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
-        problem[("nodes of the mesh", "cells of the mesh")[number] if number < 2 else f"array {number}"] = f"content: {digest.hexdigest()}"
+        problem[("nodes of the mesh", "cells of the mesh")[number] if number < 2
+                else f"array {number}"] = f"content: {digest.hexdigest()}"
     return problem
 
 
@@ -51,14 +58,17 @@ def digest_of(problem: Mapping[str, str]) -> str:
 
 def differences(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """Say what differs between two problems; of the mesh only where nothing else explains it."""
-    keys = [key for key in (*now, *(key for key in before if key not in now)) if before.get(key) != now.get(key)]
+    keys = [key for key in (*now, *(key for key in before if key not in now))
+            if before.get(key) != now.get(key)]
     keys = [key for key in keys if not key.endswith(" of the mesh")] or keys
     told = []
     for key in keys:
         old, new = before.get(key), now.get(key)
         what = (new or old).rpartition(":")[0]
-        told.append(f"{key}: {_shown(old)}, now {_shown(new)}" if "content" not in f"{old}{new}" else
-                    f"{key} ({what}) is another one" if what != "content" else f"{key} is another one")
+        told.append(f"{key}: {_shown(old)}, now {_shown(new)}" if "content" not in f"{old}{new}"
+                    else
+                    f"{key} ({what}) is another one" if what != "content"
+                    else f"{key} is another one")
     return told
 
 
@@ -67,13 +77,17 @@ def _shown(value: str | None) -> str:
 
 
 def _leaves(value: object, path: str, plain: str) -> Iterator[tuple[str, object]]:
-    """Keys with the places in lists, and what is no mapping or list; numbers of one list are one value."""
+    """Keys with the places in lists, and what is no mapping or list; numbers of one list are one
+    value.
+    """
     if plain in _FREE:
         return
     if isinstance(value, Mapping):
         for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else str(key), f"{plain}.{key}" if plain else str(key))
-    elif isinstance(value, (list, tuple)) and any(isinstance(item, (Mapping, list, tuple, str)) for item in value):
+            yield from _leaves(item, f"{path}.{key}" if path else str(key),
+                               f"{plain}.{key}" if plain else str(key))
+    elif isinstance(value, (list, tuple)) and any(isinstance(item, (Mapping, list, tuple, str))
+                                                  for item in value):
         for index, item in enumerate(value):
             yield from _leaves(item, f"{path}[{index}]", plain)
     else:
@@ -81,9 +95,11 @@ def _leaves(value: object, path: str, plain: str) -> Iterator[tuple[str, object]
 
 
 def named(value: object) -> tuple[str | None, str]:
-    """The file that a value of a configuration names, and what the value says beside; (None, "") where it names none.
+    """The file that a value of a configuration names, and what the value says beside; (None, "")
+    where it names none.
 
-    ``solver.py:Class`` names solver.py, ``package.module:Class`` the module's file, ``--table=file`` the file.
+    ``solver.py:Class`` names solver.py, ``package.module:Class`` the module's file,
+    ``--table=file`` the file.
     """
     if not isinstance(value, str) or not value:
         return None, ""
@@ -96,7 +112,8 @@ def named(value: object) -> tuple[str | None, str]:
     if last and os.path.isfile(last):
         return last, f" of {option}"
     module, colon, name = value.partition(":")
-    if colon and re.fullmatch(r"\w+(\.\w+)*", module) and name.isidentifier() and (file := _module(module)):
+    if colon and re.fullmatch(r"\w+(\.\w+)*",
+                              module) and name.isidentifier() and (file := _module(module)):
         return file, colon + name
     return None, ""
 
@@ -114,7 +131,9 @@ def included(file: str) -> list[str]:
 
 
 def hashed(file: str) -> str:
-    """Hash of a file's content; of one that cannot be read, why: who reads it for good will tell."""
+    """Hash of a file's content; of one that cannot be read, why: who reads it for good will
+    tell.
+    """
     try:
         with open(file, "rb") as opened:
             return hashlib.file_digest(opened, "sha256").hexdigest()
@@ -123,7 +142,9 @@ def hashed(file: str) -> str:
 
 
 def _read_with(path: str, root: str) -> Iterator[str]:
-    """Paths that a file names as those of others, there or not; ``root``: the folder where the first file is."""
+    """Paths that a file names as those of others, there or not; ``root``: the folder where the
+    first file is.
+    """
     suffix = os.path.splitext(path)[1].lower()
     try:
         with open(path, "rb") as file:
@@ -132,13 +153,16 @@ def _read_with(path: str, root: str) -> Iterator[str]:
         return
     for pattern, others in _INCLUDES.get(suffix, _BY_WORDS):
         for match in pattern.finditer(text):
-            for word in others(*(group.decode(errors="replace").strip() if group else "" for group in match.groups())):
-                yield from (os.path.normpath(os.path.join(folder, word)) for folder in (os.path.dirname(path), root))
+            for word in others(*(group.decode(errors="replace").strip() if group else ""
+                                 for group in match.groups())):
+                yield from (os.path.normpath(os.path.join(folder, word))
+                            for folder in (os.path.dirname(path), root))
 
 
 def _modules(package: str, names: str) -> list[str]:
     """Files of ``from package import names`` or of ``import names``."""
-    words = [part.split()[0].replace(".", "/") for part in names.replace("(", " ").split(",") if part.split()]
+    words = [part.split()[0].replace(".", "/") for part in names.replace("(", " ").split(",")
+             if part.split()]
     place = package.lstrip(".").replace(".", "/")
     places = [os.path.join(place, word) for word in words] + [place] * bool(place)
     return [file for place in places for file in (f"{place}.py", f"{place}/__init__.py")]
@@ -156,16 +180,19 @@ _INCLUDES = {
     ".xdmf": _DATA, ".xmf": _DATA,
     ".py": [(_pattern(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+([^#\n]+)"), _modules)]}
 # Decks and forms, whatever their ending.
-_BY_WORDS = [(_pattern(r"^[ \t]*\*[ \t]*INCLUDE[ \t]*,[ \t]*INPUT[ \t]*=[ \t]*[\"']?([^,\"'\r\n]+)"), _SELF),
+_BY_WORDS = [
+    (_pattern(r"^[ \t]*\*[ \t]*INCLUDE[ \t]*,[ \t]*INPUT[ \t]*=[ \t]*[\"']?([^,\"'\r\n]+)"), _SELF),
              (_pattern(rf"^[ \t]*(?:include|load){_QUOTED}"), lambda word: [word, f"{word}.so"])]
-_ALONE = {".msh", ".vtu", ".vtk", ".mesh", ".stp", ".step", ".brep", ".mtx"}  # large texts that include nothing
+# large texts that include nothing
+_ALONE = {".msh", ".vtu", ".vtk", ".mesh", ".stp", ".step", ".brep", ".mtx"}
 
 
 def _module(name: str) -> str | None:
     """The file of a Python module, which is not imported."""
     place, file = None, None
     for part in name.split("."):
-        spec = PathFinder.find_spec(part, place) or (PathFinder.find_spec(part, [os.getcwd()]) if place is None else None)
+        spec = PathFinder.find_spec(part, place) or (PathFinder.find_spec(part, [os.getcwd()])
+                                                     if place is None else None)
         if spec is None:
             return None
         file, place = spec.origin, spec.submodule_search_locations

@@ -1,4 +1,6 @@
-"""The results folder: created once, for one run at a time, every file in it written whole or not at all."""
+"""The results folder: created once, for one run at a time, every file in it written whole or not at
+all.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +27,12 @@ _FULL = {errno.ENOSPC, errno.EDQUOT}
 
 
 class ResultsFolder:
-    """A folder that takes the results of one run; files in it that are not this program's are neither removed nor replaced.
+    """A folder that takes the results of one run; files in it that are not this program's are
+    neither removed nor replaced.
 
     directory : where; created with its parents if missing
-    Raises InputError: it cannot be created or written to; later, from any writing, also when the disk is full
+    Raises InputError: it cannot be created or written to; later, from any writing, also when the
+    disk is full
     """
 
     def __init__(self, directory: str | os.PathLike[str]):
@@ -46,12 +50,15 @@ class ResultsFolder:
                     probe.unlink()
         for name in (OWN, LIST):
             if (self.path / name).is_symlink():
-                raise wrong(DIRECTORY_KEY, f"{self.path / name} is a link", "this program's own list of what it has written here",
+                raise wrong(DIRECTORY_KEY, f"{self.path / name} is a link",
+                            "this program's own list of what it has written here",
                             "remove the link, or choose another folder with --output")
         for name in (OWN, *FOLDERS):  # now, not when all has been computed
             if os.path.lexists(self.path / name) and not (self.path / name).is_dir():
-                raise wrong(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
-                            "a folder that can be created and written to", f"rename {name}, or choose another folder with --output")
+                raise wrong(DIRECTORY_KEY,
+                            f"{self.path / name} is no folder, and a run needs one of that name",
+                            "a folder that can be created and written to",
+                            f"rename {name}, or choose another folder with --output")
 
     def __repr__(self) -> str:
         return f"ResultsFolder({str(self.path)!r})"
@@ -61,7 +68,9 @@ class ResultsFolder:
 
     @contextmanager
     def guarded(self, what: str) -> Iterator[None]:
-        """Turns any OSError of the block into an InputError that names ``what`` was being written."""
+        """Turns any OSError of the block into an InputError that names ``what`` was being
+        written.
+        """
         try:
             yield
         except OSError as error:
@@ -104,9 +113,12 @@ class ResultsFolder:
         return self.write(name, text.getvalue())
 
     def remove(self, *patterns: str) -> None:
-        """Removes those of this program's files that match the shell patterns; those that are missing are no error."""
+        """Removes those of this program's files that match the shell patterns; those that are
+        missing are no error.
+        """
         with self.guarded("the list of its files"):
-            mine = [name for name in self.manifest.owned() if any(fnmatchcase(name, pattern) for pattern in patterns)]
+            mine = [name for name in self.manifest.owned()
+                    if any(fnmatchcase(name, pattern) for pattern in patterns)]
         for name in mine:
             with self.guarded(name):
                 (self.path / name).unlink(missing_ok=True)
@@ -136,7 +148,8 @@ class ResultsFolder:
 
     @contextmanager
     def of_part(self, name: str) -> Iterator[Path]:
-        """The empty folder parts/``name``, for a program of the user's: what it leaves there becomes this program's to remove.
+        """The empty folder parts/``name``, for a program of the user's: what it leaves there
+        becomes this program's to remove.
 
         Raises InputError: folder not writable; files that no such run has left there
         """
@@ -155,16 +168,20 @@ class ResultsFolder:
 
 
 def read_table(path: Path, columns: Iterable[str]) -> list[dict[str, str]]:
-    """Rows of a table that has these columns; none where there is no such file; raises InputError: it cannot be read, or is not whole."""
+    """Rows of a table that has these columns; none where there is no such file; raises InputError:
+    it cannot be read, or is not whole.
+    """
     if not path.is_file():
         return []
     try:
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        if any(None in row or None in row.values() or not row.keys() >= set(columns) for row in rows):
+        if any(None in row or None in row.values() or not row.keys() >= set(columns)
+               for row in rows):
             raise ValueError("columns or ends of rows are missing")
     except (OSError, ValueError, csv.Error) as error:
-        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}", "a table that a run has written", "run the configuration again") from error
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read: {error}",
+                    "a table that a run has written", "run the configuration again") from error
     return rows
 
 
@@ -177,23 +194,27 @@ def _in_the_way(directory: Path, names: Sequence[str]) -> Problem:
     what = f"{len(names)} files" if len(names) > 1 else "a file"
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     shown = ", ".join(sorted(names)[:SHOWN])
-    return Problem(DIRECTORY_KEY, f"{what} in {directory} not written by this program, or changed since: {shown}{more}",
+    return Problem(DIRECTORY_KEY,
+                   f"{what} in {directory} not written by this program, or changed since: "
+                   f"{shown}{more}",
                    "a folder in which the names of results are free",
                    "rename or remove what is yours, or choose another folder with --output")
 
 
 def _problem(directory: Path, what: str, error: OSError) -> Problem:
     free = None
-    for folder in reversed((directory, *directory.absolute().parents)):  # the nearest one that is there
+    # the nearest one that is there
+    for folder in reversed((directory, *directory.absolute().parents)):
         with suppress(OSError):
             free = shutil.disk_usage(folder).free
     # Some writers (numpy's tofile, Pillow) lose the error number: then only the free space tells.
     if error.errno in _FULL or (error.errno is None and free is not None and free < 1 << 20):
         left = "" if free is None else f", {free / 1e6:,.0f} MB free"
         over = "disk quota exceeded" if error.errno == errno.EDQUOT else "disk full"
-        return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}", "room for the results",
-                       "free some space (--resume computes nothing again that has been computed), choose another "
-                       "folder with --output, or set output.fields: false")
+        return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}",
+                       "room for the results",
+                       "free some space (--resume computes nothing again that has been computed), "
+                       "choose another folder with --output, or set output.fields: false")
     return Problem(DIRECTORY_KEY, f"cannot write {what} in {directory}: {error.strerror or error}",
                    "a folder that can be created and written to",
                    "check the path and its permissions, or choose another folder with --output")
@@ -204,13 +225,15 @@ LOCK, HOLDER = f"{OWN}/lock", f"{OWN}/holder.json"
 
 @contextmanager
 def locked(folder: ResultsFolder) -> Iterator[None]:
-    """Holds the folder's lock: the system gives it back however the run ends, so that no lock is ever stale.
+    """Holds the folder's lock: the system gives it back however the run ends, so that no lock is
+    ever stale.
 
     Raises InputError: another run holds it; the message names that run
     """
     from filelock import FileLock, Timeout
 
-    lock, about = FileLock(folder / LOCK, timeout=0), {"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%F %T")}
+    lock, about = FileLock(folder / LOCK, timeout=0), {"pid": os.getpid(), "host": platform.node(),
+                                                       "since": time.strftime("%F %T")}
     with folder.guarded(LOCK):
         (folder / LOCK).parent.mkdir(exist_ok=True)
         try:
@@ -220,11 +243,14 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
             with suppress(OSError, ValueError, KeyError, TypeError):
                 other = json.loads((folder / HOLDER).read_bytes())
                 holder = f"process {other['pid']} on {other['host']}, since {other['since']}"
-            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {holder}", "a folder of its own for every run",
+            raise wrong(DIRECTORY_KEY, f"another run writes to {folder.path}: {holder}",
+                        "a folder of its own for every run",
                         "wait for that run, end it, or choose another folder with --output") from None
     try:
         with suppress(OSError):  # a full disk still locks; nothing is written through a link
-            with open(folder / HOLDER, "w", opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW, 0o644)) as file:
+            with open(folder / HOLDER, "w",
+                      opener=lambda path, flags: os.open(path, flags | os.O_NOFOLLOW,
+                                                         0o644)) as file:
                 json.dump(about, file)
         yield
     finally:

@@ -52,7 +52,8 @@ class HistoryWriter(Subscriber):
         if list(row) != list(self._kept):  # the first one tells which laws there are
             self._file.close()
             known = self._kept
-            self._kept = {name: known.get(name, np.full(len(known["iteration"]), np.nan)) for name in row}
+            self._kept = {name: known.get(name, np.full(len(known["iteration"]), np.nan))
+                          for name in row}
             with suppress(InputError):  # full disk, as below
                 self._begin()
         line = _line(list(row.values()))
@@ -98,8 +99,8 @@ def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path
 def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """Reads a history.csv, or the one in a results folder.
 
-    Returns column name → (iterations,) array, int for counts and float for the rest. A last line cut
-    short by a killed run is left out.
+    Returns column name → (iterations,) array, int for counts and float for the rest. A last line
+    cut short by a killed run is left out.
     Raises InputError: missing file, or not a history
     """
     path = Path(path)
@@ -109,16 +110,22 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         names = head.split(",")
         missing = [name for name in HISTORY_COLUMNS if name not in names]
         if missing:
-            raise wrong(DIRECTORY_KEY, f"the first line of {path} lacks the columns {', '.join(missing)}", "a history.csv of this version",
-                        f"go on with the version that wrote it, or begin anew in another folder; {_WITHOUT}")
+            raise wrong(DIRECTORY_KEY,
+                        f"the first line of {path} lacks the columns {', '.join(missing)}",
+                        "a history.csv of this version",
+                        "go on with the version that wrote it, or begin anew in another folder; "
+                        f"{_WITHOUT}")
         # What follows the last line end is empty, or half a line.
         texts = [line.split(",") for line in lines[:-1]]
         table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
     except (OSError, ValueError) as error:
-        raise wrong(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}", "a history.csv written by a run",
+        raise wrong(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}",
+                    "a history.csv written by a run",
                     f"name the results folder of an earlier run; {_WITHOUT}") from error
-    whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
-    return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}
+    whole = _COUNTS | {name for name, *column in zip(names, *texts) if column
+                       and all(map(str.isdigit, column))}
+    return {name: column.astype(int) if name in whole else column
+            for name, column in zip(names, table.T)}
 
 
 def _lines(history: dict[str, np.ndarray]) -> list[bytes]:

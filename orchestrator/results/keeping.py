@@ -87,7 +87,8 @@ class CheckpointWriter(Subscriber):
     def _go_on_without(self, error: OSError) -> None:
         if self.keeps:
             self._warn(f"No checkpoint can be written in {self._path} ({error.strerror}): the run "
-                       "goes on without; if it is killed, --resume begins where the last checkpoint was.")
+                       "goes on without; if it is killed, --resume begins where the last "
+                       "checkpoint was.")
         self.keeps = False
 
     def _tried(self, action: Callable[..., None], given: object) -> OSError | None:

@@ -1,8 +1,10 @@
-"""Manifest of the files that this program has written in a results folder: nothing else in it is ever removed or replaced.
+"""Manifest of the files that this program has written in a results folder: nothing else in it is
+ever removed or replaced.
 
-``.orchestrator/manifest`` has a line of JSON for each file, appended before the file gets its name: whatever ends a run, its files
-are known. A line holds the file's size, time and hash, so that one that somebody has changed since counts as theirs. Files
-that grow are claimed by a pattern of their names instead, until they are done.
+``.orchestrator/manifest`` has a line of JSON for each file, appended before the file gets its name:
+whatever ends a run, its files are known. A line holds the file's size, time and hash, so that one
+that somebody has changed since counts as theirs. Files that grow are claimed by a pattern of their
+names instead, until they are done.
 """
 
 from __future__ import annotations
@@ -20,12 +22,14 @@ from typing import Any
 
 OWN = ".orchestrator"  # the folder of what is for this program alone
 NAME = f"{OWN}/manifest"
-UNFINISHED = ".orchestrator-part"  # the ending of files that are being written; nobody else's have it
+# the ending of files that are being written; nobody else's have it
+UNFINISHED = ".orchestrator-part"
 PARTS = "parts"  # in it a folder for each part that writes results of its own
 FOLDERS = ("fields", "figures", "checkpoint", PARTS)
 CHECKPOINT = r"checkpoint/(iteration-\d{6,}\.npz|reserve|problem\.json)"
 # Names that a run writes under; programs that are parts have folders of their own beside.
-RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
+RESULTS = (
+    r"(summary\.json|(history|extremes|interfaces|probes|paths)\.csv|fields\.npz|traceback\.txt"
            r"|fields/((step|interface)_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
            r"|figures/(convergence|time|deformed|interfaces)\.png"
            rf"|{CHECKPOINT})")
@@ -46,7 +50,9 @@ class Manifest:
         self._append(self._line(name, file))
 
     def claim(self, pattern: str) -> None:
-        """Claim files whose names match the regular expression as this program's until ``settled``."""
+        """Claim files whose names match the regular expression as this program's until
+        ``settled``.
+        """
         if pattern not in self._read()[1]:
             self._append({"claimed": pattern})
 
@@ -54,7 +60,8 @@ class Manifest:
         """Files that were claimed are done: those that are there are noted as they are."""
         if pattern in self._read()[1]:
             self._append(*(self._line(name, self._folder / name)
-                           for name in self._names() if re.fullmatch(pattern, name)), {"settled": pattern})
+                           for name in self._names() if re.fullmatch(pattern, name)),
+                         {"settled": pattern})
 
     def owned(self) -> Iterator[str]:
         """Names of the files that are there and this program's; of what links lead to, none."""
@@ -68,31 +75,38 @@ class Manifest:
     def foreign(self, pattern: str) -> list[str]:
         """Files with names that match the regular expression and are not this program's."""
         known = self._read()
-        return [name for name in self._names(links=True) if re.fullmatch(pattern, name) and not self._is_own(name, *known)]
+        return [name for name in self._names(links=True) if re.fullmatch(pattern, name)
+                and not self._is_own(name, *known)]
 
     def clean(self) -> None:
         """Forget the files that are not there any more."""
         noted, claims = self._read()
-        lines = [{"file": name, **entry} for name in noted if os.path.lexists(self._folder / name) for entry in noted[name]]
+        lines = [{"file": name, **entry} for name in noted if os.path.lexists(self._folder / name)
+                 for entry in noted[name]]
         lines += [{"claimed": claim} for claim in claims]
         with suppress(FileNotFoundError):
             self._path.unlink()
         self._append(*lines)
 
     def _names(self, links: bool = False) -> Iterator[str]:
-        """Names of all that is where this program writes; ``links``: also in folders that links lead to."""
+        """Names of all that is where this program writes; ``links``: also in folders that links
+        lead to.
+        """
         for below in ("", *FOLDERS):
             if below and not links and (self._folder / below).is_symlink():
                 continue
             for place, folders, files in os.walk(self._folder / below):
                 if below != PARTS:
-                    yield from (os.path.join(below, name) for name in (*files, *folders))  # a folder stands in the way of a file as well
+                    # a folder stands in the way of a file as well
+                    yield from (os.path.join(below, name) for name in (*files, *folders))
                     break
                 inside = os.path.relpath(place, self._folder)
                 yield from (os.path.join(inside, name) for name in files)
 
     def _is_own(self, name: str, noted: dict[str, list[dict[str, Any]]], claims: list[str]) -> bool:
-        """Whether a file is claimed, or one of those noted: by size and time, or where it was copied by size and content."""
+        """Whether a file is claimed, or one of those noted: by size and time, or where it was
+        copied by size and content.
+        """
         path = self._folder / name
         if not path.is_file() or path.is_symlink():
             return False
@@ -101,7 +115,8 @@ class Manifest:
         about = path.stat()
         alike = [entry for entry in noted.get(name, ()) if entry["size"] == about.st_size]
         return any(entry["time"] == about.st_mtime_ns for entry in alike) or (
-            any(entry["hash"] for entry in alike) and _hash(path) in {entry["hash"] for entry in alike})
+            any(entry["hash"] for entry in alike)
+            and _hash(path) in {entry["hash"] for entry in alike})
 
     def _read(self) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
         """Entries by name, and patterns that are claimed."""
@@ -109,7 +124,9 @@ class Manifest:
         claims: list[str] = []
         for line in self._lines():
             if "file" in line:
-                noted.setdefault(line["file"], []).append({key: line.get(key) for key in ("size", "time", "hash")})
+                noted.setdefault(line["file"],
+                                 []).append({key: line.get(key)
+                                             for key in ("size", "time", "hash")})
             elif "claimed" in line:
                 claims.append(line["claimed"])
             elif line.get("settled") in claims:

@@ -14,12 +14,16 @@ from orchestrator.parallel.team import Team
 
 
 def interfaces_of_all(own: InterfaceFields | None, team: Team) -> InterfaceFields | None:
-    """Return the fields of all ranks' interfaces, in the order of the scene, on rank 0; elsewhere its own."""
+    """Return the fields of all ranks' interfaces, in the order of the scene, on rank 0; elsewhere
+    its own.
+    """
     told = team.gather(own)
     if own is None or told is None or len(told) == 1:
         return own
-    nodes, names = (np.cumsum([0, *(len(getattr(x, of)) for x in told)]) for of in ("nodes", "names"))
-    told = [replace(x, triangles=x.triangles + node, owner=x.owner + name) for x, node, name in zip(told, nodes, names)]
+    nodes, names = (np.cumsum([0, *(len(getattr(x, of)) for x in told)])
+                    for of in ("nodes", "names"))
+    told = [replace(x, triangles=x.triangles + node, owner=x.owner + name)
+            for x, node, name in zip(told, nodes, names)]
     every = {name: np.concatenate([getattr(x, name) for x in told], axis=axis)
              for name, (_, axis) in ALONG.items() if getattr(own, name) is not None}
     offsets = np.append(0, np.cumsum(np.concatenate([np.diff(x.offsets) for x in told])))

@@ -1,4 +1,6 @@
-"""The files of a run: those that it keeps up to date while it lasts, and those that it ends with."""
+"""The files of a run: those that it keeps up to date while it lasts, and those that it ends
+with.
+"""
 
 from __future__ import annotations
 
@@ -38,19 +40,22 @@ class Record(Subscriber):
     resume : go on from the checkpoint in the folder
     start : where the run goes on from; None at the beginning
     scene, watch : as given
-    artist : who draws the figures; None: nobody, as where none are asked for or nothing that draws is installed
+    artist : who draws the figures; None: nobody, as where none are asked for or nothing that draws
+        is installed
     subscribers : history, checkpoint, and this, which writes a summary if the run dies
     Raises InputError: nothing to resume from, folder not writable, disk full
     """
 
-    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, artist: Artist | None = None, *,
+    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch,
+                 artist: Artist | None = None, *,
                  resume: bool = False):
         problem = problem_of(config.complete(), scene.prints)
         problem["version of checkpoints"] = str(VERSION)
         key = digest_of(problem)
         self.start = load_checkpoint(folder, key, problem) if resume else None
         if resume and self.start is None:
-            print(f"No iteration is kept in {folder.path}: the run begins at its beginning.", file=sys.stderr)
+            print(f"No iteration is kept in {folder.path}: the run begins at its beginning.",
+                  file=sys.stderr)
         if not resume:
             folder.clear()
             begun(folder)
@@ -60,14 +65,17 @@ class Record(Subscriber):
         self._artist = artist
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
-        # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
+        # the history first: of what the checkpoint has, no line may be missing; a line too many is
+        # cut off on resuming
         self.subscribers = [self._history, self, self._checkpoint]
 
     def finish(self, solution: Solution) -> None:
-        """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
+        """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes
+        once the former are there.
 
-        Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
-        write. Figures come last, and hold up nothing: the command ``report`` draws them from what is there.
+        Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume``
+        then does nothing but write. Figures come last, and hold up nothing: the command ``report``
+        draws them from what is there.
 
         solution : in its summary, the time that all this takes is noted
         """
@@ -81,7 +89,9 @@ class Record(Subscriber):
                 solution.write_results(self._folder)
             self._summarise(summary)
         except BaseException as error:
-            self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
+            self._left_off(
+                f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume "
+                "writes them")
             raise
         if solution.converged:
             self._checkpoint.remove()
@@ -91,7 +101,8 @@ class Record(Subscriber):
                     self._artist.finish()
                 except CannotDraw as error:  # charts can be drawn here
                     write_figures(self._folder, summary, read_history(self._folder.path))
-                    summary["warnings"] = [*(summary.get("warnings") or ()), f"no pictures of the structure: {error}; "
+                    summary["warnings"] = [*(summary.get("warnings") or ()),
+                                           f"no pictures of the structure: {error}; "
                                            f"orchestrator report {self._folder.path} draws them"]
             self._summarise(summary)
 
@@ -99,7 +110,8 @@ class Record(Subscriber):
         """Have figures drawn, where they are wanted, as ``write_figures`` does."""
         if self._artist:
             note_time(summary, self.watch)
-            self._artist.begin(write_figures, self._folder, summary, read_history(self._folder.path), fields)
+            self._artist.begin(write_figures, self._folder, summary,
+                               read_history(self._folder.path), fields)
 
     def _summarise(self, summary: dict[str, object]) -> None:
         note_time(summary, self.watch)
@@ -113,28 +125,35 @@ class Record(Subscriber):
         self._last = event.without_state()
 
     def failed(self, error: BaseException) -> None:
-        self._left_off("interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {_first_line(error)}")
+        self._left_off("interrupted" if isinstance(error, KeyboardInterrupt)
+                       else f"failed: {_first_line(error)}")
 
     def _left_off(self, reason: str) -> None:
         """Write the summary of a run that dies: where it stood, and why it went no further."""
         last = self._last
         content = {"name": self._config.name, "converged": False, "stop_reason": reason,
-            "iterations": last.iteration if last else 0, "indicator": last.indicator if last else None,
-            "error_bound": last.error_bound if last else None, **problem_size(self.scene),
-            "timing": {"total": self.watch.total, **self.watch.seconds}, "versions": versions(), "config": self._config.complete()}
+                   "iterations": last.iteration if last else 0,
+                   "indicator": last.indicator if last else None,
+                   "error_bound": last.error_bound if last else None, **problem_size(self.scene),
+            "timing": {"total": self.watch.total, **self.watch.seconds}, "versions": versions(),
+                   "config": self._config.complete()}
         with suppress(InputError):  # a full disk; the error itself is told
             write_summary(self._folder, content)
 
 
 def _first_line(error: BaseException) -> str:
-    return "interrupted" if isinstance(error, KeyboardInterrupt) else (str(error).splitlines() or [type(error).__name__])[0]
+    return "interrupted" if isinstance(error,
+                                       KeyboardInterrupt) else (
+                                           str(error).splitlines() or [type(error).__name__])[0]
 
 
 @contextmanager
 def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
-    """Turns what is no error of the user's into an ``InternalError``, its traceback into a file of the folder.
+    """Turns what is no error of the user's into an ``InternalError``, its traceback into a file of
+    the folder.
 
-    Memory that is exhausted is a want of memory, not a bug: it is said so. An interrupt says how to go on, where that can be.
+    Memory that is exhausted is a want of memory, not a bug: it is said so. An interrupt says how to
+    go on, where that can be.
     """
     try:
         yield

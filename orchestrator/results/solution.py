@@ -1,4 +1,6 @@
-"""One run as one object: summary, history and fields; as solved, or read from the files of its folder."""
+"""One run as one object: summary, history and fields; as solved, or read from the files of its
+folder.
+"""
 
 from __future__ import annotations
 
@@ -41,15 +43,18 @@ class Solution:
 
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
-    fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
-        asked for, where they were read
+    fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz;
+        None if none were asked for, where they were read
     directory : the folder that it was read from
     scene : what was solved; None, as all that follows, where it was read from a folder
-    iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
-    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
+    iterated : what the iterations ended with: traces and interface forces, statuses, error bound,
+        events
+    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are
+        averaged
     reference : the undecomposed solution, if asked for
     answers : extremes, probes, and what interfaces carry
-    joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
+    joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is
+        not ours; None elsewhere
     config : what was asked for
 
     Examples
@@ -59,9 +64,11 @@ class Solution:
     >>> from orchestrator import Solution, config_from, solve
     >>> solution = solve(config_from({
     ...     "name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}},
-    ...     "subdomains": {"slices": {"axis": "z", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "subdomains": {"slices": {"axis": "z", "count": 2}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.0}],
     ...     "interfaces": [{"law": "contact", "friction": 0.2}],
-    ...     "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [0, 0, -10]}]}))
+    ...     "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax",
+    ...     "traction": [0, 0, -10]}]}))
     >>> solution.write("blocks").name
     'blocks'
     >>> again = Solution.read("blocks")
@@ -86,13 +93,18 @@ class Solution:
     config: Config | None = None
 
     @classmethod
-    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
+    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields,
+           summary: dict[str, object],
            reference: Reference | None) -> Solution:
-        """Solution of a run that has just been finished; its answers are entered in the summary, nothing is written."""
+        """Solution of a run that has just been finished; its answers are entered in the summary,
+        nothing is written.
+        """
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
         summary |= answers.summary(config, delivered)
-        summary["warnings"] = [*(summary.get("warnings") or ()), *of_unheld(scene, summary.get("detached") or ())]
-        return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
+        summary["warnings"] = [*(summary.get("warnings") or ()),
+                               *of_unheld(scene, summary.get("detached") or ())]
+        return cls(summary, columns(delivered.iterated.history), fields, None, scene,
+                   delivered.iterated,
                    delivered.parts, reference, answers, delivered.joints, config)
 
     @classmethod
@@ -101,18 +113,23 @@ class Solution:
 
         Raises InputError: missing folder, or not one that a run has written
         """
-        summary = read_summary(directory)  # first: its message says best what is wrong with a foreign folder
+        # first: its message says best what is wrong with a foreign folder
+        summary = read_summary(directory)
         return cls(summary, read_history(directory), read_npz(directory), Path(directory))
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary, history, fields, tables. ``read`` gives the
-        same back. What an earlier run has left there goes, as with ``run``; programs that are parts are not told of their results.
+        """Writes what ``orchestrator run`` leaves in its folder, figures excepted: summary,
+        history, fields, tables. ``read`` gives the
+        same back. What an earlier run has left there goes, as with ``run``; programs that are parts
+        are not told of their results.
 
         Returns the folder
-        Raises InputError: it cannot be written to, or files that are not this program's are in the way
+        Raises InputError: it cannot be written to, or files that are not this program's are in the
+        way
         """
         folder = ResultsFolder(directory)
-        if self.directory is None or not self.directory.exists() or not self.directory.samefile(folder.path):
+        if self.directory is None or not self.directory.exists() or not self.directory.samefile(
+            folder.path):
             folder.clear()
         write_history(folder, self.history)
         self.write_results(folder)
@@ -124,7 +141,8 @@ class Solution:
         wanted = ((self.summary.get("config") or {}).get("output") or {}).get("fields", True)
         if wanted and self.fields is not None:
             foreign = self.scene is not None and self.config is not None and self.parts is not None
-            beside = fields_of_parts(self.config.codes, self.scene, self.parts, self.joints) if foreign else []
+            beside = fields_of_parts(self.config.codes, self.scene, self.parts,
+                                     self.joints) if foreign else []
             write_fields(folder, self.fields, beside)
         if self.answers is not None:
             self.answers.write(folder)
@@ -139,7 +157,9 @@ class Solution:
 
     @property
     def stop_reason(self) -> str:
-        """Why it ended: converged, max_iterations, diverged, stagnated …, guard: …, interrupted, failed: …"""
+        """Why it ended: converged, max_iterations, diverged, stagnated …, guard: …, interrupted,
+        failed: …
+        """
         return str(self.summary["stop_reason"])
 
     @property
@@ -148,7 +168,9 @@ class Solution:
 
     @property
     def error_bound(self) -> float:
-        """Guaranteed bound on the relative error in the energy norm; nan where there is none, as with contact."""
+        """Guaranteed bound on the relative error in the energy norm; nan where there is none, as
+        with contact.
+        """
         bound = self.summary.get("error_bound")
         return math.nan if bound is None else float(bound)
 
@@ -159,13 +181,16 @@ class Solution:
 
     @property
     def reactions(self) -> np.ndarray:
-        """(entries, T, 3) resultant force on every entry of ``boundary``, in their order: what supports carry, or
+        """(entries, T, 3) resultant force on every entry of ``boundary``, in their order: what
+        supports carry, or
         what the loads add up to."""
-        return np.array(self.summary["reactions"], float).reshape(len(self.summary["reactions"]), -1, 3)
+        return np.array(self.summary["reactions"],
+                        float).reshape(len(self.summary["reactions"]), -1, 3)
 
     @property
     def displacement(self) -> np.ndarray | None:
-        """(T, n, 3) in the node order of the input mesh, where interfaces open the mean of the sides; None without
+        """(T, n, 3) in the node order of the input mesh, where interfaces open the mean of the
+        sides; None without
         fields."""
         return None if self.fields is None else self.fields.displacement
 
@@ -182,8 +207,10 @@ class Solution:
         >>> from orchestrator import config_from, solve
         >>> solution = solve(config_from({
         ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
-        ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.0}],
-        ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]}))
+        ...     "subdomains": {"slices": {"axis": "x", "count": 4}},
+        ...     "materials": [{"young": 200e3, "poisson": 0.0}],
+        ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+        ...     "traction": [10, 0, 0]}]}))
         >>> found = solution.at([[1.0, 0.3, 0.5], [3.0, 0.3, 0.5]])
         >>> print(found["displacement"][0, :, 0].round(7), found["stress"][0, :, 0].round(4))
         [5.0e-05 1.5e-04] [10. 10.]
@@ -199,21 +226,27 @@ class Solution:
         for tets in (finder.around(point, allowed) for point in at):
             cells.append(next(iter(tets.number), -1))
             weights.append(next(iter(tets.weights), np.zeros(4)))
-        u, sigma = (along(ProbeLine("", quantity, at, at, np.array(cells), np.array(weights), at), fields.nodal)[1]
+        u, sigma = (along(ProbeLine("", quantity, at, at, np.array(cells), np.array(weights), at),
+                          fields.nodal)[1]
                     for quantity in ("displacement", "stress"))
         return {"displacement": u[..., :3], "stress": sigma[..., :6], "von_mises": sigma[..., 6]}
 
     @property
     def sides(self) -> list[np.ndarray] | None:
-        """Per subdomain (T, n_E, 3) on its own nodes, continuous over perfect interfaces; None without fields."""
+        """Per subdomain (T, n_E, 3) on its own nodes, continuous over perfect interfaces; None
+        without fields.
+        """
         if self.fields is None or self.fields.sides is not None:
             return self.fields and self.fields.sides
         split = self.fields.numbering
-        return [self.fields.displacement[:, nodes] for nodes in np.split(split.nodes, split.offsets[1:-1])]
+        return [self.fields.displacement[:, nodes]
+                for nodes in np.split(split.nodes, split.offsets[1:-1])]
 
     @property
     def interfaces(self) -> InterfaceFields | None:
-        """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None where there are none, and without fields."""
+        """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None
+        where there are none, and without fields.
+        """
         return self.fields and self.fields.interfaces
 
     def __repr__(self) -> str:
@@ -223,12 +256,17 @@ class Solution:
 
 
 def unsound(scene: Scene, ranks: Sequence[Spent]) -> list[int]:
-    """Subdomains whose stresses are those of moduli that are not theirs; ``ranks`` tell which codes have matter of their own."""
-    own = [number for number, code in codes_of_all([rank.codes for rank in ranks]).items() if code["own_matter"]]
+    """Subdomains whose stresses are those of moduli that are not theirs; ``ranks`` tell which codes
+    have matter of their own.
+    """
+    own = [number for number, code in codes_of_all([rank.codes for rank in ranks]).items()
+           if code["own_matter"]]
     return [s.index for s in scene.subdomains if s.foreign or s.code in own]
 
 
 def fields_of(scene: Scene, delivered: Delivered, lost: Sequence[int]) -> Fields:
-    """The fields of a run, without an estimate of their error; ``lost`` : as ``unsound`` has them."""
+    """The fields of a run, without an estimate of their error; ``lost`` : as ``unsound`` has
+    them.
+    """
     return Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
                      believed=~np.isin(scene.cell_subdomain, lost) if lost else None)

@@ -39,8 +39,8 @@ def build_scene(config: Config, run_programs: bool = False, meshed: Meshed | Non
     run_programs : whether parts that are programs are started; they alone know their joints
     meshed : what makes the mesh; one that has been used before has it already where nothing that
         makes it has changed
-    Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and
-        interfaces; a bad mesh is reported alone, since nothing else can be judged without it;
+    Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials
+        and interfaces; a bad mesh is reported alone, since nothing else can be judged without it;
         programs that may not be started
 
     Examples

@@ -6,24 +6,29 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 
 import numpy as np
 
-# Relative difference of coordinates and moduli that counts as none: the rounding of coordinates a hundred times
+# Relative difference of coordinates and moduli that counts as none: the rounding of coordinates a
+# hundred times
 # larger than the part is less, what anyone would notice in a result is more.
 SAME = 1e-12
-# Clouds of points that are the same differ by less than this, relatively, in their distances from their first point: by
+# Clouds of points that are the same differ by less than this, relatively, in their distances from
+# their first point: by
 # at most SAME √(3n) extents, where the distances are some √n extents together.
 NEAR = 1e-10
 
 
 def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
                     values: Callable[[int], np.ndarray] = lambda i: np.empty(0)) -> np.ndarray:
-    """(things,) int, for each thing the first one that it equals but for a translation: itself if there is none before.
+    """(things,) int, for each thing the first one that it equals but for a translation: itself if
+    there is none before.
 
-    Only things whose points lie equally far apart, on the whole, and whose numbers are as large, are compared one by one: the work
-    grows with the number of things, whether all of them are alike or none, be it in their matter.
+    Only things whose points lie equally far apart, on the whole, and whose numbers are as large,
+    are compared one by one: the work grows with the number of things, whether all of them are alike
+    or none, be it in their matter.
 
     keys : what must be identical
     points : per thing (n, 3), see ``same_shapes``
-    values : of a thing, its numbers that must agree as ``equal`` says; of the same shape where keys are equal
+    values : of a thing, its numbers that must agree as ``equal`` says; of the same shape where keys
+        are equal
     """
     result = np.arange(len(points))
     alike: dict[Hashable, list[int]] = {}
@@ -45,11 +50,14 @@ def _clusters(members: np.ndarray, sizes: np.ndarray) -> list[np.ndarray]:
 
 
 def _amount(values: np.ndarray) -> float:
-    """A sum that differs where values do, or are in another order; where they are ``equal`` it hardly does."""
+    """A sum that differs where values do, or are in another order; where they are ``equal`` it
+    hardly does.
+    """
     return float(np.abs(values).ravel() @ np.sqrt(np.arange(1.0, values.size + 1)))
 
 
-def _assign(members: np.ndarray, points: Sequence[np.ndarray], values: Callable[[int], np.ndarray], result: np.ndarray) -> None:
+def _assign(members: np.ndarray, points: Sequence[np.ndarray], values: Callable[[int], np.ndarray],
+            result: np.ndarray) -> None:
     """Give things that may be alike, ascending, the first one that each equals."""
     while len(members) > 1:
         first, others = members[0], members[1:]
@@ -72,7 +80,9 @@ def _sizes(points: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def same_shapes(one: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
-    """(others,) bool, whether clouds of points differ from one (n, 3) by a translation alone, point by point."""
+    """(others,) bool, whether clouds of points differ from one (n, 3) by a translation alone, point
+    by point.
+    """
     found = np.array([other.shape == one.shape for other in others], dtype=bool)
     if one.size and found.any():
         clouds = np.stack([other for other in others if other.shape == one.shape])

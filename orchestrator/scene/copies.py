@@ -1,4 +1,6 @@
-"""Nodes with a copy for each subdomain that has them, one subdomain after another, and which of them bonds make one."""
+"""Nodes with a copy for each subdomain that has them, one subdomain after another, and which of
+them bonds make one.
+"""
 
 from __future__ import annotations
 

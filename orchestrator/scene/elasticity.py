@@ -1,8 +1,10 @@
-"""Isotropic linear elasticity: Lamé's constants; strain, stress and von Mises stress of tetrahedra from nodal displacements.
+"""Isotropic linear elasticity: Lamé's constants; strain, stress and von Mises stress of tetrahedra
+from nodal displacements.
 
-Six components are in VTK's order xx, yy, zz, xy, yz, xz; shear strains are tensor components ε_xy (half the engineering γ_xy). In
-memory each component of all cells lies together, whatever the order of the axes: long operations instead of many small products.
-Codes in a Python of their own import this, so it needs numpy at most.
+Six components are in VTK's order xx, yy, zz, xy, yz, xz; shear strains are tensor components ε_xy
+(half the engineering γ_xy). In memory each component of all cells lies together, whatever the order
+of the axes: long operations instead of many small products. Codes in a Python of their own import
+this, so it needs numpy at most.
 """
 
 from __future__ import annotations
@@ -12,8 +14,10 @@ import numpy as np
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
 
 
-def lame(young: float | np.ndarray, poisson: float | np.ndarray) -> tuple[float | np.ndarray, float | np.ndarray]:
-    """Lamé's λ = E ν / ((1 + ν)(1 − 2ν)) and μ = E / (2 (1 + ν)), each in the unit and shape of Young's modulus E.
+def lame(young: float | np.ndarray, poisson: float
+         | np.ndarray) -> tuple[float | np.ndarray, float | np.ndarray]:
+    """Lamé's λ = E ν / ((1 + ν)(1 − 2ν)) and μ = E / (2 (1 + ν)), each in the unit and shape of
+    Young's modulus E.
 
     Examples
     --------
@@ -28,10 +32,13 @@ CENTRE = np.full(4, 0.25)  # barycentric coordinates
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
 
 
-def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:
-    """ε = ½(∇u + ∇uᵀ): constant in a four-node tet, linear in a ten-node one, so that the centre has the mean.
+def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray,
+           at: np.ndarray = CENTRE) -> np.ndarray:
+    """ε = ½(∇u + ∇uᵀ): constant in a four-node tet, linear in a ten-node one, so that the centre
+    has the mean.
 
-    gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4 or 10) int; displacement : (n, 3), length
+    gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4 or 10) int; displacement : (n, 3),
+        length
     at : (4,) barycentric coordinates of the point, a corner for instance
     Returns (m, 6)
     """
@@ -68,7 +75,9 @@ def von_mises(sigma: np.ndarray) -> np.ndarray:
 
 
 def principal(sigma: np.ndarray) -> np.ndarray:
-    """(..., 3) principal stresses, the largest first, of stresses (..., 6) in VTK's order; nan of nan."""
+    """(..., 3) principal stresses, the largest first, of stresses (..., 6) in VTK's order; nan of
+    nan.
+    """
     matrix = sigma[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
     known = np.isfinite(matrix).all(axis=(-2, -1))
     result = np.full(sigma.shape[:-1] + (3,), np.nan)

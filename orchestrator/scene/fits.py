@@ -1,8 +1,10 @@
-"""Shafts in holes, by the shapes of named surfaces: which go about one axis, with how much room; which volumes are bolts and nuts.
+"""Shafts in holes, by the shapes of named surfaces: which go about one axis, with how much room;
+which volumes are bolts and nuts.
 
-A shaft of radius r is in a hole of radius R where both go about nearly one axis and along some of it together. Its clearance is
-R − r; what is eccentric by e leaves R − r − e on one side and R − r + e on the other. A bolt is a volume whose shank is in holes
-and that clamps: along its axis planes press from both sides, its own or those of what its threads are in.
+A shaft of radius r is in a hole of radius R where both go about nearly one axis and along some of
+it together. Its clearance is R − r; what is eccentric by e leaves R − r − e on one side and R − r +
+e on the other. A bolt is a volume whose shank is in holes and that clamps: along its axis planes
+press from both sides, its own or those of what its threads are in.
 """
 
 from __future__ import annotations
@@ -20,12 +22,15 @@ from orchestrator.scene.mesh.geometry import area_vectors, areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.shapes import shape_of
 
-# Axes whose angle has a larger sine than that are two; a hole that is wider than the shaft by more than that share of its radius
+# Axes whose angle has a larger sine than that are two; a hole that is wider than the shaft by more
+# than that share of its radius
 # is not made for it; along less than that share of the radius round faces do not go together.
 TILTED, WIDER, TOGETHER = 1e-3, 0.35, 0.1
-# Radii that differ by less than that share are one: a thread drawn without its turns, a bonded or a press fit.
+# Radii that differ by less than that share are one: a thread drawn without its turns, a bonded or a
+# press fit.
 SAME = 1e-3
-# A press fit strains the ring by its share of the radius: metals yield at some thousandths, this much is none.
+# A press fit strains the ring by its share of the radius: metals yield at some thousandths, this
+# much is none.
 PRESSED = 0.01
 # Of a full circle, what is less is a fillet.
 ROUND = 0.5
@@ -35,7 +40,8 @@ NUT = 2.0
 
 @dataclass(frozen=True, eq=False)
 class RoundFace:
-    """A cylindrical surface, of one name or of several halves: its volume, axis (3,), a point (3,) of it, radius, from where to where
+    """A cylindrical surface, of one name or of several halves: its volume, axis (3,), a point (3,)
+    of it, radius, from where to where
     along the axis, whether matter is outside, mean element size."""
 
     names: tuple[str, ...]
@@ -56,14 +62,16 @@ class RoundFace:
 
     def extent_of(self, other: RoundFace) -> tuple[float, float]:
         """Ends of another one along this one's axis."""
-        turn, shift = float(np.sign(self.axis @ other.axis)), float((other.through - self.through) @ self.axis)
+        turn, shift = float(np.sign(self.axis @ other.axis)), float(
+            (other.through - self.through) @ self.axis)
         low, high = sorted((shift + turn * other.low, shift + turn * other.high))
         return low, high
 
     def continued_by(self, other: RoundFace) -> bool:
         """Whether another face is of the same cylinder, beside this one."""
         near = SAME * self.radius
-        if self.volume != other.volume or self.hollow != other.hollow or abs(self.radius - other.radius) > near:
+        if self.volume != other.volume or self.hollow != other.hollow or abs(
+            self.radius - other.radius) > near:
             return False
         low, high = self.extent_of(other)
         return self.eccentric(other) <= near and low <= self.high + near and high >= self.low - near
@@ -74,7 +82,8 @@ class Fit:
     """A shaft in a hole.
 
     clearance : radius of the hole less that of the shaft; below zero for a press fit
-    eccentric : how far apart the axes are; length : along which both go together; where : (3,) in the middle of it, on the axis
+    eccentric : how far apart the axes are; length : along which both go together; where : (3,) in
+        the middle of it, on the axis
     """
 
     shaft: RoundFace
@@ -96,7 +105,9 @@ class Fit:
 
     @property
     def overlaps(self) -> bool:
-        """Whether shaft and hole are inside each other by more than any press fit: a thread drawn by its outer and its core diameter."""
+        """Whether shaft and hole are inside each other by more than any press fit: a thread drawn
+        by its outer and its core diameter.
+        """
         return self.clearance < -PRESSED * self.shaft.radius
 
     @property
@@ -107,7 +118,9 @@ class Fit:
 
 @dataclass(frozen=True)
 class PlanePatch:
-    """A plane patch on which two volumes lie on each other: its normal (3,), outward of the first, and its area."""
+    """A plane patch on which two volumes lie on each other: its normal (3,), outward of the first,
+    and its area.
+    """
 
     volumes: tuple[int, int]
     normal: np.ndarray
@@ -118,7 +131,8 @@ class PlanePatch:
 class ClampingBolt:
     """A volume that clamps others.
 
-    shank : its longest round face that is in holes; threads : fits in which it is held, none where planes of its own press on both sides
+    shank : its longest round face that is in holes; threads : fits in which it is held, none where
+        planes of its own press on both sides
     nuts : numbers of the volumes that hold its threads, where these are nuts
     """
 
@@ -129,9 +143,11 @@ class ClampingBolt:
 
 
 def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
-    """The named surfaces that are cylinders, by what the CAD model says of them, else by their nodes; those inside the mesh are none.
+    """The named surfaces that are cylinders, by what the CAD model says of them, else by their
+    nodes; those inside the mesh are none.
 
-    What goes about one axis at one radius, beside each other, is one face: many a CAD program has two halves.
+    What goes about one axis at one radius, beside each other, is one face: many a CAD program has
+    two halves.
     """
     found: list[RoundFace] = []
     covered: list[float] = []
@@ -140,7 +156,8 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         if not len(at) or (at < 0).any() or (faces.neighbour[at] >= 0).any():
             continue
         known = mesh.smooth.get(name)
-        shape = shape_of(mesh.nodes, triangles) if known is None or known.kind == "curved" else known
+        shape = shape_of(mesh.nodes,
+                         triangles) if known is None or known.kind == "curved" else known
         if shape.kind != "cylinder":
             continue
         points = mesh.nodes[triangles[:, :3]]
@@ -149,8 +166,10 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
         arm -= np.outer(arm @ shape.direction, shape.direction)
         outward = np.einsum("ki,ki->", arm, area_vectors(mesh.nodes, faces.triangles[at]))
         each = areas(mesh.nodes, triangles)
-        face = RoundFace((name,), int(mesh.volume[faces.owner[at[0]]]), shape.direction, shape.through, shape.radius,
-                         float(along.min()), float(along.max()), bool(outward < 0), float(np.sqrt(2 * each).mean()))
+        face = RoundFace((name,), int(mesh.volume[faces.owner[at[0]]]), shape.direction,
+                         shape.through, shape.radius,
+                         float(along.min()), float(along.max()), bool(outward < 0),
+                         float(np.sqrt(2 * each).mean()))
         area = float(each.sum())
         half = next((k for k, other in enumerate(found) if other.continued_by(face)), None)
         if half is None:
@@ -158,10 +177,12 @@ def round_faces(mesh: Mesh, faces: Faces) -> list[RoundFace]:
             covered.append(area)
         else:
             low, high = found[half].extent_of(face)
-            found[half] = replace(found[half], names=(*found[half].names, name), low=min(low, found[half].low),
+            found[half] = replace(found[half], names=(*found[half].names, name),
+                                  low=min(low, found[half].low),
                                   high=max(high, found[half].high))
             covered[half] += area
-    return [face for face, area in zip(found, covered) if area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
+    return [face for face, area in zip(found, covered)
+            if area > ROUND * 2 * np.pi * face.radius * (face.high - face.low)]
 
 
 def fits(found: Sequence[RoundFace]) -> list[Fit]:
@@ -170,18 +191,25 @@ def fits(found: Sequence[RoundFace]) -> list[Fit]:
     for shaft in (face for face in found if not face.hollow):
         for hole in (face for face in found if face.hollow and face.volume != shaft.volume):
             clearance, eccentric = hole.radius - shaft.radius, shaft.eccentric(hole)
-            if abs(clearance) > WIDER * shaft.radius or eccentric > max(clearance, 0.0) + SAME * shaft.radius:
+            if abs(clearance) > WIDER * shaft.radius or eccentric > max(
+                clearance, 0.0) + SAME * shaft.radius:
                 continue
-            low, high = (pick(ends) for pick, ends in zip((max, min), zip((shaft.low, shaft.high), shaft.extent_of(hole))))
+            low, high = (pick(ends)
+                         for pick, ends in zip((max, min),
+                                               zip((shaft.low, shaft.high), shaft.extent_of(hole))))
             if high - low > TOGETHER * shaft.radius:
-                result.append(Fit(shaft, hole, clearance, eccentric, high - low, shaft.through + (low + high) / 2 * shaft.axis))
+                result.append(Fit(shaft, hole, clearance, eccentric, high - low,
+                                  shaft.through + (low + high) / 2 * shaft.axis))
     return result
 
 
 def exact_distance(mesh: Mesh, found: Sequence[Fit]) -> np.ndarray:
-    """(s, s) clearance between the CAD faces of the mesh, in the order of ``mesh.smooth``, of those that fit about one axis; else nan."""
+    """(s, s) clearance between the CAD faces of the mesh, in the order of ``mesh.smooth``, of those
+    that fit about one axis; else nan.
+    """
     number = {name: k for k, name in enumerate(mesh.smooth)}
-    result = np.full((len(number) + 1, len(number) + 1), np.nan)  # the last one for what is on no CAD face
+    # the last one for what is on no CAD face
+    result = np.full((len(number) + 1, len(number) + 1), np.nan)
     for fit in found:
         if fit.eccentric <= SAME * fit.shaft.radius:
             for a in (number[name] for name in fit.shaft.names if name in number):
@@ -209,21 +237,26 @@ def bolts(mesh: Mesh, found: Sequence[Fit], touching: Sequence[PlanePatch]) -> l
     for volume in dict.fromkeys(fit.shaft.volume for fit in found):
         own = [fit for fit in found if fit.shaft.volume == volume]
         shank = max((fit.shaft for fit in own), key=lambda face: face.high - face.low)
-        # a nut is a small part that holds the thread; without one it is in a part that the head does not lie on
+        # a nut is a small part that holds the thread; without one it is in a part that the head
+        # does not lie on
         tight = [fit for fit in own if (fit.same or fit.overlaps) and fit.shaft is shank]
         nuts = [fit for fit in tight if content[fit.hole.volume] <= NUT * content[volume]]
         under = {other for _, other in _pressing(volume, shank.axis, touching)}
         threads = nuts or [fit for fit in tight if fit.hole.volume not in under]
         held = {fit.hole.volume for fit in threads}
         ways = [way for way, other in _pressing(volume, shank.axis, touching) if other not in held]
-        ways += [way for part in held for way, other in _pressing(part, shank.axis, touching) if other != volume]
+        ways += [way for part in held for way, other in _pressing(part, shank.axis, touching)
+                 if other != volume]
         if len(set(ways)) == 2:
             result.append(ClampingBolt(volume, shank, threads, [fit.hole.volume for fit in nuts]))
     return result
 
 
-def _pressing(volume: int, axis: np.ndarray, touching: Sequence[PlanePatch]) -> Iterator[tuple[float, int]]:
-    """Direction, 1 or −1, in which planes of a volume press along an axis, and the volumes pressed on."""
+def _pressing(volume: int, axis: np.ndarray,
+              touching: Sequence[PlanePatch]) -> Iterator[tuple[float, int]]:
+    """Direction, 1 or −1, in which planes of a volume press along an axis, and the volumes pressed
+    on.
+    """
     for patch in touching:
         if volume in patch.volumes:
             along = float(patch.normal @ axis) * (1 if patch.volumes[0] == volume else -1)

@@ -65,7 +65,9 @@ class Subdomain:
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity: Young's modulus (force/length²), Poisson's ratio, thermal strain per temperature."""
+    """Isotropic linear elasticity: Young's modulus (force/length²), Poisson's ratio, thermal strain
+    per temperature.
+    """
 
     young: float
     poisson: float
@@ -84,10 +86,12 @@ class BoundaryEntry:
     index : position in the list
     kind : its name, for messages
     triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
-    cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer boundary
+    cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer
+        boundary
     nodes : (p,) int, global ids of all nodes on those faces
     does : what acts there; forces are those of its faces
-    drives : the rigid tool that it drives; such entries come after those of the YAML, and are none of them
+    drives : the rigid tool that it drives; such entries come after those of the YAML, and are none
+        of them
     """
 
     index: int
@@ -121,7 +125,8 @@ class BoundaryEntry:
     def of(self, faces: np.ndarray) -> BoundaryEntry:
         """The entry on some of its faces, indices or bool."""
         triangles = self.triangles[faces]
-        return replace(self, triangles=triangles, cells=self.cells[faces], nodes=np.unique(triangles),
+        return replace(self, triangles=triangles, cells=self.cells[faces],
+                       nodes=np.unique(triangles),
                        does=self.forces.of(faces) if self.forces else self.does)
 
 
@@ -152,22 +157,27 @@ class Scene:
     cell_subdomain : (m,) int
     cell_material : (m,) int, index into ``materials``
     materials, subdomains, interfaces, boundary : lists
-    fixed : (n, 3) bool and prescribed : (steps, n, 3), the boundary conditions on global nodes; a node that several
-        bodies share where interfaces open is fixed if it is in one of them
+    fixed : (n, 3) bool and prescribed : (steps, n, 3), the boundary conditions on global nodes; a
+        node that several bodies share where interfaces open is fixed if it is in one of them
     loads : (steps, n, 3), consistent nodal forces on global nodes
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
-    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface; and what is said of each
-    covered : (entries of ``boundary``, volumes) int, how many faces that an entry loads lie on another part
-    sagitta : of these volumes, where they are all there, how far surfaces are off their outer faces, see ``interfaces.overlap``
+    near : pairs of volumes with faces opposite each other, within reach, that belong to no
+        interface; and what is said of each
+    covered : (entries of ``boundary``, volumes) int, how many faces that an entry loads lie on
+        another part
+    sagitta : of these volumes, where they are all there, how far surfaces are off their outer
+        faces, see ``interfaces.overlap``
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
     element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
     thermal : (steps, m, 4) α ΔT at the corners of every cell; None where nothing is heated
-    body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies; None where there is none
+    body_force : (steps, m, 1 or 4, 3) force/volume of every cell, at its corners where it varies;
+        None where there is none
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
-    brought : whether models of its codes have, or may have, loads of their own that are not in ``loads``
+    brought : whether models of its codes have, or may have, loads of their own that are not in
+        ``loads``
     """
 
     name: str
@@ -204,7 +214,8 @@ class Scene:
         return self.mesh.nodes[self.side_nodes(interface, side)]
 
     def points(self, interface: Interface) -> np.ndarray:
-        """(n, 3) where an interface is: halfway between its sides, which gives normals and areas without a favourite.
+        """(n, 3) where an interface is: halfway between its sides, which gives normals and areas
+        without a favourite.
 
         Where they do not match it is on side 1.
         """
@@ -230,7 +241,9 @@ class Scene:
     @property
     def length(self) -> float:
         """Half the diagonal of the box around all nodes."""
-        return 0.5 * float(np.linalg.norm(np.ptp(self.mesh.box if self.overview is None else self.overview.box, axis=0)))
+        return 0.5 * float(
+            np.linalg.norm(np.ptp(self.mesh.box if self.overview is None else self.overview.box,
+                                  axis=0)))
 
     @property
     def matched(self) -> np.ndarray:
@@ -241,9 +254,12 @@ class Scene:
 
     @property
     def prints(self) -> np.ndarray:
-        """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has the same mesh, cut alike."""
+        """(subdomains, 32) uint8, hash of the nodes and cells of each: whether another scene has
+        the same mesh, cut alike.
+        """
         made = [hashlib.sha256(np.ascontiguousarray(self.mesh.nodes[s.nodes]).tobytes()
-                               + np.ascontiguousarray(s.connectivity).tobytes()) for s in self.subdomains]
+                               + np.ascontiguousarray(s.connectivity).tobytes())
+                for s in self.subdomains]
         return np.frombuffer(b"".join(each.digest() for each in made), np.uint8).reshape(-1, 32)
 
     @property
@@ -286,9 +302,12 @@ class Scene:
 
     @cached_property
     def stand_ins(self) -> np.ndarray:
-        """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts of other programs."""
+        """(subdomains,) bool, those that have no matter of the scene's: grounds, rigid tools, parts
+        of other programs.
+        """
         behind = [i.subdomains[1] for i in self.interfaces if i.tool is not None or i.law.on_ground]
-        return np.isin(np.arange(len(self.subdomains)), behind) | np.array([s.foreign for s in self.subdomains], dtype=bool)
+        return np.isin(np.arange(len(self.subdomains)),
+                       behind) | np.array([s.foreign for s in self.subdomains], dtype=bool)
 
     @cached_property
     def sizes(self) -> np.ndarray:
@@ -296,11 +315,13 @@ class Scene:
         if self.overview is not None:
             return self.overview.sizes
         volume = np.abs(tet_volumes(self.mesh.nodes, self.mesh.cells))
-        sizes = np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
+        sizes = np.cbrt(np.bincount(self.cell_subdomain, weights=volume,
+                                    minlength=len(self.subdomains)))
         for stand in self.mesh.foreign:
             sizes[np.unique(self.cell_subdomain[self.mesh.volume == stand.volume])] = stand.size
         return sizes
 
     def __repr__(self) -> str:
-        return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "
-                f"{3 * len(self.mesh.nodes)} dofs, {self.steps} load steps)")
+        return (
+            f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} "
+            f"interfaces, {3 * len(self.mesh.nodes)} dofs, {self.steps} load steps)")

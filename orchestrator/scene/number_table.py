@@ -67,7 +67,8 @@ class NumberTable:
             data = Path(self._file).read_bytes()
         except OSError as error:
             raise wrong(self._path, f"{self._file}: {error.strerror}",
-                        "a file that is there", "write its path as seen from the YAML file") from error
+                        "a file that is there",
+                        "write its path as seen from the YAML file") from error
         code = next((code for mark, code in _MARKS if data.startswith(mark)), "utf-8-sig")
         text = data.decode(code, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
         if "\0" in text:

@@ -1,4 +1,6 @@
-"""What is known of a whole scene where a part of it is at hand: numbers per subdomain and interface, what is difficult, what is near."""
+"""What is known of a whole scene where a part of it is at hand: numbers per subdomain and
+interface, what is difficult, what is near.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ class Beside:
     """Two volumes with faces opposite each other, within reach, that belong to no interface.
 
     gap : a sentence on their gap; empty where they touch
-    said : a sentence on what may come of it; empty where something connects the two and that is enough
+    said : a sentence on what may come of it; empty where something connects the two and that is
+        enough
     """
 
     gap: str
@@ -39,7 +42,8 @@ class Difficulty:
 
 @dataclass(frozen=True)
 class Overview:
-    """What a part of a scene knows of all of it: a number per subdomain or interface, and what is one for all.
+    """What a part of a scene knows of all of it: a number per subdomain or interface, and what is
+    one for all.
 
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold

@@ -1,8 +1,10 @@
-"""A part of a scene: some subdomains, their interfaces, and of the neighbours what meets these. Nothing else of size.
+"""A part of a scene: some subdomains, their interfaces, and of the neighbours what meets these.
+Nothing else of size.
 
-Of other subdomains and interfaces only the places in the lists are left, with names, laws and codes, so that numbers
-mean the same everywhere. A neighbour keeps the cells that touch a common interface, be it in a single node: soles and
-laws ask for no more of it. What concerns the whole scene and is a number per body or subdomain is in the ``Overview``.
+Of other subdomains and interfaces only the places in the lists are left, with names, laws and
+codes, so that numbers mean the same everywhere. A neighbour keeps the cells that touch a common
+interface, be it in a single node: soles and laws ask for no more of it. What concerns the whole
+scene and is a number per body or subdomain is in the ``Overview``.
 
 A whole scene is put on disk while its parts are worked on; it comes back page by page, as somebody
 asks for its arrays.
@@ -31,13 +33,15 @@ from orchestrator.scene.soles.overlap import difficulty
 def overview(scene: Scene) -> Overview:
     """Overview of the scene that every part has to know."""
     opens = any(not i.law.joins for i in scene.interfaces)
-    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
+    return Overview(scene.sizes, loose_bodies(scene) if opens
+                    else np.zeros(len(scene.subdomains), dtype=bool),
                     difficulty(scene), scene.matched, scene.conforming, supports_of(scene),
                     scene.mesh.box)
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
-    """The part that belongs to some of the subdomains, with a mesh and a numbering of nodes and cells of its own.
+    """The part that belongs to some of the subdomains, with a mesh and a numbering of nodes and
+    cells of its own.
 
     scene : the whole one
     mine : numbers of the subdomains
@@ -48,25 +52,34 @@ def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
     rows = _rows(scene, own, touched)
     cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
-    kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own) if len(rows[e])}
-    for i, here in zip(scene.interfaces, touched):  # where sides share no nodes an interface's nodes may be on no cell that is kept
+    kept = {e: [scene.subdomains[e].connectivity[rows[e]].ravel()] for e in np.flatnonzero(~own)
+            if len(rows[e])}
+    # where sides share no nodes an interface's nodes may be on no cell that is kept
+    for i, here in zip(scene.interfaces, touched):
         for e, nodes in zip(i.subdomains, i.nodes) if here else ():
             if e in kept:
                 kept[e].append(nodes)
     kept = {e: np.unique(np.concatenate(parts)) for e, parts in kept.items()}
     nodes = np.unique(np.concatenate([s.nodes if own[s.index] else s.nodes[kept[s.index]]
-                                      for s in scene.subdomains if own[s.index] or s.index in kept]))
+                                      for s in scene.subdomains if own[s.index]
+                                      or s.index in kept]))
 
-    mesh = Mesh(scene.mesh.nodes[nodes], np.searchsorted(nodes, scene.mesh.cells[cells]), scene.mesh.volume[cells],
+    mesh = Mesh(scene.mesh.nodes[nodes], np.searchsorted(nodes, scene.mesh.cells[cells]),
+                scene.mesh.volume[cells],
                 scene.mesh.volumes, {}, scene.mesh.source)
-    subdomains = [_subdomain(s, rows[s.index], nodes, cells, None if own[s.index] else kept.get(s.index, np.empty(0, int)))
+    subdomains = [_subdomain(s, rows[s.index], nodes, cells,
+                             None if own[s.index] else kept.get(s.index, np.empty(0, int)))
                   for s in scene.subdomains]
     interfaces = [_interface(i, nodes, cells, kept) if here else without_nodes(i)
                   for i, here in zip(scene.interfaces, touched)]
-    return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
-                 interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
-                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes,
-                 bolts=[replace(bolt, interface=interfaces[bolt.interface.index]) for bolt in scene.bolts],
+    return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells],
+                 scene.materials, subdomains,
+                 interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary],
+                 scene.fixed[nodes],
+                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known,
+                 number=nodes,
+                 bolts=[replace(bolt, interface=interfaces[bolt.interface.index])
+                        for bolt in scene.bolts],
                  thermal=None if scene.thermal is None else scene.thermal[:, cells])
 
 
@@ -81,7 +94,8 @@ def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.nda
             else np.flatnonzero(on[s.nodes[s.connectivity]].any(axis=1)) for s in scene.subdomains]
 
 
-def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray, kept: np.ndarray | None) -> Subdomain:
+def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray,
+               kept: np.ndarray | None) -> Subdomain:
     """One subdomain in the numbering of a part.
 
     rows : which of its cells
@@ -89,24 +103,33 @@ def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndar
     kept : which of its nodes, None: all
     """
     if kept is None:
-        return replace(s, nodes=np.searchsorted(nodes, s.nodes), cells=np.searchsorted(cells, s.cells))
-    return replace(s, nodes=np.searchsorted(nodes, s.nodes[kept]), cells=np.searchsorted(cells, s.cells[rows]),
-                   connectivity=np.searchsorted(kept, s.connectivity[rows]), material=s.material[rows], fixed=s.fixed[kept],
-                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept], held_by=s.held_by[kept],
+        return replace(s, nodes=np.searchsorted(nodes, s.nodes),
+                       cells=np.searchsorted(cells, s.cells))
+    return replace(s, nodes=np.searchsorted(nodes, s.nodes[kept]),
+                   cells=np.searchsorted(cells, s.cells[rows]),
+                   connectivity=np.searchsorted(kept, s.connectivity[rows]),
+                   material=s.material[rows], fixed=s.fixed[kept],
+                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept],
+                   held_by=s.held_by[kept],
                    contact_area=s.contact_area[kept])
 
 
-def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[int, np.ndarray]) -> Interface:
-    sides = tuple(np.searchsorted(kept[e], own) if e in kept else own for e, own in zip(i.subdomains, i.nodes))
-    mortar = None if i.mortar is None else replace(i.mortar, cells=np.searchsorted(cells, i.mortar.cells))
-    return replace(i, global_nodes=np.searchsorted(nodes, i.global_nodes), nodes=sides, cells=np.searchsorted(cells, i.cells),
+def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray,
+               kept: dict[int, np.ndarray]) -> Interface:
+    sides = tuple(np.searchsorted(kept[e], own) if e in kept else own
+                  for e, own in zip(i.subdomains, i.nodes))
+    mortar = None if i.mortar is None else replace(i.mortar,
+                                                   cells=np.searchsorted(cells, i.mortar.cells))
+    return replace(i, global_nodes=np.searchsorted(nodes, i.global_nodes), nodes=sides,
+                   cells=np.searchsorted(cells, i.cells),
                    mortar=mortar)
 
 
 def without_nodes(i: Interface) -> Interface:
     """Its place in the list alone."""
     none = np.empty(0, int)
-    return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0], cells=i.cells[:0], free=i.free[:0],
+    return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0],
+                   cells=i.cells[:0], free=i.free[:0],
                    normals=None, given=None, mortar=None, moving=None)
 
 
@@ -114,7 +137,8 @@ def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) 
     """A boundary entry's part on own subdomains: every face belongs to one."""
     faces = np.flatnonzero(mine[scene.cell_subdomain[b.cells[:, 0]]])
     own = b.of(faces)
-    return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1),
+    return replace(own, triangles=np.searchsorted(nodes, own.triangles),
+                   cells=np.full((len(faces), 2), -1),
                    nodes=np.searchsorted(nodes, own.nodes))
 
 
@@ -125,8 +149,9 @@ _ALIGNED = 64  # bytes, as arrays in memory are
 def set_aside(scene: Scene | None, wanted: bool = True) -> Iterator[None]:
     """While the block runs the scene is empty, for all who hold it; then it is what it was.
 
-    Where the disk has no room it stays as it is. Afterwards its arrays are the file's, which lasts as long as they: of those
-    that nobody asks for nothing is read. Who changes one changes memory alone.
+    Where the disk has no room it stays as it is. Afterwards its arrays are the file's, which lasts
+    as long as they: of those that nobody asks for nothing is read. Who changes one changes memory
+    alone.
     """
     with tempfile.TemporaryFile() as file:
         packed = None
@@ -141,12 +166,15 @@ def set_aside(scene: Scene | None, wanted: bool = True) -> Iterator[None]:
         finally:
             if packed is not None:
                 content, places = packed
-                pages = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)) if places else b""
+                pages = memoryview(mmap.mmap(file.fileno(), 0,
+                                             access=mmap.ACCESS_COPY)) if places else b""
                 vars(scene).update(pickle.loads(content, buffers=[pages[a:b] for a, b in places]))
 
 
 def _written(scene: Scene, file: BinaryIO) -> tuple[bytes, list[tuple[int, int]]]:
-    """The scene without the content of its arrays, and where each array begins and ends in the file."""
+    """The scene without the content of its arrays, and where each array begins and ends in the
+    file.
+    """
     arrays: list[pickle.PickleBuffer] = []
     content, places = pickle.dumps(vars(scene), protocol=5, buffer_callback=arrays.append), []
     for array in arrays:

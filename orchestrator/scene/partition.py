@@ -1,4 +1,5 @@
-"""Cutting a mesh in subdomains: by slices, grid, METIS or named volumes; subdomains that are much larger than others, cut further.
+"""Cutting a mesh in subdomains: by slices, grid, METIS or named volumes; subdomains that are much
+larger than others, cut further.
 
 The pieces of a volume are joined by perfect interfaces whatever the laws between bodies are.
 """
@@ -26,7 +27,8 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Partition:
-    """``subdomain`` (m,) int per tet, and for each subdomain a name and the name of the body it is a piece of.
+    """``subdomain`` (m,) int per tet, and for each subdomain a name and the name of the body it is
+    a piece of.
 
     Where bodies are not cut further, both names are the same and ``bodies`` may be left out.
     """
@@ -47,7 +49,9 @@ def slices(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
 
 
 def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
-    """Equal blocks, ``entry`` of them along x, y, z, by the tets' centroids; named by their indices."""
+    """Equal blocks, ``entry`` of them along x, y, z, by the tets' centroids; named by their
+    indices.
+    """
     counts = [int(c) for c in entry]
     _counted(min(counts) if min(counts) < 1 else int(np.prod(counts)), len(mesh.cells))
     index = np.ravel_multi_index([layers(mesh, axis, c) for axis, c in enumerate(counts)], counts)
@@ -65,14 +69,16 @@ def metis(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     number, body = pieces(faces, mesh.volume)
     if count < number:
         raise wrong((*PATH, "metis"), f"{count} parts for {number} separate bodies",
-                    f"at least {number}, because no part may straddle two bodies", f"ask for {number} parts or more")
+                    f"at least {number}, because no part may straddle two bodies",
+                    f"ask for {number} parts or more")
     first = np.unique(body, return_index=True)[1]
     # Bodies in the order of the volumes, so that part numbers follow the volumes.
     order = np.argsort(mesh.volume[first], kind="stable")
     shares = _shares(np.bincount(body)[order], count)
     of = [f" of {name}" if len(mesh.volumes) > 1 else "" for name in mesh.volumes]
     return Partition(cut(faces, np.argsort(order)[body], shares),
-                     [f"part {i}{of[v]}" for i, v in enumerate(np.repeat(mesh.volume[first][order], shares))])
+                     [f"part {i}{of[v]}"
+                      for i, v in enumerate(np.repeat(mesh.volume[first][order], shares))])
 
 
 def groups(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
@@ -80,7 +86,9 @@ def groups(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     return Partition(mesh.volume.copy(), list(mesh.volumes))
 
 
-METHODS: dict[str, Callable[[Mesh, Faces, Any], Partition]] = {"slices": slices, "grid": grid, "metis": metis, "groups": groups}
+METHODS: dict[str,
+              Callable[[Mesh, Faces, Any], Partition]] = {"slices": slices, "grid": grid,
+                                                          "metis": metis, "groups": groups}
 
 
 def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
@@ -88,7 +96,8 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
 
     Raises InputError: counts out of range, empty or disconnected subdomains
     """
-    kind, entry = next((key, given) for key in METHODS if (given := getattr(subdomains, key, None)) is not None)
+    kind, entry = next((key, given) for key in METHODS
+                       if (given := getattr(subdomains, key, None)) is not None)
     partition = METHODS[kind](mesh, faces, entry)
     _check_empty(partition)
     _check_connected(mesh, faces, partition, kind)
@@ -105,8 +114,10 @@ def layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
 
 def _counted(count: int, cells: int) -> int:
     if not 1 <= count <= cells:
-        raise wrong(PATH, f"{count} subdomains for a mesh of {cells} tets", f"a count between 1 and the number of tets, {cells}",
-                    "ask for fewer subdomains, or refine the mesh" if count > cells else "ask for at least one subdomain")
+        raise wrong(PATH, f"{count} subdomains for a mesh of {cells} tets",
+                    f"a count between 1 and the number of tets, {cells}",
+                    "ask for fewer subdomains, or refine the mesh" if count > cells
+                    else "ask for at least one subdomain")
     return count
 
 
@@ -114,8 +125,10 @@ def _check_empty(partition: Partition) -> None:
     empty = np.flatnonzero(np.bincount(partition.subdomain, minlength=len(partition.names)) == 0)
     if len(empty):
         shown = ", ".join(partition.names[i] for i in empty[:5]) + (", …" if len(empty) > 5 else "")
-        raise wrong(PATH, f"{len(empty)} of {len(partition.names)} subdomains without any tet: {shown}",
-                    "at least one tet per subdomain", "ask for fewer subdomains, or refine the mesh")
+        raise wrong(PATH,
+                    f"{len(empty)} of {len(partition.names)} subdomains without any tet: {shown}",
+                    "at least one tet per subdomain",
+                    "ask for fewer subdomains, or refine the mesh")
 
 
 def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) -> None:
@@ -132,11 +145,16 @@ def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) 
         own = np.flatnonzero(partition.subdomain[first_cell] == i)
         smallest = own[np.argmin(sizes[own])]
         where = format_point(mesh.nodes[mesh.cells[first_cell[smallest]]].mean(axis=0))
-        shown.append(f"{partition.names[i]} is in {per_part[i]} pieces (the smallest has {sizes[smallest]} tets, at {where})")
+        shown.append(
+            f"{partition.names[i]} is in {per_part[i]} pieces (the smallest has {sizes[smallest]} "
+            f"tets, at {where})")
     more = f"; and {len(broken) - 5} more" if len(broken) > 5 else ""
-    cure = ("give each piece a group of its own, or make the pieces share faces" if kind == "groups" else
-            f"use metis: {max(len(partition.names), pieces(faces, mesh.volume)[0])}, whose parts are always connected, or another count")
-    raise wrong(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}", "subdomains held together by shared faces", cure)
+    cure = ("give each piece a group of its own, or make the pieces share faces" if kind == "groups"
+            else
+            f"use metis: {max(len(partition.names), pieces(faces, mesh.volume)[0])}, whose parts "
+            "are always connected, or another count")
+    raise wrong(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}",
+                "subdomains held together by shared faces", cure)
 
 
 def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -183,15 +201,19 @@ def _cut(a: np.ndarray, b: np.ndarray, size: int, count: int) -> np.ndarray:
         return np.arange(size)
     from scipy.sparse import coo_array
 
-    graph = coo_array((np.ones(2 * len(a), dtype=np.int8), (np.r_[a, b], np.r_[b, a])), shape=(size, size)).tocsr()
+    graph = coo_array((np.ones(2 * len(a), dtype=np.int8), (np.r_[a, b], np.r_[b, a])),
+                      shape=(size, size)).tocsr()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     # METIS keeps parts connected only in its k-way mode.
-    found = pymetis.part_graph(count, adjacency, recursive=False, options=pymetis.Options(contig=True))
+    found = pymetis.part_graph(count, adjacency, recursive=False,
+                               options=pymetis.Options(contig=True))
     return np.asarray(found.vertex_part, dtype=np.int64)
 
 
 def _gather_strays(faces: Faces, part: np.ndarray, body: np.ndarray) -> None:
-    """Gives fragments that METIS left behind to the neighbour they share most faces with, in place."""
+    """Gives fragments that METIS left behind to the neighbour they share most faces with, in
+    place.
+    """
     a, b = links(faces, body)
     while True:
         number, piece = pieces(faces, part)
@@ -208,7 +230,8 @@ def _gather_strays(faces: Faces, part: np.ndarray, body: np.ndarray) -> None:
         keep = stray[piece[ends]] & ~stray[piece[others]] & (part[ends] != part[others])
         if not keep.any():
             return
-        pairs, shared = np.unique(np.c_[piece[ends[keep]], part[others[keep]]], axis=0, return_counts=True)
+        pairs, shared = np.unique(np.c_[piece[ends[keep]], part[others[keep]]], axis=0,
+                                  return_counts=True)
         best = np.lexsort((pairs[:, 1], -shared, pairs[:, 0]))
         first = best[np.r_[True, pairs[best, 0][1:] != pairs[best, 0][:-1]]]
         target = owner.copy()
@@ -221,11 +244,12 @@ UNEVEN = 2.0
 
 
 def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> Partition:
-    """Cuts large volumes in pieces, which follow one another, ``grain_3.1``, ``grain_3.2``, …; others keep their names.
+    """Cuts large volumes in pieces, which follow one another, ``grain_3.1``, ``grain_3.2``, …;
+    others keep their names.
 
     names : of the volumes; each is connected
-    above : dofs, three per node, that no piece of several tets exceeds; "auto": as many as are predicted
-        to cost ``UNEVEN`` times the mean of the volumes
+    above : dofs, three per node, that no piece of several tets exceeds; "auto": as many as are
+        predicted to cost ``UNEVEN`` times the mean of the volumes
     """
     sizes = np.bincount(mesh.volume)
     part, shares = mesh.volume, np.ones(len(names), dtype=np.int64)
@@ -244,8 +268,10 @@ def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> Parti
     body = np.repeat(np.arange(len(names)), shares)[dofs > 0]  # METIS may leave parts empty
     part = np.unique(part, return_inverse=True)[1]
     shares = np.bincount(body)
-    numbered = [[name] if share == 1 else [f"{name}.{i}" for i in range(1, share + 1)] for name, share in zip(names, shares)]
-    return Partition(part, unique_names([name for own in numbered for name in own]), np.repeat(names, shares).tolist())
+    numbered = [[name] if share == 1 else [f"{name}.{i}" for i in range(1, share + 1)]
+                for name, share in zip(names, shares)]
+    return Partition(part, unique_names([name for own in numbered for name in own]),
+                     np.repeat(names, shares).tolist())
 
 
 def _dofs(mesh: Mesh, part: np.ndarray, count: int) -> np.ndarray:

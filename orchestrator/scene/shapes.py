@@ -28,7 +28,8 @@ from orchestrator.linalg import svd
 
 # Facets whose normals differ by less than this from their mean make a plane surface.
 PLANE = 1e-6
-# Nodes lie on a cylinder or a sphere within this share of its radius: files have that many digits, and nodes in the middle of
+# Nodes lie on a cylinder or a sphere within this share of its radius: files have that many digits,
+# and nodes in the middle of
 # nothing curved are farther off.
 ROUND = 1e-4
 # Surfaces that bend less than this over their extent are not told from others by their radius.
@@ -37,8 +38,10 @@ FLATTEST = 50.0
 
 @dataclass(frozen=True)
 class Shape:
-    """``kind``: plane, cylinder, sphere or curved; the plane's normal or the cylinder's axis (3,); its radius; a point (3,) of the
-    plane or the axis, or the sphere's centre; (k, 3, 3) unit normals at the corners of its triangles, whichever way they look, where a CAD
+    """``kind``: plane, cylinder, sphere or curved; the plane's normal or the cylinder's axis (3,);
+    its radius; a point (3,) of the
+    plane or the axis, or the sphere's centre; (k, 3, 3) unit normals at the corners of its
+    triangles, whichever way they look, where a CAD
     model knows them, nan where it does not."""
 
     kind: str
@@ -58,9 +61,11 @@ class Shape:
         size = float(np.linalg.norm(ahead - origin))
 
         def turned(vectors: np.ndarray | None) -> np.ndarray | None:
-            return None if vectors is None else ((place(through + vectors.reshape(-1, 3)) - origin) / size).reshape(vectors.shape)
+            return None if vectors is None else ((place(through + vectors.reshape(-1, 3)) - origin)
+                                                 / size).reshape(vectors.shape)
 
-        return Shape(self.kind, turned(self.direction), None if self.radius is None else size * self.radius,
+        return Shape(self.kind, turned(self.direction),
+                     None if self.radius is None else size * self.radius,
                      None if self.through is None else origin, turned(self.normals))
 
 
@@ -86,18 +91,24 @@ def shape_of(nodes: np.ndarray, triangles: np.ndarray) -> Shape:
     if _fits(best.at(points)[0], radius, size):
         arm = middles - best.centre
         found.append((_off(arm - np.outer(arm @ axis, axis), normals),
-                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius, best.centre)))
+                      Shape("cylinder", axis * np.sign(axis[np.abs(axis).argmax()]), radius,
+                            best.centre)))
     # the nodes of two rings are on a cylinder and on a sphere: the facets between them tell which
     return min(found, key=lambda each: each[0])[1] if found else Shape("curved")
 
 
 def _off(arms: np.ndarray, normals: np.ndarray) -> float:
-    """Mean deviation of facets' normals (k, 3) from the directions of arms (k, 3), or their opposites."""
-    return float(np.linalg.norm(np.cross(arms, normals), axis=1).sum() / np.linalg.norm(arms, axis=1).sum())
+    """Mean deviation of facets' normals (k, 3) from the directions of arms (k, 3), or their
+    opposites.
+    """
+    return float(np.linalg.norm(np.cross(arms, normals), axis=1).sum()
+                 / np.linalg.norm(arms, axis=1).sum())
 
 
 def _fits(distance: np.ndarray, radius: float, size: float) -> bool:
-    """Whether points at distances (n,) from a round surface lie on it, and it is no flatter than can be told."""
+    """Whether points at distances (n,) from a round surface lie on it, and it is no flatter than
+    can be told.
+    """
     return 0 < radius < FLATTEST * size and bool(np.abs(distance).max() <= ROUND * radius)
 
 
@@ -112,8 +123,8 @@ class Revolved:
     """Place of a surface of revolution.
 
     centre, axis : (3,); numbers : (1 or 2,)
-    measured : its distance (n,), normal (n, 3) and ∂d/∂s (n, 1 or 2) at points, from the point's way off the axis, the unit vector
-        of that (n, 3), its way along the axis, and the axis
+    measured : its distance (n,), normal (n, 3) and ∂d/∂s (n, 1 or 2) at points, from the point's
+        way off the axis, the unit vector of that (n, 3), its way along the axis, and the axis
     """
 
     centre: np.ndarray
@@ -127,7 +138,8 @@ class Revolved:
         along = arm @ self.axis
         off = arm - along[:, None] * self.axis
         length = np.linalg.norm(off, axis=1)
-        return self.measured(length, off / np.where(length > 0, length, 1.0)[:, None], along, self.axis, *self.numbers)
+        return self.measured(length, off / np.where(length > 0, length, 1.0)[:, None], along,
+                             self.axis, *self.numbers)
 
     def fitted(self, x: np.ndarray) -> Revolved:
         """Fit to points (n, 3), of an extent of about one, by least squares."""
@@ -137,7 +149,8 @@ class Revolved:
             slopes = np.hstack([-normal, cross(normal, x - now.centre), slopes])
             step = np.linalg.lstsq(slopes, -distance, rcond=NONE)[0]
             axis = now.axis + cross(step[None, 3:6], now.axis[None])[0]
-            now = replace(now, centre=now.centre + step[:3], axis=axis / np.linalg.norm(axis), numbers=now.numbers + step[6:])
+            now = replace(now, centre=now.centre + step[:3], axis=axis / np.linalg.norm(axis),
+                          numbers=now.numbers + step[6:])
         return now
 
 
@@ -149,7 +162,8 @@ def _cone(length, out, along, axis, radius, angle):
     """angle : of its surface to the axis, narrower along it; radius : where the centre is"""
     c, s = np.cos(angle), np.sin(angle)
     slope = -(length - radius) * s + along * c
-    return (length - radius) * c + along * s, c * out + s * axis, np.stack([np.full(len(length), -c), slope], axis=1)
+    return (length - radius) * c + along * s, c * out + s * axis, np.stack(
+        [np.full(len(length), -c), slope], axis=1)
 
 
 def _torus(length, out, along, axis, radius, tube):
@@ -166,8 +180,11 @@ def _sphere(length, out, along, axis, radius):
 
 
 def through(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius of the circle or sphere that points (n, 2 or 3) fit best by |x|² = 2 c·x + r² − c²; 0: there is none."""
-    *centre, rest = np.linalg.lstsq(np.c_[2 * points, np.ones(len(points))], np.sum(points**2, axis=1), rcond=None)[0]
+    """Centre and radius of the circle or sphere that points (n, 2 or 3) fit best by |x|² = 2 c·x +
+    r² − c²; 0: there is none.
+    """
+    *centre, rest = np.linalg.lstsq(np.c_[2 * points, np.ones(len(points))],
+                                    np.sum(points**2, axis=1), rcond=None)[0]
     return np.array(centre), float(np.sqrt(max(rest + np.square(centre).sum(), 0.0)))
 
 
@@ -201,7 +218,9 @@ def recognised(x: np.ndarray, normals: np.ndarray,
 
 
 def _first(x: np.ndarray, normals: np.ndarray) -> Iterator[Revolved]:
-    """Surfaces that the nodes may lie on, straight ones first: two circles about an axis are on spheres, too."""
+    """Surfaces that the nodes may lie on, straight ones first: two circles about an axis are on
+    spheres, too.
+    """
     share, directions = np.linalg.eigh(normals.T @ normals / len(normals))
     if share[1] < NONE:
         return

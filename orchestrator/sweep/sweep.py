@@ -64,11 +64,13 @@ class Sweep:
     Raises InputError: no variant is a valid configuration, or the folder cannot be written
     """
 
-    def __init__(self, config: Path, overrides: Sequence[str], variants: Sequence[Variant], folder: Path, figures: bool = False,
+    def __init__(self, config: Path, overrides: Sequence[str], variants: Sequence[Variant],
+                 folder: Path, figures: bool = False,
                  quiet: bool = False):
         self.variants, self.quiet = variants, quiet
         more = [] if figures else ["output.figures=false"]
-        self._loaded = [_loaded(config, [*overrides, *variant.overrides, *more]) for variant in variants]
+        self._loaded = [_loaded(config, [*overrides, *variant.overrides, *more])
+                        for variant in variants]
         if all(isinstance(one, InputError) for one in self._loaded):
             raise self._loaded[0]
         self.folder = ResultsFolder(folder)
@@ -79,13 +81,16 @@ class Sweep:
     def run(self, resume: bool = False) -> int:
         """Run all variants; those that fail keep no other from running.
 
-        resume : variants that the folder has already are not run again, one that was interrupted goes on
+        resume : variants that the folder has already are not run again, one that was interrupted
+            goes on
         Returns exit code: 0 all converged, else the largest of theirs
         """
         with locked(self.folder):
             before: dict[str, Outcome] = {}
-            with suppress(OSError, ValueError, KeyError, TypeError):  # notes of an earlier sweep, where there are any that can be read
-                for one in json.loads((self.folder / NOTES).read_bytes())["variants"] if resume else ():
+            # notes of an earlier sweep, where there are any that can be read
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                for one in json.loads((self.folder / NOTES).read_bytes())[
+                    "variants"] if resume else ():
                     before[one["name"]] = Outcome(one["exit_code"], fingerprint=one["fingerprint"])
             screen = Screen(self.variants, self.quiet)
             try:
@@ -114,12 +119,16 @@ class Sweep:
                 label = f"variant {1 + self.variants.index(variant)} of {len(self.variants)}"
                 means = Means(Ranks(codes=self._codes), meshed=self._meshed, watch=Stopwatch(),
                               label="" if self.quiet else label)
-                outcome.exit_code = run(loaded, output=path, resume=same and saved(ResultsFolder(path)), quiet=True, means=means)
+                outcome.exit_code = run(loaded, output=path,
+                                        resume=same and saved(ResultsFolder(path)), quiet=True,
+                                        means=means)
         except OrchestratorError as error:
             self._codes.end()
-            outcome.exit_code, outcome.why = error.exit_code, (str(error).splitlines() or [type(error).__name__])[0]
+            outcome.exit_code, outcome.why = error.exit_code, (
+                str(error).splitlines() or [type(error).__name__])[0]
             if isinstance(error, InputError):  # the first in the file
-                first = (located(error, loaded) if isinstance(loaded, Loaded) else error).problems[0]
+                first = (located(error, loaded) if isinstance(loaded, Loaded)
+                         else error).problems[0]
                 outcome.why = ": ".join(filter(None, (".".join(map(str, first.path)), first.found)))
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(GO_ON) from error
@@ -133,14 +142,18 @@ class Sweep:
         problems, told = Problems(), config.complete()
         body = self._meshed(config, True, problems)
         problems.raise_if_any()
-        told["output"] = {key: value for key, value in told["output"].items() if key not in ("directory", "figures")}
-        known = json.dumps(told, sort_keys=True) + digest_of(problem_of(config.complete(), body.mesh.nodes, body.mesh.cells))
+        told["output"] = {key: value for key, value in told["output"].items()
+                          if key not in ("directory", "figures")}
+        known = json.dumps(told,
+                           sort_keys=True) + digest_of(
+                               problem_of(config.complete(), body.mesh.nodes, body.mesh.cells))
         return hashlib.sha256(known.encode()).hexdigest()
 
     def _write(self) -> None:
         """The table, and how far the sweep has come."""
         write_table(self.folder, self.variants, self.outcomes)
-        notes = [{"name": v.name, "values": v.values, **vars(self.outcomes[v.name])} for v in self.variants]
+        notes = [{"name": v.name, "values": v.values, **vars(self.outcomes[v.name])}
+                 for v in self.variants]
         self.folder.write(NOTES, json.dumps({"variants": notes}, indent=1) + "\n")
 
     def _draw(self) -> None:

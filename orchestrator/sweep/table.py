@@ -1,4 +1,6 @@
-"""What a sweep tells: a table with all numbers, on screen the few that most look for, and a figure over the values that vary."""
+"""What a sweep tells: a table with all numbers, on screen the few that most look for, and a figure
+over the values that vary.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +20,36 @@ from orchestrator.sweep.variants import Variant
 
 NAME = "sweep.csv"
 RESULT = {0: "converged", 1: "NOT converged", 2: "bad input", 3: "failed"}
-ROWS, FAILED = 14, 5  # on screen: rows of variants, and of those after them the ones that have failed
+# on screen: rows of variants, and of those after them the ones that have failed
+ROWS, FAILED = 14, 5
 USUAL = ("iterations", "seconds", "error_bound", "peak_stress", "peak_displacement")
 MORE = 3  # columns of probes and bolts
 PANELS = 6
 LINES = 8  # curves in one panel; more are not told apart
 DRAWN_FIRST = ("peak_stress", "peak_displacement", "pairs.slip", "energy", "iterations")
 SAME = 1e-9  # relative: a number that varies by less says nothing
-_UNITS = {"peak_stress": "stress", "peak_displacement": "length", "energy": "energy", "bolt_force_min": "force", "bolt_force_max": "force"}
+_UNITS = {"peak_stress": "stress", "peak_displacement": "length", "energy": "energy",
+          "bolt_force_min": "force", "bolt_force_max": "force"}
 
 Found = Sequence[tuple[Mapping[str, Any], Mapping[str, float]]]
 
 
-def write_table(folder: ResultsFolder, variants: Sequence[Variant], outcomes: Mapping[str, Any]) -> Path:
-    """Writes sweep.csv: a line per variant with its values, its exit code, and all numbers that any variant has."""
+def write_table(folder: ResultsFolder, variants: Sequence[Variant],
+                outcomes: Mapping[str, Any]) -> Path:
+    """Writes sweep.csv: a line per variant with its values, its exit code, and all numbers that any
+    variant has.
+    """
     keys = list(dict.fromkeys(key for variant in variants for key in variant.values))
-    names = list(dict.fromkeys(name for variant in variants for name in outcomes[variant.name].numbers))
+    names = list(dict.fromkeys(name for variant in variants
+                               for name in outcomes[variant.name].numbers))
     rows = []
     for variant in variants:
         outcome = outcomes[variant.name]
-        values = [value if is_number(value) else json.dumps(value) for value in (variant.values[key] for key in keys)]
+        values = [value if is_number(value) else json.dumps(value)
+                  for value in (variant.values[key] for key in keys)]
         code = outcome.exit_code if outcome.exit_code in RESULT else ""
-        rows.append([variant.name, *values, code, outcome.why, *(outcome.numbers.get(name, "") for name in names)])
+        rows.append([variant.name, *values, code, outcome.why,
+                     *(outcome.numbers.get(name, "") for name in names)])
     return folder.write_table(NAME, [["variant", *keys, "exit_code", "why", *names], *rows])
 
 
@@ -55,20 +65,28 @@ class Screen:
         self._shown = self._failed = 0
         self._since = time.perf_counter()
         keys = list(variants[0].values)
-        self._widths = {key: max(len(key), *(len(shown(v.values[key])) for v in variants)) for key in keys}
+        self._widths = {key: max(len(key), *(len(shown(v.values[key])) for v in variants))
+                        for key in keys}
         if not quiet:
             print(f"{len(variants)} variants of {', '.join(keys)}", flush=True)
 
     def row(self, variant: Variant, outcome: Any) -> None:
-        """A line of one that has ended; of many variants the first ones, and then some of those that fail."""
+        """A line of one that has ended; of many variants the first ones, and then some of those
+        that fail.
+        """
         bad = outcome.exit_code != CONVERGED
         if self.quiet or self._shown >= ROWS and not (bad and self._failed < FAILED):
             return
         if self._columns is None and outcome.numbers:
-            self._columns = [*(name for name in USUAL if name in outcome.numbers), *more(outcome.numbers)[:MORE]]
-            print("  ".join([*(key.rjust(width) for key, width in self._widths.items()), "result".ljust(13),
-                             *(heading(name).rjust(width_of(name)) for name in self._columns)]), flush=True)
-        numbers = [_text(outcome.numbers.get(name)).rjust(width_of(name)) for name in self._columns or ()] if outcome.numbers else []
+            self._columns = [*(name for name in USUAL if name in outcome.numbers),
+                             *more(outcome.numbers)[:MORE]]
+            print(
+                "  ".join([*(key.rjust(width) for key, width in self._widths.items()),
+                           "result".ljust(13),
+                           *(heading(name).rjust(width_of(name)) for name in self._columns)]),
+                flush=True)
+        numbers = [_text(outcome.numbers.get(name)).rjust(width_of(name)) for name in self._columns
+                   or ()] if outcome.numbers else []
         result = RESULT[outcome.exit_code].ljust(13) + (" (kept)" if outcome.kept else "")
         why = [f"({outcome.why})"] if outcome.why else []
         values = [shown(variant.values[key]).rjust(width) for key, width in self._widths.items()]
@@ -85,14 +103,18 @@ class Screen:
         good = sum(outcome.exit_code == CONVERGED for outcome in outcomes)
         if len(outcomes) > self._shown + self._failed:
             print(f"… and {len(outcomes) - self._shown - self._failed} more in {folder / NAME}")
-        print(f"{good} of {len(outcomes)} converged, in {time.perf_counter() - self._since:.1f} s; {folder / NAME}, "
-              + "sweep.png beside it, " * (folder / "sweep.png").is_file() + "and a folder for each variant", flush=True)
+        print(
+            f"{good} of {len(outcomes)} converged, in {time.perf_counter() - self._since:.1f} s; "
+            f"{folder / NAME}, "
+              + "sweep.png beside it, " * (folder / "sweep.png").is_file()
+            + "and a folder for each variant", flush=True)
 
 
 def more(numbers: Mapping[str, float]) -> list[str]:
     """Names of what was asked for beyond the usual: bolts' forces, and probes."""
     bolts = [name for name in numbers if name.startswith("bolt_force_")]
-    return bolts + [name for name in numbers if "." in name and not name.startswith(("reaction.", "pairs.", "bolt."))]
+    return bolts + [name for name in numbers if "." in name
+                    and not name.startswith(("reaction.", "pairs.", "bolt."))]
 
 
 def heading(name: str) -> str:
@@ -118,7 +140,8 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
     if len(found) < 2 or not (names := _chosen([numbers for _, numbers in found])):
         return None
     keys = list(found[0][0])
-    across = next((key for key in keys if all(is_number(values[key]) for values, _ in found)), keys[0])
+    across = next((key for key in keys if all(is_number(values[key]) for values, _ in found)),
+                  keys[0])
     columns = min(len(names), 3)
     rows = -(-len(names) // columns)
     figure = new_figure(3.6 * columns, 2.9 * rows)
@@ -138,27 +161,34 @@ def drawn(found: Found, units: Mapping[str, str]) -> bytes | None:
 
 def _chosen(numbers: Sequence[Mapping[str, float]]) -> list[str]:
     """Names of the numbers to draw: all variants have them, and they vary."""
-    return [name for name in dict.fromkeys([*more(numbers[0]), *DRAWN_FIRST]) if all(name in one for one in numbers)
-            and np.ptp(column := [one[name] for one in numbers]) > SAME * np.abs(column).max()][:PANELS]
+    return [name for name in dict.fromkeys([*more(numbers[0]), *DRAWN_FIRST])
+            if all(name in one for one in numbers)
+            and np.ptp(column := [one[name] for one in numbers]) > SAME
+            * np.abs(column).max()][:PANELS]
 
 
 def _curves(name: str, across: str, found: Found) -> dict[str, list[tuple[Any, float]]]:
     """Curves: values of the other keys → value of the key ``across``, and the number."""
     curves: dict[str, list[tuple[Any, float]]] = {}
     for values, numbers in found:
-        others = ", ".join(f"{key.rpartition('.')[2]} = {shown(value)}" for key, value in values.items() if key != across)
+        others = ", ".join(f"{key.rpartition('.')[2]} = {shown(value)}"
+                           for key, value in values.items() if key != across)
         curves.setdefault(others, []).append((values[across], numbers[name]))
     # of keys that are varied together each set of values has one point: they are one curve
-    return {"": [point for curve in curves.values() for point in curve]} if all(len(c) == 1 for c in curves.values()) else curves
+    return {"": [point for curve in curves.values() for point in curve]} if all(
+        len(c) == 1 for c in curves.values()) else curves
 
 
 def _panel(axes: Any, name: str, across: str, found: Found) -> None:
-    for (others, points), colour in zip(list(_curves(name, across, found).items())[:LINES], COLOURS):
+    for (others, points), colour in zip(list(_curves(name, across, found).items())[:LINES],
+                                        COLOURS):
         places, values = zip(*points)
         if all(map(is_number, places)):
             places, values = zip(*sorted(points))
-            axes.plot(places, values, color=colour, marker="o", markersize=4, linewidth=1.3, label=others)
+            axes.plot(places, values, color=colour, marker="o", markersize=4, linewidth=1.3,
+                      label=others)
         else:
-            axes.plot([shown(place) for place in places], values, color=colour, marker="o", linestyle="none", label=others)
+            axes.plot([shown(place) for place in places], values, color=colour, marker="o",
+                      linestyle="none", label=others)
     axes.set_xlabel(across, fontsize=8.5)
     axes.tick_params(labelsize=8)

@@ -52,23 +52,30 @@ def variants_of(asked: Sequence[str], zipped: bool = False) -> list[Variant]:
     ['force=5000', 'force=10000']
     """
     if not asked:
-        raise wrong((), "a sweep without --vary", "what is to vary", "add --vary KEY=VALUE,VALUE, such as --vary bolts.0.force=5e3,1e4")
+        raise wrong((), "a sweep without --vary", "what is to vary",
+                    "add --vary KEY=VALUE,VALUE, such as --vary bolts.0.force=5e3,1e4")
     varied: dict[str, list[Any]] = {}
     for text in asked:
         key, values = _read(text)
         if key in varied:
-            raise wrong((), f"--vary {text}: {key} is varied already", "every key once", "give all its values at once, with commas")
+            raise wrong((), f"--vary {text}: {key} is varied already", "every key once",
+                        "give all its values at once, with commas")
         varied[key] = values
     counts = {key: len(values) for key, values in varied.items()}
     if zipped and len(set(counts.values())) > 1:
-        raise wrong((), "--zip with " + ", ".join(f"{count} values of {key}" for key, count in counts.items()), "as many values of each",
+        raise wrong((),
+                    "--zip with " + ", ".join(f"{count} values of {key}"
+                                              for key, count in counts.items()),
+                    "as many values of each",
                     "leave --zip out for every combination")
     if not zipped and (count := prod(counts.values())) > MOST:
-        raise wrong((), f"{count:,} combinations", f"at most {MOST:,}", "vary fewer values, or together, by --zip")
+        raise wrong((), f"{count:,} combinations", f"at most {MOST:,}",
+                    "vary fewer values, or together, by --zip")
     sets = list(zip(*varied.values()) if zipped else product(*varied.values()))
     names = _named([dict(zip(_labels(list(varied)), values)) for values in sets])
     found = [Variant(name, dict(zip(varied, values))) for name, values in zip(names, sets)]
-    if twice := [variant.title for i, variant in enumerate(found) if any(variant.values == other.values for other in found[:i])]:
+    if twice := [variant.title for i, variant in enumerate(found)
+                 if any(variant.values == other.values for other in found[:i])]:
         raise wrong((), f"twice {twice[0]}", "every variant once", "leave one of them out")
     return found
 
@@ -91,7 +98,13 @@ def _labels(keys: list[str]) -> list[str]:
 
 
 def _named(sets: list[dict[str, Any]]) -> list[str]:
-    """Names for folders; those that are too long, or alike once they are fit for a folder, are numbers."""
-    names = [re.sub(r"[^\w.,+=-]+", "_", ",".join(f"{label}={shown(value)}" for label, value in values.items())) for values in sets]
+    """Names for folders; those that are too long, or alike once they are fit for a folder, are
+    numbers.
+    """
+    names = [
+        re.sub(r"[^\w.,+=-]+", "_",
+               ",".join(f"{label}={shown(value)}" for label, value in values.items()))
+        for values in sets]
     plain = [len(name) <= LONGEST and names.count(name) == 1 for name in names]
-    return [name if fit else f"variant_{number:03d}" for number, (name, fit) in enumerate(zip(names, plain), 1)]
+    return [name if fit else f"variant_{number:03d}"
+            for number, (name, fit) in enumerate(zip(names, plain), 1)]

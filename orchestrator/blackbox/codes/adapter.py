@@ -6,7 +6,8 @@
         def stiffness(self, model):
             return my_code.assemble(model.nodes, model.cells, model.materials[model.region])
 
-Whoever has a factorisation of their own overrides ``prepare`` and ``solve`` as well. What arrives is told in ``template``.
+Whoever has a factorisation of their own overrides ``prepare`` and ``solve`` as well. What arrives
+is told in ``template``.
 """
 
 from __future__ import annotations
@@ -27,10 +28,12 @@ from orchestrator.linalg import symmetric_lu
 
 class Adapter:
     """Keyword arguments of a subclass are the ``options`` of its entry in the YAML.
-    translation_invariant : answers depend neither on where a model is nor on what it or its volumes are called
+    translation_invariant : answers depend neither on where a model is nor on what it or its volumes
+        are called
     own_matter : its matter is its own, not the YAML's moduli
     elements : those it knows
-    package : the Python package that it needs beside itself, if any; of a solver with a name in the registry
+    package : the Python package that it needs beside itself, if any; of a solver with a name in the
+        registry
     """
 
     translation_invariant = own_matter = False
@@ -54,7 +57,7 @@ class Adapter:
         return displacements
 
 
-# ---- the class of a solver: where it is, whether it has what it needs, and the models that it is handed -----
+# ---- the class of a solver: where it is, whether it has what it needs, and the models that it is handed
 
 METHODS = ("stiffness", "prepare", "solve")
 NO_SOLVER = 67  # exit code
@@ -65,7 +68,8 @@ class NoSolver(Exception):
 
 
 def solver_class(code: str) -> type:
-    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names. Raises NoSolver when there is
+    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``)
+    names. Raises NoSolver when there is
     none, or when it lacks a method."""
     where, _, name = code.rpartition(":") if ":" in code else (code, "", "Solver")
     if where.endswith(".py"):
@@ -78,8 +82,10 @@ def solver_class(code: str) -> type:
         module = importlib.import_module(where)
     found = getattr(module, name, None)
     if not isinstance(found, type):
-        others = [n for n, value in vars(module).items() if isinstance(value, type) and value.__module__ == module.__name__]
-        raise NoSolver(f"{Path(where).name} has no class {name}" + (f", but {', '.join(others)}" if others else ""))
+        others = [n for n, value in vars(module).items() if isinstance(value, type)
+                  and value.__module__ == module.__name__]
+        raise NoSolver(f"{Path(where).name} has no class {name}"
+                       + (f", but {', '.join(others)}" if others else ""))
     wanted = METHODS + (("advance", "commit") if getattr(found, "nonlinear", False) else ())
     lacking = [method for method in wanted if not callable(getattr(found, method, None))]
     if lacking:
@@ -93,7 +99,8 @@ def made(found: type, options: dict[str, object]):
         inspect.signature(found).bind(**options)
     except TypeError as wrong:
         taken = [name for name in inspect.signature(found).parameters]
-        raise NoSolver(f"class {found.__name__} of {found.__module__}: {wrong}; it takes " + (", ".join(taken) or "no options")) from None
+        raise NoSolver(f"class {found.__name__} of {found.__module__}: {wrong}; it takes "
+                       + (", ".join(taken) or "no options")) from None
     return found(**options)
 
 
@@ -105,7 +112,9 @@ def promised(solver) -> int:
 
 @dataclass
 class FullModel(Model):
-    """The model that the methods of a solver get, see ``template``: with ``Origin.arrays``; soles alone have no node in the mesh."""
+    """The model that the methods of a solver get, see ``template``: with ``Origin.arrays``; soles
+    alone have no node in the mesh.
+    """
 
     number: np.ndarray | None = None
     volume: np.ndarray | None = None
@@ -117,4 +126,5 @@ def read_model(path: str) -> FullModel:
     """A model from the file that ``python_code`` writes."""
     with np.load(path) as data:
         found = {name: data[name] for name in data.files}
-    return FullModel(**{**found, "name": str(found["name"]), "volumes": tuple(found["volumes"].tolist())})
+    return FullModel(**{**found, "name": str(found["name"]),
+                        "volumes": tuple(found["volumes"].tolist())})

@@ -1,6 +1,7 @@
 """A finite element code as the orchestrator sees it: the base of all of them.
 
-Modules of codes are imported to validate a configuration: they load numpy and the transports only when they run.
+Modules of codes are imported to validate a configuration: they load numpy and the transports only
+when they run.
 """
 
 from __future__ import annotations
@@ -18,21 +19,25 @@ from orchestrator.errors import InputError
 if TYPE_CHECKING:
     from orchestrator.blackbox.transport.worker import Worker
 
-_HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
+_HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory",
+          "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
 
 
 class Code(ABC):
     """A finite element code, found once and then started as often as there are workers.
 
     settings : its entry in the YAML; none: the defaults
-    Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
+    Settings : the model of its entries: what it can do of ``element`` and ``transport``, and
+        options of its own
 
-    translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells
+    translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its
+        process tells
     check_runs : whether ``check`` runs what the user has written, so that it needs the user's word
     guarded : whether its matrices and fields are judged as they arrive; else it judges them itself
     meanings : of its exit codes
 
-    The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
+    The constructor of a code raises InputError when the code is not installed: nothing has been
+    started yet.
 
     Examples
     --------
@@ -83,10 +88,14 @@ class Code(ABC):
         return f"{exit_code}: killed by {name}{_HINTS.get(name, '')}"
 
     def check(self) -> None:
-        """Raises InputError for what is wrong with files of its own, as far as it shows before anything is solved."""
+        """Raises InputError for what is wrong with files of its own, as far as it shows before
+        anything is solved.
+        """
 
     def ask(self) -> None:
-        """Raises InputError where a program that the entry names, once started, turns out to lack what is needed."""
+        """Raises InputError where a program that the entry names, once started, turns out to lack
+        what is needed.
+        """
 
     def floor(self) -> float:
         """Relative error, in energy, that no iteration takes away, see ``protocol.Traits``."""
@@ -98,7 +107,8 @@ class Code(ABC):
 
     @classmethod
     def doctor(cls, name: str) -> list[str]:
-        """List what is installed of the code called ``name``, a line each; a line of what every run needs begins with
+        """List what is installed of the code called ``name``, a line each; a line of what every run
+        needs begins with
         ``missing`` where it is."""
         try:
             return [f"{name}: {cls(cls.Settings(code=name)).version()}"]
@@ -119,7 +129,9 @@ class MessageCode(Code):
         return MessageWorker
 
     def heard(self, numbers: Sequence[float]) -> None:
-        """Told the numbers of its processes' first words; what they mean is between the code and its processes."""
+        """Told the numbers of its processes' first words; what they mean is between the code and
+        its processes.
+        """
 
     def told(self, model: Model) -> Model:
         """The model as its processes are told of it: regions may mean something else to it."""
@@ -130,7 +142,8 @@ class MessageCode(Code):
         """Bytes of a model's mesh file, which the code reads before it answers."""
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
-        """The error to raise when a process ends with this code before its first word, if it is the installation's.
+        """The error to raise when a process ends with this code before its first word, if it is the
+        installation's.
 
         said : the last lines that it printed
         """

@@ -35,16 +35,21 @@ class ScikitFem(Adapter):
 
         quadratic = model.cells.shape[1] == 10
         corners, cells = np.unique(model.cells[:, :4], return_inverse=True)
-        mesh = MeshTet(np.ascontiguousarray(model.nodes[corners].T), np.ascontiguousarray(cells.reshape(-1, 4).T))
-        basis = Basis(mesh, ElementVector(ElementTetP2() if quadratic else ElementTetP1()), intorder=2 if quadratic else 1)
+        mesh = MeshTet(np.ascontiguousarray(model.nodes[corners].T),
+                       np.ascontiguousarray(cells.reshape(-1, 4).T))
+        basis = Basis(mesh, ElementVector(ElementTetP2() if quadratic else ElementTetP1()),
+                      intorder=2 if quadratic else 1)
         constant = basis.with_element(ElementTetP0())
-        lam, mu = (constant.interpolate(values[model.region]) for values in lame(*model.materials.T))
+        lam, mu = (constant.interpolate(values[model.region])
+                   for values in lame(*model.materials.T))
         matrix = sp.coo_array(BilinearForm(elasticity).assemble(basis, lam=lam, mu=mu))
         place = np.empty(basis.N, dtype=int)  # of scikit-fem's dofs in the protocol's order
         place[basis.nodal_dofs] = 3 * corners + np.arange(3)[:, None]
         if quadratic:
-            place[basis.edge_dofs] = 3 * _middles(model.cells, corners[mesh.edges]) + np.arange(3)[:, None]
-        return sp.csr_array((matrix.data, (place[matrix.row], place[matrix.col])), shape=(model.fixed.size,) * 2)
+            place[basis.edge_dofs] = 3 * _middles(model.cells,
+                                                  corners[mesh.edges]) + np.arange(3)[:, None]
+        return sp.csr_array((matrix.data, (place[matrix.row], place[matrix.col])),
+                            shape=(model.fixed.size,) * 2)
 
 
 def _middles(cells: np.ndarray, ends: np.ndarray) -> np.ndarray:

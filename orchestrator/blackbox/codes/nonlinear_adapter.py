@@ -1,4 +1,5 @@
-"""The base of nonlinear solvers written in Python: forces and tangent of the matter suffice, Newton's method is here.
+"""The base of nonlinear solvers written in Python: forces and tangent of the matter suffice,
+Newton's method is here.
 
     from orchestrator.blackbox.codes.nonlinear_adapter import NonlinearAdapter
 
@@ -8,8 +9,8 @@
         def response(self, model, u, history):         # of the body, without soles
             return forces, tangent, new_history
 
-Whoever has an iteration of their own derives from ``Adapter``, says ``nonlinear = own_matter = True`` and writes ``advance``
-and ``commit``.
+Whoever has an iteration of their own derives from ``Adapter``, says ``nonlinear = own_matter =
+True`` and writes ``advance`` and ``commit``.
 """
 
 from __future__ import annotations
@@ -23,11 +24,13 @@ import scipy.sparse as sp
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.linalg import symmetric_lu
 
-# Relative, of the forces: Newton's method ends below it, or at rounding where it gets no further and is below ENOUGH. What
+# Relative, of the forces: Newton's method ends below it, or at rounding where it gets no further
+# and is below ENOUGH. What
 # is left must be far below the residual of the coupling.
 BALANCED, ENOUGH = 1e-13, 1e-10
 ITERATIONS, HALVINGS = 50, 8  # more do not help: the load step is too large
-STEADY, DESCENTS = 8, 40  # elastic steps at once, and how often, where Newton's method gets no further
+# elastic steps at once, and how often, where Newton's method gets no further
+STEADY, DESCENTS = 8, 40
 
 
 class NonlinearAdapter(Adapter):
@@ -37,14 +40,18 @@ class NonlinearAdapter(Adapter):
 
     own_matter = nonlinear = True
 
-    def response(self, model: Any, u: np.ndarray, history: Any) -> tuple[np.ndarray, sp.csr_array, Any]:
+    def response(self, model: Any, u: np.ndarray,
+                 history: Any) -> tuple[np.ndarray, sp.csr_array, Any]:
         """Forces and tangent for displacements at the end of a load step.
 
-        model : the body alone; its nodes are those of the subdomain and of its soles, in the same order
+        model : the body alone; its nodes are those of the subdomain and of its soles, in the same
+            order
         u : (3n,) displacements at the end of the load step
-        history : what this method returned for the last committed step; None at the beginning. Not to be changed
+        history : what this method returned for the last committed step; None at the beginning. Not
+            to be changed
 
-        Returns (3n,) nodal forces, their derivative (3n, 3n), symmetric, and the history to begin the next step with
+        Returns (3n,) nodal forces, their derivative (3n, 3n), symmetric, and the history to begin
+        the next step with
         """
         raise NotImplementedError
 
@@ -79,7 +86,9 @@ class _Body:
         sole, self.fixed = np.asarray(model.sole), model.fixed.ravel()
         self.free = np.flatnonzero(~self.fixed)
         self.body = _some(model, ~sole)
-        self.soles = sp.csr_array(solver.stiffness(_some(model, sole))) if sole.any() else sp.csr_array((len(self.fixed),) * 2)
+        self.soles = sp.csr_array(
+            solver.stiffness(_some(model, sole))) if sole.any() else sp.csr_array(
+                (len(self.fixed),) * 2)
         self.u, self.history = np.zeros(len(self.fixed)), None
         self.latest = self.u, None
 
@@ -87,8 +96,10 @@ class _Body:
         self.u, self.history = self.latest
 
     def advance(self, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method from the last committed step, so that answers do not depend on what has been asked since; where it gets no
-        further, a few elastic steps, see ``_descended``. Raises ArithmeticError where it does not converge, or the matter answers what is
+        """Newton's method from the last committed step, so that answers do not depend on what has
+        been asked since; where it gets no
+        further, a few elastic steps, see ``_descended``. Raises ArithmeticError where it does not
+        converge, or the matter answers what is
         no number."""
         at = self._at(np.where(self.fixed, given, self.u), given)
         newton, descents = 0, 0
@@ -105,13 +116,16 @@ class _Body:
                 further, descents = self._descended(at, given), descents + 1
             at = further
         if not at.left <= ENOUGH:
-            raise ArithmeticError(f"Newton's method leaves {at.left:.1e} of the forces unbalanced after {newton} iterations and "
-                                  f"{STEADY * descents} elastic steps: take smaller load steps, or matter that softens less")
+            raise ArithmeticError(
+                f"Newton's method leaves {at.left:.1e} of the forces unbalanced after {newton} "
+                f"iterations and {STEADY * descents} elastic steps: take smaller load steps, or "
+                "matter that softens less")
         self.latest = at.u, at.history
         return at.u, at.needed
 
     def _descended(self, at: _At, given: np.ndarray) -> _At:
-        """Elastic steps, whatever they do to what is unbalanced: matter that is never stiffer than elastic comes down in energy
+        """Elastic steps, whatever they do to what is unbalanced: matter that is never stiffer than
+        elastic comes down in energy
         by each of them, also where it softens, and Newton's method has nothing to go by."""
         for _ in range(STEADY):
             u = at.u.copy()
@@ -122,8 +136,10 @@ class _Body:
         return at
 
     def _moved(self, at: _At, given: np.ndarray) -> _At | None:
-        """A step along the tangent, halved until what is unbalanced falls in the norm of the elastic compliance; where none
-        does, as when flow is reversed, an elastic one: matter that hardens never resists more. None: at rounding."""
+        """A step along the tangent, halved until what is unbalanced falls in the norm of the
+        elastic compliance; where none
+        does, as when flow is reversed, an elastic one: matter that hardens never resists more.
+        None: at rounding."""
         free, unbalanced = self.free, (given - at.needed)[self.free]
         factor = symmetric_lu(at.tangent[free][:, free])
         elastic = self.elastic[1].solve(unbalanced)
@@ -144,12 +160,15 @@ class _Body:
         size = max(np.linalg.norm(given[self.free]), np.linalg.norm(needed), np.finfo(float).tiny)
         tangent = sp.csr_array(tangent) + self.soles
         finite = bool(np.isfinite(needed).all() and np.isfinite(tangent.data).all())
-        return _At(np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent, history, finite)
+        return _At(np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent, history,
+                   finite)
 
 
 @dataclass(frozen=True)
 class _At:
-    """Displacements, what they need, what is left of the forces on free dofs, relative; whether the matter answers with numbers."""
+    """Displacements, what they need, what is left of the forces on free dofs, relative; whether the
+    matter answers with numbers.
+    """
 
     left: float
     u: np.ndarray
@@ -170,15 +189,18 @@ def _no_numbers(body: Any, at: _At) -> str:
     tet = int(np.argmax(struck))  # the matter of a tet strikes all of its nodes
     corners = body.cells[tet, :4]
     place = body.nodes[corners]
-    moved = np.linalg.solve(place[1:] - place[0], at.u.reshape(-1, 3)[corners[1:]] - at.u.reshape(-1, 3)[corners[0]])
+    moved = np.linalg.solve(place[1:] - place[0], at.u.reshape(-1, 3)[corners[1:]]
+                            - at.u.reshape(-1, 3)[corners[0]])
     strain = (moved + moved.T) / 2
     rows = ", ".join(f"{name} {strain[i, j]:.3g}" for name, (i, j) in zip(
         ("xx", "yy", "zz", "xy", "yz", "xz"), ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))))
-    return (f"response() returned {what} that are no numbers (nan or infinite): tet {tet} of the body, at "
-            f"({', '.join(f'{x:.6g}' for x in place.mean(axis=0))}), mean strain {rows}. Look for a division by zero or a root of a "
-            "negative number there")
+    return (
+        f"response() returned {what} that are no numbers (nan or infinite): tet {tet} of the body, "
+        f"at ({', '.join(f'{x:.6g}' for x in place.mean(axis=0))}), mean strain {rows}. Look for a "
+        "division by zero or a root of a negative number there")
 
 
 def _some(model: Any, chosen: np.ndarray) -> Any:
     """A model of some of the tets, on the same nodes."""
-    return replace(model, cells=model.cells[chosen], region=model.region[chosen], volume=model.volume[chosen], sole=model.sole[chosen])
+    return replace(model, cells=model.cells[chosen], region=model.region[chosen],
+                   volume=model.volume[chosen], sole=model.sole[chosen])

@@ -31,10 +31,11 @@ from orchestrator.scene.model import Scene, Subdomain
 
 
 class ForeignCode(Code):
-    """Answers for one part. A kind of part derives from it and says in ``made`` how a part is brought to its joints.
+    """Answers for one part. A kind of part derives from it and says in ``made`` how a part is
+    brought to its joints.
 
-    What is nonlinear says in ``respond(springs, forces)`` how its joints move, (3n,), at the end of load steps under forces (3n,)
-    each, from the beginning.
+    What is nonlinear says in ``respond(springs, forces)`` how its joints move, (3n,), at the end of
+    load steps under forces (3n,) each, from the beginning.
     """
 
     own_matter: ClassVar[bool] = True
@@ -78,7 +79,9 @@ class ForeignCode(Code):
 
     @property
     def seconds(self) -> float:
-        """CPU seconds that bringing it there has taken, of this process and of the programs that it has started."""
+        """CPU seconds that bringing it there has taken, of this process and of the programs that it
+        has started.
+        """
         return self._kept()[1]
 
     def loads(self) -> np.ndarray:
@@ -94,15 +97,20 @@ class ForeignCode(Code):
         self.condensed()
 
     def own_fields(self, u: Any, force: Any) -> OwnFields:
-        """Fields at the end, given the displacements (steps, n, 3) of its joints and the forces on them."""
+        """Fields at the end, given the displacements (steps, n, 3) of its joints and the forces on
+        them.
+        """
         joints = self.condensed().joints
-        return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
+        return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u,
+                         force)
 
     def floor(self) -> float:
         return self.condensed().floor
 
     def kill(self) -> None:
-        """End what it has started and waits for, from any thread: whoever interrupts a run does not."""
+        """End what it has started and waits for, from any thread: whoever interrupts a run does
+        not.
+        """
         end_all()
 
     def worker(self) -> type[Worker]:
@@ -113,7 +121,9 @@ class ForeignCode(Code):
         raise NotImplementedError
 
     def _kept(self) -> tuple[Condensed, float]:
-        """The part condensed to its joints, and the CPU seconds that took; once per process for an entry and its files as they are."""
+        """The part condensed to its joints, and the CPU seconds that took; once per process for an
+        entry and its files as they are.
+        """
         part, settings = self.settings.part, self.settings
         key: tuple = (type(self), part.model_dump_json(), settings.name, len(settings.factors))
         for file in (name for kind in part.files for name in as_list(getattr(part, kind) or [])):
@@ -136,7 +146,8 @@ class MatrixCode(ForeignCode):
         from orchestrator.scene.foreign import matrix  # with it comes scipy.io
 
         settings = self.settings
-        return matrix.condensed(settings.part, settings.place, settings.name, len(settings.factors), settings.young)
+        return matrix.condensed(settings.part, settings.place, settings.name, len(settings.factors),
+                                settings.young)
 
 
 class ProgramCode(ForeignCode):
@@ -165,18 +176,22 @@ class ProgramCode(ForeignCode):
         answers = UnitAnswers.of(runs, joints, (self.settings.young or 1.0) * side)
         loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
         if self.settings.brings_loads:
-            alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
+            alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1),
+                                       np.zeros((steps, joints.points.size)))
             loads = alone @ answers.inverse
         return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.error)
 
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the beginning: how a program that
+        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the
+        beginning: how a program that
         keeps nothing between its calls remembers."""
         own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
-        return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
+        return self.runs().displacements(self.condensed().joints.ids, springs, own,
+                                         np.array(forces))[-1]
 
     def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
-        """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
+        """The last call, whose files stay: all load steps with the final forces, so that the
+        program writes its own results.
 
         folder : empty; displacements, forces : (steps, 3n) of the joints, and what acts there
         """
@@ -185,7 +200,8 @@ class ProgramCode(ForeignCode):
         asked = forces + k * displacements
         if self.settings.brings_loads:  # it knows of no history
             asked = asked + self.loads() - condensed.loads
-        self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
+        self.runs().displacements(condensed.joints.ids, k,
+                                  range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
 
 
 @dataclass(frozen=True)
@@ -206,32 +222,40 @@ class OwnFields:
     force: np.ndarray
 
 
-def fields_of_parts(settings: Sequence[CodeSettings], scene: Scene, displacements: Sequence[np.ndarray],
+def fields_of_parts(settings: Sequence[CodeSettings], scene: Scene,
+                    displacements: Sequence[np.ndarray],
                     forces: Sequence[np.ndarray | None]) -> list[OwnFields]:
     """Fields of all parts of a scene; arguments as of ``finish_parts``."""
     found = []
     for stand in scene.mesh.foreign:
-        own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
+        own = next(s for s in scene.subdomains if s.foreign
+                   and scene.mesh.volume[s.cells[0]] == stand.volume)
         code, = find_codes(settings, [own.code]).values()
-        found.append(code.own_fields(*(x[own.index][:, : stand.joints] for x in (displacements, forces))))
+        found.append(
+            code.own_fields(*(x[own.index][:, : stand.joints] for x in (displacements, forces))))
     return found
 
 
-def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomain], displacements: Sequence[np.ndarray],
-                 forces: Sequence[np.ndarray | None], place: Callable[[str], AbstractContextManager[Path]]) -> list[str]:
+def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomain],
+                 displacements: Sequence[np.ndarray],
+                 forces: Sequence[np.ndarray | None],
+                 place: Callable[[str], AbstractContextManager[Path]]) -> list[str]:
     """Tell every part that wants to know.
 
     settings : the entries of ``blackbox``, and those of parts
-    displacements, forces : per subdomain (T, n_E, 3), its own, and what the interfaces exert; the joints' nodes come first
+    displacements, forces : per subdomain (T, n_E, 3), its own, and what the interfaces exert; the
+        joints' nodes come first
     place : an empty folder for the results of the part of a name
 
     Returns a sentence for each part that could not: what has been computed is not lost by it
     """
-    asked = {s.code: s for s in subdomains if s.foreign and getattr(settings[s.code], "writes_results", False)}
+    asked = {s.code: s for s in subdomains if s.foreign
+             and getattr(settings[s.code], "writes_results", False)}
     sentences = []
     for number, code in (find_codes(settings, asked) if asked else {}).items():
         s = asked[number]
-        u, f = (x[:, : len(code.condensed().joints.points)].reshape(len(x), -1) for x in (displacements[s.index], forces[s.index]))
+        u, f = (x[:, : len(code.condensed().joints.points)].reshape(len(x), -1)
+                for x in (displacements[s.index], forces[s.index]))
         try:
             with place(settings[number].name) as folder:
                 code.finish(folder, u, f)

@@ -62,8 +62,10 @@ class PythonCode(MessageCode):
     >>> orchestrator.CODES.add("by-hand", ByHand)
     >>> orchestrator.solve(orchestrator.config_from({
     ...     "name": "bar", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}},
-    ...     "subdomains": {"slices": {"axis": "x", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.3}],
-    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}],
+    ...     "subdomains": {"slices": {"axis": "x", "count": 2}},
+    ...     "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax",
+    ...     "traction": [0, 0, 1]}],
     ...     "blackbox": {"code": "by-hand"}}))
     Solution(bar: converged after ... iterations, error bound ...)
     """
@@ -81,8 +83,8 @@ class PythonCode(MessageCode):
         loads: bool = Field(False, description="whether the solver's class brings loads of its own: loads(model, step)")
         options: dict[Name, JsonValue] = Field({}, description="keyword arguments of the solver's class")
         python: Name | None = Field(None, description=(
-            "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
-            "none: the orchestrator's own"))
+            "the interpreter that the solver's packages are installed for, as /usr/bin/python3, "
+            "with numpy and SciPy; none: the orchestrator's own"))
         nonlinear: bool = Field(False, description=(
             "whether the solver's class is nonlinear: advance(prepared, forces) and commit(prepared), load step by load step"))
 
@@ -166,8 +168,9 @@ class PythonCode(MessageCode):
         """The class: the module is imported by the process alone, which finds out."""
         if exit_code != _NO_SOLVER:
             return None
-        return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare and solve, or another "
-                       "one's name after a colon, as my_solver.py:Mine", f"name the class in code:, or start from {TEMPLATE}")
+        return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare "
+                                              "and solve, or another one's name after a colon, as "
+                                              "my_solver.py:Mine", f"name the class in code:, or start from {TEMPLATE}")
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""

@@ -1,4 +1,5 @@
-"""Your own solver as a black box: copy this file, replace the three bodies, and name the copy in the YAML.
+"""Your own solver as a black box: copy this file, replace the three bodies, and name the copy in
+the YAML.
 
     blackbox: {code: my_solver.py}                        # every subdomain; the class is called Solver
     blackbox:                                             # or some of them: the last match wins
@@ -22,9 +23,10 @@ What arrives (``Model``), in the units of the YAML:
     volume      (m,) row of ``volumes``, the names of the mesh's volumes, for each tet; −1 for soles
     number      (n,) number of each node in the mesh of the YAML; −1 for soles
 
-A dof is 3 * node + component. Forces and displacements are float64, one load case per row, in the order asked.
-``stiffness`` and ``prepare`` may be called for several models and in any order. An exception ends the run with its
-traceback and the subdomain's name. Your process may die or hang: the run then ends too (``blackbox.timeout``).
+A dof is 3 * node + component. Forces and displacements are float64, one load case per row, in the
+order asked. ``stiffness`` and ``prepare`` may be called for several models and in any order. An
+exception ends the run with its traceback and the subdomain's name. Your process may die or hang:
+the run then ends too (``blackbox.timeout``).
 
 Two promises of the class, both False unless it says otherwise:
 
@@ -51,27 +53,32 @@ class Solver:
     def stiffness(self, model) -> sp.csr_array:
         """(3n, 3n) symmetric stiffness of all tets, nothing clamped.
 
-        Called for the soles (the search direction), for the rims of the subdomains (energies, reactions), and once
-        per subdomain to check what ``solve`` answers.
+        Called for the soles (the search direction), for the rims of the subdomains (energies,
+        reactions), and once per subdomain to check what ``solve`` answers.
         """
         corners = model.nodes[model.cells]
         edges = corners[:, 1:] - corners[:, :1]
         volume = np.linalg.det(edges) / 6
         inverse = np.linalg.inv(edges)
-        gradient = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2).transpose(0, 2, 1)
+        gradient = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse],
+                                  axis=2).transpose(0, 2, 1)
         young, poisson = model.materials[model.region].T
         lam, mu = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
-        # with the gradients (m, 4, 3) of the shape functions: K_aibj = V (λ ∂i φa ∂j φb + μ ∂j φa ∂i φb + μ δij ∇φa·∇φb)
+        # with the gradients (m, 4, 3) of the shape functions: K_aibj = V (λ ∂i φa ∂j φb + μ ∂j φa
+        # ∂i φb + μ δij ∇φa·∇φb)
         outer = np.einsum("mai,mbj->maibj", gradient, gradient)
         local = (lam[:, None, None, None, None] * outer + mu[:, None, None, None, None] * (
-            outer.transpose(0, 1, 4, 3, 2) + np.einsum("mabkk,ij->maibj", outer.transpose(0, 1, 3, 2, 4), np.eye(3))))
+            outer.transpose(0, 1, 4, 3, 2) + np.einsum("mabkk,ij->maibj",
+                                                       outer.transpose(0, 1, 3, 2, 4), np.eye(3))))
         dofs = (3 * model.cells[:, :, None] + np.arange(3)).reshape(-1, 12)
         values = (volume[:, None] * local.reshape(-1, 144)).ravel()
         places = np.repeat(dofs, 12, axis=1).ravel(), np.tile(dofs, (1, 12)).ravel()
         return sp.csr_array((values, places), shape=(model.fixed.size,) * 2)
 
     def prepare(self, model):
-        """Assemble, clamp and factorise, once per subdomain; whatever is returned comes back in ``solve``."""
+        """Assemble, clamp and factorise, once per subdomain; whatever is returned comes back in
+        ``solve``.
+        """
         free = np.flatnonzero(~model.fixed)
         return free, spla.splu(sp.csc_array(self.stiffness(model)[free][:, free]))
 

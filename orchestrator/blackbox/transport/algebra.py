@@ -18,19 +18,22 @@ PLACED = 1e-9  # of the joints' extent: nodes nearer than this are where they sh
 
 
 class AlgebraWorker(Worker):
-    """A worker without a process. Of a model the first nodes stand for the part: its joints', then those of the layer behind
+    """A worker without a process. Of a model the first nodes stand for the part: its joints', then
+    those of the layer behind
     them, which have no stiffness; soles are plain matter, whose stiffness is added.
 
-    A nonlinear part is elastic to all requests but ``advance``, which commits load steps by replay: whoever answers for it keeps nothing
-    between runs, so that forces of a load step are asked together with those of all committed steps before, from the beginning, and to
-    commit is to remember one more. Only springs may stand on its joints, since they are all that it is told of the search direction:
-    the diagonal of the soles.
+    A nonlinear part is elastic to all requests but ``advance``, which commits load steps by replay:
+    whoever answers for it keeps nothing between runs, so that forces of a load step are asked
+    together with those of all committed steps before, from the beginning, and to commit is to
+    remember one more. Only springs may stand on its joints, since they are all that it is told of
+    the search direction: the diagonal of the soles.
     """
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
         self.promised |= 4 * self.code.settings.remembers
-        self.models: dict[int, tuple] = {}  # the model, its free dofs, their factor, and which nodes follow which
+        # the model, its free dofs, their factor, and which nodes follow which
+        self.models: dict[int, tuple] = {}
         self.committed: dict[int, list[np.ndarray]] = {}
 
     def kill(self) -> None:
@@ -46,11 +49,15 @@ class AlgebraWorker(Worker):
         try:
             factor = la.cholesky(M, lower=True)
         except la.LinAlgError as error:
-            raise BlackBoxError("factorising failed: its stiffness and its soles together are not positive", model.name) from error
-        self.models[index], self.committed[index] = (model, free, factor, _followed(model, len(part.joints.points))), []
+            raise BlackBoxError(
+                "factorising failed: its stiffness and its soles together are not positive",
+                model.name) from error
+        self.models[index], self.committed[index] = (model, free, factor,
+                                                     _followed(model, len(part.joints.points))), []
         self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
-    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]],
+              names: list[str]) -> dict[int, np.ndarray]:
         begin, answers = time.thread_time(), {}
         for index, forces in jobs:
             model, free, factor, (inner, leader) = self.models[index]
@@ -71,7 +78,8 @@ class AlgebraWorker(Worker):
             self._check(model, part, own)
             S = sp.coo_array(part.stiffness)
             dofs = (3 * own[: len(part.joints.points), None] + np.arange(3)).ravel()
-            matrix = sp.csr_array(matrix + sp.csr_array((S.data, (dofs[S.row], dofs[S.col])), shape=matrix.shape))
+            matrix = sp.csr_array(matrix + sp.csr_array((S.data, (dofs[S.row], dofs[S.col])),
+                                                        shape=matrix.shape))
         self.count([time.thread_time() - begin, 0.0, 0.0])
         return matrix
 
@@ -82,7 +90,8 @@ class AlgebraWorker(Worker):
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
         begin, model, part = time.thread_time(), self.models[index][0], self.code.condensed()
         size = part.stiffness.shape[0]
-        k, asked = self._soles(model).diagonal()[:size], [*self.committed[index], forces[:size].copy()]
+        k, asked = self._soles(model).diagonal()[:size], [*self.committed[index],
+                                                          forces[:size].copy()]
         u = np.zeros((2, model.fixed.size))
         u[0, :size] = self.code.respond(k, asked)
         u[1, :size] = part.stiffness @ u[0, :size] + k * u[0, :size] - forces[:size]
@@ -96,18 +105,22 @@ class AlgebraWorker(Worker):
         sole = np.ones(len(model.cells), dtype=bool)
         if model.origin is not None:
             sole[: len(model.origin.cells)] = model.origin.cells < 0
-        stiffness = Matter(model.nodes, model.cells[sole], *model.materials[model.region[sole]].T).stiffness()
-        return sp.csr_array(sp.diags_array(stiffness.diagonal())) if self.code.settings.remembers else stiffness
+        stiffness = Matter(model.nodes, model.cells[sole],
+                           *model.materials[model.region[sole]].T).stiffness()
+        return sp.csr_array(
+            sp.diags_array(stiffness.diagonal())) if self.code.settings.remembers else stiffness
 
     def _check(self, model: Model, part, own: np.ndarray | slice = slice(None)) -> None:
         """Raises BlackBoxError where the model's nodes are not the joints'."""
         points = model.nodes[own][: len(part.joints.points)]
-        if len(points) < len(part.joints.points) or np.abs(points - part.joints.points).max() > PLACED * part.joints.size:
+        if len(points) < len(part.joints.points) or np.abs(points
+                                                           - part.joints.points).max() > PLACED * part.joints.size:
             raise BlackBoxError("its joint nodes are not where its file has them", model.name)
 
 
 def _followed(model: Model, joints: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of the layer behind the joints, and the joint node that each moves with: without stiffness, they have no motion of
+    """Nodes of the layer behind the joints, and the joint node that each moves with: without
+    stiffness, they have no motion of
     their own."""
     from scipy.spatial import cKDTree  # for this alone
 

@@ -17,9 +17,11 @@ from orchestrator.scene.elasticity import lame
 
 LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS, ADVANCE = 1, 2, 3, 4, 5, 6, 7
 ELEMENTS = {4: 1, 10: 2}  # by nodes of a tet
-# Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
+# Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03,
+# 12, 13, 23.
 EDGE_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
-# Relative residuals of a probe solve. Measured: below 1e-9 on sound models, above 5e-3 on singular ones.
+# Relative residuals of a probe solve. Measured: below 1e-9 on sound models, above 5e-3 on singular
+# ones.
 RESIDUAL_LIMIT, SINGULAR = 1e-6, 1e-3
 _LARGEST = 2**36  # bytes of one array; a larger count is not a count
 
@@ -62,7 +64,8 @@ def request(op: int, ints, reals: Sequence[np.ndarray]) -> Buffers:
 
 
 def about(op: int, index: int, model: Model, *more: int) -> Buffers:
-    """Request about the model of a mesh file: LOAD, to clamp and factorise it; STIFFNESS, for the matrix with nothing clamped; OWN_LOADS,
+    """Request about the model of a mesh file: LOAD, to clamp and factorise it; STIFFNESS, for the
+    matrix with nothing clamped; OWN_LOADS,
     for the nodal forces that the code's own model has at so many load steps as ``more`` says."""
     head = [[index, ELEMENTS[model.cells.shape[1]], model.fixed.size], more]
     if op == LOAD:
@@ -70,7 +73,8 @@ def about(op: int, index: int, model: Model, *more: int) -> Buffers:
         head += [len(model.trace), len(fixed)], model.trace, fixed
     # of ten-node tets the nodes' numbers, from which a code learns ours; of others they agree
     numbers = np.empty(0, int) if model.cells.shape[1] == 4 else model.cells[:, EDGE_ORDER].ravel()
-    return request(op, np.concatenate([np.asarray(part, int) for part in (*head, numbers)]), lame(*model.materials.T))
+    return request(op, np.concatenate([np.asarray(part, int) for part in (*head, numbers)]),
+                   lame(*model.materials.T))
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
@@ -84,7 +88,8 @@ FAREWELL = np.int64(QUIT).tobytes()  # end of the conversation
 
 def read_reply(read_into: ReadInto) -> Reply:
     """Raises BadReply on counts that cannot be, and whatever ``read_into`` raises."""
-    return Reply(_array(read_into, np.int64), _array(read_into, np.float64), _array(read_into, np.float64))
+    return Reply(_array(read_into, np.int64), _array(read_into, np.float64),
+                 _array(read_into, np.float64))
 
 
 def _array(read_into: ReadInto, dtype) -> np.ndarray:
@@ -106,7 +111,8 @@ def _check(reply: Reply, index: int, ints: int) -> None:
 
 
 def check_hello(reply: Reply) -> int:
-    """Read the server's greeting: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear. Raises
+    """Read the server's greeting: bit 0 set, it is translation invariant; bit 1, its matter is its
+    own; bit 2, nonlinear. Raises
     BadReply unless it introduced itself."""
     _check(reply, 0, 2)
     return int(reply.ints[2]) if len(reply.ints) > 2 else 0
@@ -116,27 +122,34 @@ def check_load(reply: Reply, index: int) -> None:
     """Raises BadReply when the factorisation cannot be trusted."""
     _check(reply, index, 4)
     if reply.ints[3] != 1 or len(reply.reals) != 1:
-        raise BadReply("the matrix is not stored as a symmetric half: CHOLMOD would give wrong numbers")
+        raise BadReply(
+            "the matrix is not stored as a symmetric half: CHOLMOD would give wrong numbers")
     check_residual(reply.reals[0])
 
 
 def check_residual(residual: float) -> None:
-    """Raises BadReply when a solve left a relative residual that a sound factorisation does not leave."""
+    """Raises BadReply when a solve left a relative residual that a sound factorisation does not
+    leave.
+    """
     left = f"a probe solve left a relative residual of {residual:.1e}, expected at most {RESIDUAL_LIMIT:.0e}"
     if not residual <= SINGULAR:  # NaN included
-        raise BadReply(f"the factorised matrix is singular: {left}", "a part is not held, or has a zero or absurd modulus")
+        raise BadReply(f"the factorised matrix is singular: {left}",
+                       "a part is not held, or has a zero or absurd modulus")
     if residual > RESIDUAL_LIMIT:
         raise BadReply(f"the factorised matrix is too close to singular: {left}",
             "a part that is barely held or very slender, or moduli of extreme contrast")
 
 
 def check_solve(reply: Reply, index: int, rhs: int, size: int) -> np.ndarray:
-    """The (rhs, size) displacements; raises BadReply on wrong sizes or numbers that are not finite."""
+    """The (rhs, size) displacements; raises BadReply on wrong sizes or numbers that are not
+    finite.
+    """
     _check(reply, index, 2)
     if reply.reals.size != rhs * size:
         raise BadReply(f"{reply.reals.size} displacements received, {rhs} x {size} expected")
     if not np.isfinite(reply.reals).all():
-        raise BadReply("displacements are not finite", "the forces are not, or the matrix is close to singular")
+        raise BadReply("displacements are not finite",
+                       "the forces are not, or the matrix is close to singular")
     return reply.reals.reshape(rhs, size)
 
 
@@ -157,10 +170,12 @@ def check_stiffness(reply: Reply, index: int, dofs: int) -> sp.csr_array:
     if len(reply.ints) != 4 + 2 * entries or len(reply.reals) != entries:
         raise BadReply(f"a matrix of {entries} entries came with {len(reply.reals)} values")
     if not np.isfinite(reply.reals).all():
-        raise BadReply("the stiffness matrix has entries that are not finite", "a degenerate tet or an absurd modulus")
+        raise BadReply("the stiffness matrix has entries that are not finite",
+                       "a degenerate tet or an absurd modulus")
     rows, columns = reply.ints[4 : 4 + entries], reply.ints[4 + entries :]
     keep = (rows < dofs) & (columns < dofs) & (reply.reals != 0)
-    rows, columns, values = rows[keep].astype(np.int32), columns[keep].astype(np.int32), reply.reals[keep]
+    rows, columns, values = rows[keep].astype(np.int32), columns[keep].astype(
+        np.int32), reply.reals[keep]
     mirrored = np.flatnonzero(rows != columns)
     indices = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
     return sp.csr_array((np.concatenate([values, values[mirrored]]), indices), shape=(dofs, dofs))

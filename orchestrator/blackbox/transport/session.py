@@ -1,11 +1,15 @@
-"""The worker of codes that speak the bytes of ``messages``: models, load cases and answers through one of two links.
+"""The worker of codes that speak the bytes of ``messages``: models, load cases and answers through
+one of two links.
 
-A process that stays keeps its models. Of one that ends after every request nothing is kept but the mesh files: every solve loads
-its model again.
+A process that stays keeps its models. Of one that ends after every request nothing is kept but the
+mesh files: every solve loads its model again.
 
-- ``Pipes``: one process, which stays and keeps its models factorised, at the other end of two anonymous pipes. A pipe ends when
-  the process does, so neither side can wait for a dead one; the deadline is for a process that lives and does not answer.
-- ``Files``: a process for every request, which reads one file, writes another and ends, the way a closed code is driven.
+- ``Pipes``: one process, which stays and keeps its models factorised, at the other end of two
+anonymous pipes. A pipe ends when
+  the process does, so neither side can wait for a dead one; the deadline is for a process that
+  lives and does not answer.
+- ``Files``: a process for every request, which reads one file, writes another and ends, the way a
+closed code is driven.
 """
 
 from __future__ import annotations
@@ -41,7 +45,8 @@ class Pipes:
             with suppress(OSError):  # beyond this user's allowance: only slower
                 fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
         try:
-            worker.spawn(f"/dev/fd/{read_requests}", f"/dev/fd/{write_replies}", (read_requests, write_replies))
+            worker.spawn(f"/dev/fd/{read_requests}", f"/dev/fd/{write_replies}",
+                         (read_requests, write_replies))
         except BaseException:
             self.close()
             raise
@@ -102,7 +107,9 @@ class Files:
         self._left = memoryview(b"")
 
     def send(self, buffers: Buffers) -> None:
-        """Run the code on a file of these requests, to its end; raises Ended, BadReply, InputError."""
+        """Run the code on a file of these requests, to its end; raises Ended, BadReply,
+        InputError.
+        """
         worker = self._worker
         asked = worker.write(f"request-{worker.number}.bin", [*buffers, messages.FAREWELL])
         answered = worker.folder / f"reply-{worker.number}.bin"
@@ -125,7 +132,8 @@ class Files:
 
     def _read_into(self, target: memoryview) -> None:
         if len(self._left) < len(target):
-            raise Ended("its answer is incomplete" if len(self._left) else "it wrote no complete answer")
+            raise Ended("its answer is incomplete" if len(self._left)
+                        else "it wrote no complete answer")
         target[:] = self._left[: len(target)]
         self._left = self._left[len(target) :]
 
@@ -140,7 +148,9 @@ class MessageWorker(RunWorker):
         self._load_requests: dict[int, Buffers] = {}
 
     def open(self) -> None:
-        """Start the process, or of a code that leaves its traits open one without work: its first words tell."""
+        """Start the process, or of a code that leaves its traits open one without work: its first
+        words tell.
+        """
         if self.keeps_models:
             self.link = Pipes(self)
             with self.telling("it did not start", ""):
@@ -152,31 +162,40 @@ class MessageWorker(RunWorker):
                 self.link.send([])
 
     def greeted(self, receive: Callable[[], Reply], exit_code: int | None = None) -> None:
-        """Take in a process's first words; raises InputError where there are none because something is not installed."""
+        """Take in a process's first words; raises InputError where there are none because something
+        is not installed.
+        """
         try:
             hello = receive()
             self.promised = messages.check_hello(hello)
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")  # waits for the process's end
-            missing = self.code.missing_part(self.process.returncode if exit_code is None else exit_code, self.log_tail())
+            missing = self.code.missing_part(self.process.returncode if exit_code is None
+                                             else exit_code, self.log_tail())
             raise missing or (failure if exit_code is None else error) from error
         self.code.heard(hello.reals)
         self.seconds["start"] += float(hello.seconds[0])
 
     def load(self, index: int, model: Model) -> None:
-        """Load models; a code that ends after a run solves once for the check: a model that is not held is found now."""
+        """Load models; a code that ends after a run solves once for the check: a model that is not
+        held is found now.
+        """
         self.tallies[index] = Tally(model.name, len(model.trace))
-        self._about(messages.LOAD, index, model, "loading failed", lambda reply: messages.check_load(reply, index))
+        self._about(messages.LOAD, index, model, "loading failed",
+                    lambda reply: messages.check_load(reply, index))
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        return self._about(messages.STIFFNESS, index, model, "the stiffness matrix was not obtained",
+        return self._about(messages.STIFFNESS, index, model,
+                           "the stiffness matrix was not obtained",
                            lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
 
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
         return self._about(messages.OWN_LOADS, index, model, "its own loads were not obtained",
-                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size), steps)
+                           lambda reply: messages.check_own_loads(
+                               reply, index, steps, model.fixed.size), steps)
 
-    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]],
+              names: list[str]) -> dict[int, np.ndarray]:
         """Solve: through pipes all right-hand sides of all models travel in one message."""
         if not self.keeps_models:
             return super().solve(op, jobs, names)
@@ -185,10 +204,12 @@ class MessageWorker(RunWorker):
             self.link.send(messages.solve(op, jobs))
         for (index, forces), name in zip(jobs, names):
             with self.telling("solving failed", name):
-                answers[index] = self._counted(lambda reply: messages.check_solve(reply, index, *forces.shape))
+                answers[index] = self._counted(
+                    lambda reply: messages.check_solve(reply, index, *forces.shape))
         return answers
 
-    def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
+    def run_cases(self, op: int, index: int, forces: np.ndarray,
+                  name: str) -> tuple[np.ndarray, float]:
         """Solve load cases: the same run serves load cases and unit loads."""
         with self.telling("solving failed", name):
             self.link.send(self._load_requests[index] + messages.solve(op, [(index, forces)]))
@@ -196,7 +217,8 @@ class MessageWorker(RunWorker):
             before = self.seconds["solve"]
             answer = self._counted(lambda reply: messages.check_solve(reply, index, *forces.shape))
         solving, tally = self.seconds["solve"] - before, self.tallies[index]
-        tally.request = tally.unit_loads = Request(self.link.seconds - solving, solving / len(forces))
+        tally.request = tally.unit_loads = Request(self.link.seconds - solving,
+                                                   solving / len(forces))
         return answer, self.link.seconds
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
@@ -215,10 +237,14 @@ class MessageWorker(RunWorker):
         self.count(reply.seconds)
         return answer
 
-    def _about(self, op: int, index: int, model: Model, purpose: str, read: Callable[[Reply], Any], *more: int) -> Any:
-        """The reply to a request about a model, as ``read`` makes it. For runs to come, mesh file and request are kept."""
+    def _about(self, op: int, index: int, model: Model, purpose: str, read: Callable[[Reply], Any],
+               *more: int) -> Any:
+        """The reply to a request about a model, as ``read`` makes it. For runs to come, mesh file
+        and request are kept.
+        """
         told, kept = self.code.told(model), op == messages.LOAD and not self.keeps_models
-        path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)]), messages.about(op, index, told, *more)
+        path, request = self.write(f"mesh-{index}.{self.code.mesh_suffix}",
+                                   [self.code.mesh(told)]), messages.about(op, index, told, *more)
         if kept:
             self._load_requests[index] = request
         try:

@@ -1,4 +1,6 @@
-"""One place where a code works: its process, its log, and how failures are told. Codes and transports derive from it."""
+"""One place where a code works: its process, its log, and how failures are told. Codes and
+transports derive from it.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
 
 
 class Ended(Exception):
-    """The conversation broke off: end of stream, broken pipe or silence. ``what`` in one sentence."""
+    """The conversation broke off: end of stream, broken pipe or silence. ``what`` in one
+    sentence.
+    """
 
 
 class Silence(Ended):
@@ -36,7 +40,8 @@ class Silence(Ended):
     def __init__(self) -> None:
         limited = resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
         super().__init__("no answer within the time allowed (blackbox.timeout)" + limited * (
-            ", perhaps for want of memory: ulimit -v is set, and OpenBLAS waits for ever for what it forbids"))
+            ", perhaps for want of memory: ulimit -v is set, and OpenBLAS waits for ever for what "
+            "it forbids"))
 
 
 class Worker:
@@ -57,7 +62,8 @@ class Worker:
         self.calls, self.working = 0, 0.0
         self.peak_mb, self.promised = 0.0, 0
         self.process: subprocess.Popen | None = None
-        self._lock, self._killed = threading.RLock(), False  # reentrant: a signal may interrupt its holder
+        # reentrant: a signal may interrupt its holder
+        self._lock, self._killed = threading.RLock(), False
         # without a name: nothing is left behind whatever happens
         self.log = tempfile.TemporaryFile(dir=folder)
 
@@ -70,8 +76,11 @@ class Worker:
         """Assemble, clamp and factorise a model."""
         raise NotImplementedError
 
-    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
-        """Displacements under (model, (rhs, m) forces) of all jobs; ``op`` is ``messages.TRACES`` or ``FIELDS``."""
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]],
+              names: list[str]) -> dict[int, np.ndarray]:
+        """Displacements under (model, (rhs, m) forces) of all jobs; ``op`` is ``messages.TRACES``
+        or ``FIELDS``.
+        """
         raise NotImplementedError
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
@@ -87,29 +96,39 @@ class Worker:
         raise NotImplementedError
 
     def compliances(self) -> list[dict[str, object]]:
-        """Subdomains whose interface compliance took the place of runs; none where processes stay alive."""
+        """Subdomains whose interface compliance took the place of runs; none where processes stay
+        alive.
+        """
         return []
 
     def traits(self) -> Traits:
         """Traits; of those that the code leaves open the process has told when it started."""
         invariant, own = self.code.translation_invariant, self.code.own_matter
         nonlinear = bool(self.promised & 4)  # what remembers load steps answers for itself alone
-        return Traits((bool(self.promised & 1) if invariant is None else invariant) and not nonlinear,
-                      bool(self.promised & 2) if own is None else own, self.keeps_models, self.code.floor(), nonlinear)
+        return Traits((bool(self.promised & 1) if invariant is None else invariant)
+                      and not nonlinear,
+                      bool(self.promised & 2) if own is None else own, self.keeps_models,
+                      self.code.floor(), nonlinear)
 
     # ---- processes ------------------------------------------------------------------------------
 
-    def spawn(self, requests: str, replies: str = "", pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
-        """Start a process, which ends with the calling thread at the latest: that lives as long as the pool."""
+    def spawn(self, requests: str, replies: str = "",
+              pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
+        """Start a process, which ends with the calling thread at the latest: that lives as long as
+        the pool.
+        """
         with self._lock:
             if self._killed:
                 raise Ended("the black box was closed")
-            self.process = started(self.code.command(requests, replies), cwd=self.folder, pass_fds=pass_fds,
+            self.process = started(self.code.command(requests, replies), cwd=self.folder,
+                                   pass_fds=pass_fds,
                                    env=self.code.environment(), stdout=self.log, stderr=self.log)
         return self.process
 
     def wait_for_end(self, process: subprocess.Popen) -> tuple[int, float]:
-        """Exit code and CPU seconds of a process that runs once; raises Silence when it takes too long."""
+        """Exit code and CPU seconds of a process that runs once; raises Silence when it takes too
+        long.
+        """
         handle = os.pidfd_open(process.pid)
         try:
             ready(handle, select.POLLIN, self.deadline())
@@ -139,7 +158,8 @@ class Worker:
     def note_memory(self) -> float:
         """Largest resident memory of the process so far, MB."""
         if self.process is not None:
-            self.peak_mb = max(self.peak_mb, memory_peak_mb(self.process.pid))  # nan, of one that is gone, is no larger
+            # nan, of one that is gone, is no larger
+            self.peak_mb = max(self.peak_mb, memory_peak_mb(self.process.pid))
         return self.peak_mb
 
     def deadline(self) -> float:
@@ -162,8 +182,11 @@ class Worker:
         except OSError as error:
             path.unlink(missing_ok=True)
             needed = sum(memoryview(part).nbytes for part in parts)
-            raise wrong((), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
-                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk") from error
+            raise wrong((),
+                        f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: "
+                        f"{error.strerror}",
+                        "a temporary folder with room enough",
+                        "free some room, or set TMPDIR to a folder on another disk") from error
         return path
 
     @contextmanager
@@ -182,13 +205,15 @@ class Worker:
             ended = isinstance(error, Ended) and not isinstance(error, Silence)
             with suppress(subprocess.TimeoutExpired):
                 meaning = self.code.meaning(self.process.wait(timeout=1.0 if ended else 0.0))
-        return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning, self.log_tail())
+        return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning,
+                             self.log_tail())
 
     def log_tail(self) -> str:
         """Last lines of what the process printed."""
         size = os.fstat(self.log.fileno()).st_size
         # pread: the offset is shared with the process that writes
-        return os.pread(self.log.fileno(), LOG_TAIL, max(0, size - LOG_TAIL)).decode(errors="replace").strip()
+        return os.pread(self.log.fileno(), LOG_TAIL,
+                        max(0, size - LOG_TAIL)).decode(errors="replace").strip()
 
 
 def ready(fd: int, event: int, deadline: float) -> None:

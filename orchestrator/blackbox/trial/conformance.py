@@ -1,4 +1,5 @@
-"""Does a code keep the protocol? Checks that any black box can be run against, each with its own message.
+"""Does a code keep the protocol? Checks that any black box can be run against, each with its own
+message.
 
 Reference values come from ``template``, an assembly by hand, and from scipy's factorisation.
 """
@@ -28,7 +29,9 @@ CHECKS: dict[str, Callable[[Trial], tuple[str, str]]] = {}  # by name: a figure,
 
 
 def check(name: str, otherwise: str = ""):
-    """Adds a check; one that says what is wrong ``otherwise`` returns how far answers are from where they should be."""
+    """Adds a check; one that says what is wrong ``otherwise`` returns how far answers are from
+    where they should be.
+    """
     def added(function: Callable) -> Callable:
         def small(trial: Trial) -> tuple[str, str]:
             apart = function(trial)
@@ -40,11 +43,13 @@ def check(name: str, otherwise: str = ""):
 
 
 def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
-    """(check, figure, what is wrong: empty when it passed) of a black box; stops at a failure that ends the black box. Raises InputError
+    """(check, figure, what is wrong: empty when it passed) of a black box; stops at a failure that
+    ends the black box. Raises InputError
     where the code is not there."""
     models = trial_models()
     rng = np.random.default_rng(7)
-    forces = [rng.standard_normal((4, len(m.trace))) * [[1.0], [1e3], [1e-3], [1.0]] for m in models]
+    forces = [rng.standard_normal((4, len(m.trace))) * [[1.0], [1e3], [1e-3], [1.0]]
+              for m in models]
     exact = [Solver().stiffness(m) for m in models]
     try:
         with start() as blackbox:
@@ -94,7 +99,8 @@ def _loads(trial: Trial) -> tuple[str, str]:
 
 @check("fields")
 def _fields(trial: Trial) -> tuple[str, str]:
-    answers, apart = trial.blackbox.fields({i: trial.everywhere(i) for i in range(len(trial.models))}), 0.0
+    answers, apart = trial.blackbox.fields({i: trial.everywhere(i)
+                                            for i in range(len(trial.models))}), 0.0
     for i, model in enumerate(trial.models):
         if wrong := trial.wrong("displacements", i, answers[i], trial.everywhere(i)):
             return "", wrong
@@ -115,7 +121,8 @@ def _traces(trial: Trial) -> tuple[str, str]:
 
 
 check("linearity", "answers are not linear in the forces")(lambda t: difference(
-    t.first(2 * t.forces[0][:1] - 3 * t.forces[0][3:4]), 2 * t.traces[0][:1] - 3 * t.traces[0][3:4]))
+    t.first(2 * t.forces[0][:1] - 3 * t.forces[0][3:4]),
+    2 * t.traces[0][:1] - 3 * t.traces[0][3:4]))
 check("batch and single", "a load case is answered otherwise in a batch than alone")(lambda t: max(
     difference(t.first(f[None]), u[None]) for f, u in zip(t.forces[0], t.traces[0])))
 
@@ -123,7 +130,9 @@ check("batch and single", "a load case is answered otherwise in a batch than alo
 @check("many load cases")
 def _many(trial: Trial) -> tuple[str, str]:
     """More rows than any cache or buffer is likely to hold; one of them is zero."""
-    rows = np.resize([1.0, -2.0, 0.5], MANY)[:, None] * np.resize(trial.forces[0], (MANY, trial.forces[0].shape[1]))
+    rows = np.resize([1.0, -2.0, 0.5], MANY)[:,
+                                             None] * np.resize(
+                                                 trial.forces[0], (MANY, trial.forces[0].shape[1]))
     rows[MANY // 2] = 0.0
     found = trial.first(rows)
     if found.shape == rows.shape and found[MANY // 2].any():
@@ -134,16 +143,22 @@ def _many(trial: Trial) -> tuple[str, str]:
     return f"{apart:.0e}", "" if apart <= AGREE else f"of {MANY} load cases at once not all are answered as they are alone: {apart:.1e}"
 
 
-@check("sizes of forces", "forces of twelve orders of magnitude in one batch: small load cases are answered worse than alone")
+@check("sizes of forces",
+       "forces of twelve orders of magnitude in one batch: small load cases are answered worse "
+       "than alone")
 def _sizes(trial: Trial) -> float:
     size = 10.0 ** np.arange(-6, 7)[:, None]
-    return _row_by_row(trial.first(size * trial.forces[0][:1]), size * trial.expected(0)[:1, trial.models[0].trace])
+    return _row_by_row(trial.first(size * trial.forces[0][:1]),
+                       size * trial.expected(0)[:1, trial.models[0].trace])
 
 
 @check("forces untouched")
 def _untouched(trial: Trial) -> tuple[str, str]:
-    """The caller's arrays are the caller's: they may be read-only, and must be the same afterwards."""
-    traces, fields = dict(enumerate(f.copy() for f in trial.forces)), {i: trial.everywhere(i) for i in range(len(trial.models))}
+    """The caller's arrays are the caller's: they may be read-only, and must be the same
+    afterwards.
+    """
+    traces, fields = dict(enumerate(f.copy() for f in trial.forces)), {
+        i: trial.everywhere(i) for i in range(len(trial.models))}
     for f in (*traces.values(), *fields.values()):
         f.flags.writeable = False
     trial.blackbox.traces(traces)
@@ -153,17 +168,22 @@ def _untouched(trial: Trial) -> tuple[str, str]:
 
 @check("order of models", "answers depend on the order in which models are asked")
 def _order(trial: Trial) -> float:
-    """Ask in reverse at once, then one model after the other with matrices of others asked for in between."""
+    """Ask in reverse at once, then one model after the other with matrices of others asked for in
+    between.
+    """
     last = list(range(len(trial.models)))[::-1]
     answers = trial.blackbox.traces({i: trial.forces[i] for i in last})
     apart = max(difference(answers[i], trial.traces[i]) for i in last)
     for i in last[::2] + last[1::2]:
         trial.blackbox.stiffness([trial.models[i - 1]])
-        apart = max(apart, difference(trial.blackbox.traces({i: trial.forces[i]})[i], trial.traces[i]))
+        apart = max(apart,
+                    difference(trial.blackbox.traces({i: trial.forces[i]})[i], trial.traces[i]))
     return apart
 
 
-check("repeatability", "the same question is answered otherwise the second time")(lambda t: difference(t.first(t.forces[0]), t.traces[0]))
+check("repeatability",
+      "the same question is answered otherwise the second time")(
+          lambda t: difference(t.first(t.forces[0]), t.traces[0]))
 
 
 @check("interface compliance")
@@ -188,11 +208,14 @@ def _reloaded(trial: Trial) -> float:
 
 @check("matter of a volume")
 def _matter(trial: Trial) -> tuple[str, str]:
-    """A body that has a place in a mesh, in one volume called ``body``; the trial's other models have none, so that a code whose matter is
-    its own takes them for soles. What the code's own matter is nobody knows: it stores energy, and answers forces by its own stiffness."""
+    """A body that has a place in a mesh, in one volume called ``body``; the trial's other models
+    have none, so that a code whose matter is
+    its own takes them for soles. What the code's own matter is nobody knows: it stores energy, and
+    answers forces by its own stiffness."""
     body, forces = trial.models[0], trial.everywhere(0)
     cells = np.arange(len(body.cells))
-    body = replace(body, name="body in a mesh", origin=Origin(np.arange(len(body.nodes)), cells, 0 * cells, ["body"]))
+    body = replace(body, name="body in a mesh",
+                   origin=Origin(np.arange(len(body.nodes)), cells, 0 * cells, ["body"]))
     stiffness, = trial.blackbox.stiffness([body])
     trial.blackbox.load([body])
     u, free = trial.blackbox.fields({0: forces})[0], ~body.fixed.ravel()
@@ -213,7 +236,9 @@ def _matter(trial: Trial) -> tuple[str, str]:
 
 @check("clean death")
 def _clean_death(trial: Trial) -> tuple[str, str]:
-    """A process killed from outside is an error that names the subdomain, and ends the other processes."""
+    """A process killed from outside is an error that names the subdomain, and ends the other
+    processes.
+    """
     pids = trial.blackbox.usage.pids()
     if not pids:
         return "no process between requests", ""
@@ -222,7 +247,8 @@ def _clean_death(trial: Trial) -> tuple[str, str]:
     try:
         trial.first(trial.forces[0])
     except BlackBoxError as error:
-        return "reported", "" if error.subdomain == trial.models[0].name else f"the error names no subdomain: {error}"
+        return "reported", "" if error.subdomain == trial.models[
+            0].name else f"the error names no subdomain: {error}"
     return "", "the death of its process went unnoticed"
 
 
@@ -234,13 +260,23 @@ def _row_by_row(found: np.ndarray, expected: np.ndarray) -> float:
 
 
 def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:
-    """A stiffness in which some materials count otherwise than others, in words; empty where it is not just that."""
+    """A stiffness in which some materials count otherwise than others, in words; empty where it is
+    not just that.
+    """
     if len(model.materials) < 2 or difference(found.toarray(), exact.toarray()) <= AGREE:
         return ""
-    only = np.where(np.arange(len(model.materials))[:, None, None] == np.arange(len(model.materials))[:, None], 1.0, 0.0)
-    each = [Solver().stiffness(replace(model, materials=model.materials * np.hstack([own, np.ones_like(own)]))).toarray() for own in only]
-    factors = np.linalg.lstsq(np.column_stack([k.ravel() for k in each]), found.toarray().ravel(), rcond=None)[0]
-    if difference(sum(f * k for f, k in zip(factors, each)), found.toarray()) > AGREE or np.ptp(factors) <= AGREE:
+    only = np.where(np.arange(len(model.materials))[:, None, None]
+                    == np.arange(len(model.materials))[:, None], 1.0, 0.0)
+    each = [
+        Solver().stiffness(
+            replace(model, materials=model.materials
+                    * np.hstack([own, np.ones_like(own)]))).toarray() for own in only]
+    factors = np.linalg.lstsq(np.column_stack([k.ravel() for k in each]), found.toarray().ravel(),
+                              rcond=None)[0]
+    if difference(sum(f * k for f, k in zip(factors, each)),
+                  found.toarray()) > AGREE or np.ptp(factors) <= AGREE:
         return ""
-    return "; ".join(f"region {r + 1} of {len(factors)} counts {f:.6g} times" for r, f in enumerate(factors)
-                     if abs(f - 1) > AGREE) + ": are the moduli of each tet those of materials[region]?"
+    return "; ".join(f"region {r + 1} of {len(factors)} counts {f:.6g} times"
+                     for r, f in enumerate(factors)
+                     if abs(f
+                            - 1) > AGREE) + ": are the moduli of each tet those of materials[region]?"

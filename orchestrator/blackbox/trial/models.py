@@ -17,8 +17,8 @@ from orchestrator.scene.mesh.sources import bricks
 class Trial:
     """A black box under trial: what it was asked and what it answered.
 
-    models : two bodies of four materials, equal but for where they are held, and two soles: thin layers clamped at their
-        outer faces, equal but for their place
+    models : two bodies of four materials, equal but for where they are held, and two soles: thin
+        layers clamped at their outer faces, equal but for their place
     exact : per model, its reference stiffness
     forces : per model (4, t) trace forces
     """
@@ -48,8 +48,11 @@ class Trial:
         """(4, 3n) displacements that it gives to the trace forces."""
         return self.answers(index, self.everywhere(index))
 
-    def wrong(self, what: str, index: int, found: np.ndarray, forces: np.ndarray, dofs=slice(None)) -> str:
-        """Say what is wrong with displacements of a model; those of another model are told as such."""
+    def wrong(self, what: str, index: int, found: np.ndarray, forces: np.ndarray,
+              dofs=slice(None)) -> str:
+        """Say what is wrong with displacements of a model; those of another model are told as
+        such.
+        """
         said = diagnosis(found, self.answers(index, forces)[:, dofs])
         if not said:
             return ""
@@ -67,13 +70,18 @@ def trial_models() -> list[Model]:
     body = _sample("body", [1.0, 0.8, 0.6], [3, 2, 2], materials, 0)
     held = body.fixed.reshape(-1, 3)[::-1].copy()  # the other end, as many dofs
     free = np.flatnonzero(~held)
-    twin = replace(body, name="twin body", fixed=held, trace=np.random.default_rng(1).permutation(free)[: len(body.trace)])
+    twin = replace(body, name="twin body", fixed=held,
+                   trace=np.random.default_rng(1).permutation(free)[: len(body.trace)])
     sole = _sample("sole", [1.0, 1.0, 0.05], [3, 3, 1], [[100e3, 0.25]], 2)
-    return [body, twin, sole, replace(sole, name="second sole", nodes=sole.nodes + [2.0, -1.0, 0.5])]
+    return [body, twin, sole,
+            replace(sole, name="second sole", nodes=sole.nodes + [2.0, -1.0, 0.5])]
 
 
-def _sample(name: str, size: list[float], cells: list[int], materials: list[list[float]], axis: int) -> Model:
-    """A distorted box clamped at its end along an axis; traces on half of the other dofs, in no order."""
+def _sample(name: str, size: list[float], cells: list[int], materials: list[list[float]],
+            axis: int) -> Model:
+    """A distorted box clamped at its end along an axis; traces on half of the other dofs, in no
+    order.
+    """
     mesh, rng = bricks(np.array(size), np.array(cells), name), np.random.default_rng(axis)
     step = np.array(size) / np.array(cells)
     nodes = mesh.nodes + rng.uniform(-0.12, 0.12, mesh.nodes.shape) * step
@@ -81,4 +89,5 @@ def _sample(name: str, size: list[float], cells: list[int], materials: list[list
     fixed[-1, 1] = True  # one component alone
     free = np.flatnonzero(~fixed)
     region = np.arange(len(mesh.cells)) * 5 // 3 % len(materials)
-    return Model(name, nodes, mesh.cells, region, np.array(materials), fixed, rng.permutation(free)[: len(free) // 2])
+    return Model(name, nodes, mesh.cells, region, np.array(materials), fixed,
+                 rng.permutation(free)[: len(free) // 2])

@@ -1,4 +1,6 @@
-"""``orchestrator conformance``: does a code, or a program with a mesh of its own, keep its protocol? A table of checks."""
+"""``orchestrator conformance``: does a code, or a program with a mesh of its own, keep its
+protocol? A table of checks.
+"""
 
 from __future__ import annotations
 
@@ -45,11 +47,14 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
     else:
         wanted = {"code": code, "workers": 1, "timeout": timeout}
         transports = get_args(settings_class(wanted).model_fields["transport"].annotation)
-        entries = [settings_from({**wanted, "transport": name}) for name in ([transport] if transport else transports)]
+        entries = [settings_from({**wanted, "transport": name})
+                   for name in ([transport] if transport else transports)]
         for found in find_codes(entries).values():
             said = f"{found.name} {found.version()}".strip()
-            failed += _shown(console, f"{said}, transport {found.settings.transport}", run_checks(lambda: Pool({0: found})))
-    console.print(Text(f"{failed} failed", "bold red") if failed else Text("It keeps the protocol.", "bold green"))
+            failed += _shown(console, f"{said}, transport {found.settings.transport}",
+                             run_checks(lambda: Pool({0: found})))
+    console.print(Text(f"{failed} failed", "bold red") if failed
+                  else Text("It keeps the protocol.", "bold green"))
     return BLACKBOX_FAILED if failed else CONVERGED
 
 
@@ -58,7 +63,8 @@ def _shown(console: Console, title: str, checks: Checks) -> int:
     table, failed = Table(box=None, show_header=False, padding=(0, 2, 0, 0)), 0
     for check, figure, wrong in checks:
         failed += bool(wrong)
-        table.add_row(Text("failed", "bold red") if wrong else Text("passed", "green"), check, Text(wrong or figure))
+        table.add_row(Text("failed", "bold red") if wrong else Text("passed", "green"), check,
+                      Text(wrong or figure))
     console.print(title, style="bold")
     console.print(table)
     return failed
@@ -72,10 +78,13 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
     try:
         runs = ProgramRuns(ProgramPart(run=run, timeout=timeout), (), "it")
         rows = runs.joints()
-        ids, points = checked_nodes([(i, [float(w) for w in words[:4]]) for i, words in enumerate(rows, 1)], JOINT, ())
+        ids, points = checked_nodes([(i, [float(w) for w in words[:4]])
+                                     for i, words in enumerate(rows, 1)], JOINT, ())
         names = list(dict.fromkeys(words[4] for words in rows if len(words) == 5))
-        joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names, np.zeros((len(ids), 3), bool), np.eye(6))
-        yield "a call without joint nodes", f"{len(ids)} nodes" + (f" of {', '.join(names)}" if names else "") + \
+        joints = Joints(ids, points, np.empty((0, 3), int), np.empty(0, int), names,
+                        np.zeros((len(ids), 3), bool), np.eye(6))
+        yield "a call without joint nodes", f"{len(ids)} nodes" + (
+            f" of {', '.join(names)}" if names else "") + \
             f", between {format_point(points.min(axis=0))} and {format_point(points.max(axis=0))}", ""
         answers = UnitAnswers.of(runs, joints, joints.size)
         n = len(answers.springs)
@@ -91,9 +100,13 @@ def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
 def _held(joints: Joints, answers: UnitAnswers) -> str:
     """Whether supports inside hold it; raises InputError where the stiffness is none."""
     try:
-        judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)
+        judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it",
+               answers.error)
     except InputError:
-        held = Joints(*(getattr(joints, f) for f in ("ids", "points", "triangles", "joint", "names", "held")), np.zeros((6, 0)))
-        judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)
+        held = Joints(
+            *(getattr(joints, f) for f in ("ids", "points", "triangles", "joint", "names", "held")),
+            np.zeros((6, 0)))
+        judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it",
+               answers.error)
         return "cost force: supports inside hold it, write held: true in its entry"
     return "cost nothing: it is not held inside"

@@ -1,4 +1,6 @@
-"""Accelerations, one file each: they find the fixed point s = F(s), one evaluation after the other."""
+"""Accelerations, one file each: they find the fixed point s = F(s), one evaluation after the
+other.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,9 @@ class Acceleration(ABC):
     """Base of accelerations; a line in ``registry`` gives it its name in the YAML.
 
     title : of the algorithm, for people
-    depth : of how many of the last evaluations it makes the next state; None: all. A resumed run begins a new one, which takes in
-        as many once more: where all is bonded as they were, elsewhere s and its image alone
+    depth : of how many of the last evaluations it makes the next state; None: all. A resumed run
+        begins a new one, which takes in as many once more: where all is bonded as they were,
+        elsewhere s and its image alone
     """
 
     title: str
@@ -24,13 +27,17 @@ class Acceleration(ABC):
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
-        """The class that does what is meant where the fixed point is affine, as where all is bonded, or where it is not."""
+        """The class that does what is meant where the fixed point is affine, as where all is
+        bonded, or where it is not.
+        """
         return cls
 
     @classmethod
     @abstractmethod
     def of(cls, d: Decomposition, method) -> Acceleration:
-        """The acceleration for a decomposition and ``method`` of the configuration, in the norm of the inverse search direction."""
+        """The acceleration for a decomposition and ``method`` of the configuration, in the norm of
+        the inverse search direction.
+        """
 
     @abstractmethod
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
@@ -50,7 +57,9 @@ class Acceleration(ABC):
 
 
 def algorithm(name: str, all_perfect: bool) -> type[Acceleration]:
-    """The algorithm that ``method.acceleration`` names: where all is bonded, ``anderson`` minimises residuals, as ``gmres`` does."""
+    """The algorithm that ``method.acceleration`` names: where all is bonded, ``anderson`` minimises
+    residuals, as ``gmres`` does.
+    """
     return ACCELERATIONS[name].suiting(all_perfect)
 
 

@@ -1,14 +1,15 @@
 """Anderson's acceleration of the nonlinear fixed point s = F(s), all load steps as one vector.
 
-Type II with a window of m differences around the latest evaluation: the combination of least residual r = F(s) − s, in the norm of
-(k⁺)⁻¹, then a step along its residual,
+Type II with a window of m differences around the latest evaluation: the combination of least
+residual r = F(s) − s, in the norm of (k⁺)⁻¹, then a step along its residual,
 
     s ← s + β r − Σ γ_i (Δs_i + β Δr_i),     γ = argmin ‖r − Σ γ_i Δr_i‖
 
-The window is dropped when the residual has grown far beyond the best one: the statuses that it speaks of are gone.
+The window is dropped when the residual has grown far beyond the best one: the statuses that it
+speaks of are gone.
 
-Differences are kept in double precision: single moves a state by 6e-8 of its last changes, and a body that stabilisation alone
-holds by that over ε. Ten grains at 1e-10 then stagnate at 6e-10.
+Differences are kept in double precision: single moves a state by 6e-8 of its last changes, and a
+body that stabilisation alone holds by that over ε. Ten grains at 1e-10 then stagnate at 6e-10.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from orchestrator.parallel.team import ALONE, Team
 
 REGULARISATION = 1e-10
 FORGET = 2.0  # times the best residual
-# Where matter is nonlinear, residuals of good steps rise and fall by up to three times: a window dropped at twice the best is
+# Where matter is nonlinear, residuals of good steps rise and fall by up to three times: a window
+# dropped at twice the best is
 # dropped at every other step (54 iterations in place of 20). From 5 to 100 it makes no difference.
 FORGET_FLOWING = 10.0
 MEMORY, RELAXATION = 30, 0.8  # of auto
@@ -41,11 +43,15 @@ class Anderson(Acceleration):
 
     title = "Anderson's acceleration, type II"
 
-    def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE, forget: float = FORGET):
-        self.root, self.memory, self.relaxation, self.team, self.forget = np.sqrt(weight), memory, relaxation, team, forget
+    def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE,
+                 forget: float = FORGET):
+        self.root, self.memory, self.relaxation, self.team, self.forget = np.sqrt(
+            weight), memory, relaxation, team, forget
         self.count, self.smallest = 0, np.inf
-        self.gram, self.right = np.zeros((memory, memory)), np.zeros(memory)  # Δr_i·Δr_j, and Δr_i·r of the latest r
-        self.changes = self.differences = np.empty((0, 0))  # (m, T D) Δs + β Δr, and root Δr; the oldest is overwritten
+        # Δr_i·Δr_j, and Δr_i·r of the latest r
+        self.gram, self.right = np.zeros((memory, memory)), np.zeros(memory)
+        # (m, T D) Δs + β Δr, and root Δr; the oldest is overwritten
+        self.changes = self.differences = np.empty((0, 0))
         self.latest: tuple[np.ndarray, np.ndarray] | None = None  # s and r
 
     @classmethod
@@ -56,7 +62,8 @@ class Anderson(Acceleration):
     @classmethod
     def of(cls, d: Decomposition, method) -> Anderson:
         """``relaxation: auto`` is 0.8."""
-        return cls(1 / d.stage.direction.diagonal, MEMORY if method.memory == "auto" else method.memory,
+        return cls(1 / d.stage.direction.diagonal,
+                   MEMORY if method.memory == "auto" else method.memory,
                    RELAXATION if method.relaxation == "auto" else method.relaxation, d.space.team,
                    FORGET if d.nonlinear is None else FORGET_FLOWING)
 
@@ -91,7 +98,8 @@ class Anderson(Acceleration):
     def _remember(self, s: np.ndarray, residual: np.ndarray, weighted: np.ndarray) -> np.ndarray:
         """Keep the latest differences; (2, n) this rank's products of Δr, and of r, with all."""
         if self.differences.shape[1] != s.size:
-            self.changes, self.differences = np.empty((2, self.memory, s.size))  # the system gives memory to what is written
+            # the system gives memory to what is written
+            self.changes, self.differences = np.empty((2, self.memory, s.size))
         place, (s_before, r_before) = self.count % self.memory, self.latest
         self.count += 1
         change, difference = (x[place].reshape(s.shape) for x in (self.changes, self.differences))

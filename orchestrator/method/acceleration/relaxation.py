@@ -1,8 +1,10 @@
-"""Relaxation of the fixed point: a constant α, eq. 12, or Aitken's, which follows from the last two residuals.
+"""Relaxation of the fixed point: a constant α, eq. 12, or Aitken's, which follows from the last two
+residuals.
 
     s ← s + α r,   r = F(s) − s          Aitken: α = −(s − s₀)·(r − r₀) / ‖r − r₀‖²
 
-(Irons & Tuck, Int. J. Numer. Meth. Engng 1, 1969; Küttler & Wall, Comput. Mech. 43, 2008). All load steps share one α.
+(Irons & Tuck, Int. J. Numer. Meth. Engng 1, 1969; Küttler & Wall, Comput. Mech. 43, 2008). All load
+steps share one α.
 """
 
 from __future__ import annotations
@@ -63,14 +65,17 @@ class Aitken(Relaxation):
         super().take(evaluated, image)
         if before is not None:
             change = self.residual - before[1]
-            along, square = self.team.sum(np.vdot(self.weight * change, self.s - before[0]), np.vdot(self.weight * change, change))
+            along, square = self.team.sum(np.vdot(self.weight * change, self.s - before[0]),
+                                          np.vdot(self.weight * change, change))
             if square > 0:
                 self.relaxation = float(-along / square)
         return self.residual
 
 
 def usual_relaxation(d: Decomposition, method) -> float:
-    """α of ``method``; auto: what converges for the worst eigenvalues of all ranks, as k⁻ and k⁺ do not couple interfaces."""
+    """α of ``method``; auto: what converges for the worst eigenvalues of all ranks, as k⁻ and k⁺ do
+    not couple interfaces.
+    """
     if method.relaxation != "auto":
         return method.relaxation
     low, high = d.local.conditioning()
@@ -79,6 +84,8 @@ def usual_relaxation(d: Decomposition, method) -> float:
 
 
 def stable_relaxation(low: float, high: float) -> float:
-    """0.8, or 0.9 of the limit 2/(1 + max(λ, 1/λ)) where that is less; λ the eigenvalues of (k⁻, k⁺)."""
+    """0.8, or 0.9 of the limit 2/(1 + max(λ, 1/λ)) where that is less; λ the eigenvalues of (k⁻,
+    k⁺).
+    """
     worst = max(high, 1 / low if low > 0 else np.inf)
     return max(min(USUAL, SAFE * 2 / (1 + worst)), 0.01)

@@ -1,8 +1,9 @@
 """Residual minimisation of the fixed point s = F(s), a row (load step) at a time.
 
-Every evaluation gives a residual r = F(s) − s, which is minimised over affine combinations of the evaluations so far.
-Written with orthonormal residual differences this is the generalised conjugate residual method: with the whole history kept it
-is GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
+Every evaluation gives a residual r = F(s) − s, which is minimised over affine combinations of the
+evaluations so far. Written with orthonormal residual differences this is the generalised conjugate
+residual method: with the whole history kept it is GMRES for affine F, with the last m directions it
+is Anderson's acceleration of type II.
 
     Δs = s − s*,  Δr = r − r*        what the evaluation adds to the best combination (s*, r*)
     orthonormalise Δr against the kept directions, the same steps on Δs
@@ -44,8 +45,10 @@ class ResidualMinimisation(Acceleration):
 
     title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
-    def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float, team: Team = ALONE):
-        self.complete, self.root, self.relaxation, self.team = complete, np.sqrt(weight), relaxation, team
+    def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None,
+                 relaxation: float, team: Team = ALONE):
+        self.complete, self.root, self.relaxation, self.team = complete, np.sqrt(
+            weight), relaxation, team
         self.depth = None if memory is None else memory + 1
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.r: np.ndarray | None = None
@@ -56,10 +59,13 @@ class ResidualMinimisation(Acceleration):
         """``relaxation: auto`` is 1."""
         memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
         relaxation = 1.0 if method.relaxation == "auto" else method.relaxation
-        return cls(d.stage.complete, 1 / d.stage.direction.diagonal, memory, relaxation, d.space.team)
+        return cls(d.stage.complete, 1 / d.stage.direction.diagonal, memory, relaxation,
+                   d.space.team)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
-        """Take in an evaluation; residual at the combination of least residual. u and α are affine in s: combined like it."""
+        """Take in an evaluation; residual at the combination of least residual. u and α are affine
+        in s: combined like it.
+        """
         r, point = self.root * (image - evaluated.s), [evaluated.s, evaluated.u, evaluated.alpha]
         if self.r is None:
             self.r, self.point = r, point

@@ -1,20 +1,23 @@
-"""Resultants of interfaces, bonded ones too, and the balance of every body: loads, supports and interfaces add up to nothing.
+"""Resultants of interfaces, bonded ones too, and the balance of every body: loads, supports and
+interfaces add up to nothing.
 
-With f the nodal forces of side 2 on side 1 of an interface, x the nodes of side 1, n their normals and c its centre of area,
+With f the nodal forces of side 2 on side 1 of an interface, x the nodes of side 1, n their normals
+and c its centre of area,
 
     F = Σ f,    M = Σ (x − c) × f,    x_p = Σ (n·f) x / Σ n·f
 
-The last is where the normal forces act as a whole: nowhere where they add up to nothing beside themselves. On a plane
-interface it is where F has the same moment about axes in the plane. Forces of components that are prescribed are the
-supports', not the interface's.
+The last is where the normal forces act as a whole: nowhere where they add up to nothing beside
+themselves. On a plane interface it is where F has the same moment about axes in the plane. Forces
+of components that are prescribed are the supports', not the interface's.
 
 A body is what perfect interfaces join. About the centre c of the scene, of size L,
 
     Σ p + Σ r ± Σ f = 0,    Σ (x − c)/L × (p + r ± f) = 0
 
-over its nodes: p loads, r of the supports (stiffness times recovered displacements less the rest), f as written for the
-interfaces that are not perfect. Forces of perfect interfaces within a body cancel, and so do their
-moments but for the couples (x₁ − x₂) × f of bonded nodes that are a little apart.
+over its nodes: p loads, r of the supports (stiffness times recovered displacements less the rest),
+f as written for the interfaces that are not perfect. Forces of perfect interfaces within a body
+cancel, and so do their moments but for the couples (x₁ − x₂) × f of bonded nodes that are a little
+apart.
 """
 
 from __future__ import annotations

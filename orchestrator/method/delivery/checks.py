@@ -1,19 +1,21 @@
-"""Checks of what is delivered, that know nothing of how it was found: forces of interfaces, and true surfaces, alone.
+"""Checks of what is delivered, that know nothing of how it was found: forces of interfaces, and
+true surfaces, alone.
 
-A rigid motion m(x) = v + ω × x with n·m = 0 all over a surface moves it in itself: planes, cylinders,
-spheres, cones, tori, and what is made of them about one axis. These motions are the null space of
-Σ (n, x × n)(n, x × n)ᵀ (Gelfand & Guibas, Symposium on Geometry Processing, 2004). Where both sides
-of an interface are moved so by one motion, pressures do no work in it, wherever they act, and
-friction resists it by at most Σ μ p A |m|. So what the interface hands over, force F and moment M
-about the same point, obeys
+A rigid motion m(x) = v + ω × x with n·m = 0 all over a surface moves it in itself: planes,
+cylinders, spheres, cones, tori, and what is made of them about one axis. These motions are the null
+space of Σ (n, x × n)(n, x × n)ᵀ (Gelfand & Guibas, Symposium on Geometry Processing, 2004). Where
+both sides of an interface are moved so by one motion, pressures do no work in it, wherever they
+act, and friction resists it by at most Σ μ p A |m|. So what the interface hands over, force F and
+moment M about the same point, obeys
 
     |F·v + M·ω| ≤ Σ μ p A |m|
 
-of all its common motions: a frictionless press fit carries no torque, a plane nothing across its normal. The motion that is asked for is
-that which F and M are along. Normals are those of the surfaces, from all their nodes; those that the forces were found with are not asked.
+of all its common motions: a frictionless press fit carries no torque, a plane nothing across its
+normal. The motion that is asked for is that which F and M are along. Normals are those of the
+surfaces, from all their nodes; those that the forces were found with are not asked.
 
-A bolt's cut is to clamp: what goes back, on the other side of it, into the very part that its thread is bonded to never arrives under the
-head.
+A bolt's cut is to clamp: what goes back, on the other side of it, into the very part that its
+thread is bonded to never arrives under the head.
 
 What the run says of its error, over what all interfaces carry, is what a check may be off by.
 """
@@ -46,10 +48,12 @@ AROUND = np.sqrt(0.5)
 
 @dataclass(frozen=True)
 class HandedOver:
-    """What one interface hands over in the motion of its surfaces that its force and moment are along, T load steps.
+    """What one interface hands over in the motion of its surfaces that its force and moment are
+    along, T load steps.
 
     name : of the interface
-    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of pressures; size : (T,) Σ p A |m|, |m| ≤ 1
+    power : (T,) |F·v + M·ω|, force; capacity : (T,) Σ μ p A |m|, and what supports take of
+        pressures; size : (T,) Σ p A |m|, |m| ≤ 1
     """
 
     name: str
@@ -58,17 +62,21 @@ class HandedOver:
     size: np.ndarray
 
 
-def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None, resultants: Resultants,
+def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFields | None,
+            resultants: Resultants,
             off: tuple[float, float], team: Team) -> list[str]:
-    """Return sentences on what cannot be, the worst first, the same on all ranks, which ask together.
+    """Return sentences on what cannot be, the worst first, the same on all ranks, which ask
+    together.
 
     interfaces, fields : this rank's that are not perfect, and what is delivered of them
     off : relative error of forces that the run tells, and all that soles feel
     """
     if fields is None:
         return []
-    own = [handed_over(scene, i, fields, at, resultants) for i, (_, at) in zip(interfaces, fields.each())
-           if i.law.slips and not i.law.follows]  # sides that slide on meet where they have moved to
+    own = [handed_over(scene, i, fields, at, resultants)
+           for i, (_, at) in zip(interfaces, fields.each())
+           # sides that slide on meet where they have moved to
+           if i.law.slips and not i.law.follows]
     push = (np.maximum(fields.pressure, 0.0) * fields.areas).T
     most = np.zeros((len(interfaces) + 1, fields.steps))
     for k, (_, at) in enumerate(fields.each()):
@@ -76,7 +84,8 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
     told = team.gather(([one for one in own if one is not None], most.max(axis=0), _around(scene)))
     found = None
     if told is not None:
-        pushes, around = np.max([most for _, most, _ in told], axis=0), set().union(*(each for *_, each in told))
+        pushes, around = np.max([most for _, most, _ in told],
+                                axis=0), set().union(*(each for *_, each in told))
         said = [*beyond_friction([one for each, *_ in told for one in each], *off, pushes),
                 *(each for bolt in scene.bolts
                   for each in back_into_thread(scene, bolt, around, resultants, off[0]))]
@@ -85,11 +94,14 @@ def checked(scene: Scene, interfaces: Sequence[Interface], fields: InterfaceFiel
 
 
 def _around(scene: Scene) -> set[int]:
-    """Numbers of this rank's perfect interfaces all of whose faces are around the axis of a bolt that they hold."""
+    """Numbers of this rank's perfect interfaces all of whose faces are around the axis of a bolt
+    that they hold.
+    """
     axes = {e: bolt.axis for bolt in scene.bolts for e in bolt.interface.subdomains}
     found = set()
     for i in scene.interfaces:
-        for axis in (axes[e] for e in i.subdomains if e in axes and i.law.perfect and len(i.nodes[0])):
+        for axis in (axes[e] for e in i.subdomains if e in axes and i.law.perfect
+                     and len(i.nodes[0])):
             normals, each = facet_normals(scene.side_points(i, 0), i.triangles[:, :3])
             found |= {i.index} if (np.abs(normals[each > 0] @ axis) < AROUND).all() else set()
     return found
@@ -120,7 +132,8 @@ def motions_of(scene: Scene, i: Interface, about: np.ndarray, size: float) -> np
 
 def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
                 resultants: Resultants) -> HandedOver | None:
-    """Return what an interface with Coulomb's friction hands over; None where no motion moves both its sides in themselves.
+    """Return what an interface with Coulomb's friction hands over; None where no motion moves both
+    its sides in themselves.
 
     fields : whose nodes ``own`` are this interface's
     """
@@ -141,14 +154,17 @@ def handed_over(scene: Scene, i: Interface, fields: InterfaceFields, own: slice,
     most = np.where(most > 0, most, 1.0)
     push = np.maximum(fields.pressure[:, own], 0.0) * fields.areas[:, own]
     worth = (push * way).sum(axis=1) / most
-    # of a pressure, components that supports hold on both sides pass through these, not from side to side
+    # of a pressure, components that supports hold on both sides pass through these, not from side
+    # to side
     beside = np.abs(np.einsum("tnc,nc->tn", moved, np.where(_held(i), fields.normal[own], 0.0)))
     allowed = float(i.law.friction) * worth + (push * beside).sum(axis=1) / most
     return HandedOver(i.name, (wrench * along).sum(axis=1) / most, allowed, worth)
 
 
 def _held(i: Interface) -> np.ndarray:
-    """(n, 3) bool, components of the nodes shown in which the law does not act, as supports hold them."""
+    """(n, 3) bool, components of the nodes shown in which the law does not act, as supports hold
+    them.
+    """
     if i.mortar is None:
         return ~i.free[i.shown]
     free = np.ones_like(i.free)
@@ -168,10 +184,12 @@ def beyond_friction(found: Sequence[HandedOver], off: float, felt: float,
         left = one.power - one.capacity - off * (one.size + pushes) - nothing
         step = int(np.argmax(left))
         if left[step] > 0:
-            what = "friction can hold there" if one.capacity[step] > 0 else "a surface without friction can"
+            what = "friction can hold there" if one.capacity[
+                step] > 0 else "a surface without friction can"
             yield left[step], (
-                f"{one.name} hands over {one.power[step]:.4g} along its surfaces (of a moment: over "
-                f"its arm) at load step {step + 1}, where {one.capacity[step]:.4g} is all that {what}")
+                f"{one.name} hands over {one.power[step]:.4g} along its surfaces (of a moment: "
+                f"over its arm) at load step {step + 1}, where {one.capacity[step]:.4g} is all "
+                f"that {what}")
 
 
 def back_into_thread(scene: Scene, bolt: PlacedBolt, around: set[int], resultants: Resultants,
@@ -187,11 +205,15 @@ def back_into_thread(scene: Scene, bolt: PlacedBolt, around: set[int], resultant
                 other = i.subdomains[1 - i.subdomains.index(e)]
                 sign = 1.0 if i.subdomains[0] == e else -1.0
                 part = scene.subdomains[other].body
-                taken.setdefault(part, np.zeros((2, scene.steps)))[half] += sign * (resultants.force[:, i.index] @ bolt.axis)
+                taken.setdefault(part,
+                                 np.zeros((2, scene.steps)))[half] += sign * (
+                                     resultants.force[:, i.index] @ bolt.axis)
     force = np.abs(resultants.force[:, bolt.interface.index] @ bolt.axis)
     for part, (one, two) in taken.items():
         back = np.where(one * two < 0, np.minimum(np.abs(one), np.abs(two)), 0.0)
         step = int(np.argmax(back - off * force))
         if back[step] > off * force[step]:
-            yield back[step], (f"of {force[step]:.5g} at the cut of {bolt.name} {back[step]:.5g} goes back into {part}, to which it is bonded on "
-                               f"either side of the cut, at load step {step + 1}, and does not clamp: move the cut between head and thread")
+            yield back[step], (
+                f"of {force[step]:.5g} at the cut of {bolt.name} {back[step]:.5g} goes back into "
+                f"{part}, to which it is bonded on either side of the cut, at load step "
+                f"{step + 1}, and does not clamp: move the cut between head and thread")

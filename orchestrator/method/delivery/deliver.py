@@ -17,8 +17,10 @@ from orchestrator.method.delivery.lawful import Lawful, Shares, shares
 from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.met import Met
 from orchestrator.method.delivery.moved import Moved
-from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces, of_all, on_boundary,
-                                                       reactions, recover, repositioned, stored_energy)
+from orchestrator.method.delivery.recovery import (Parts, continuous, interior, joint_forces,
+                                                   of_all, on_boundary,
+                                                   reactions, recover, repositioned,
+                                                   stored_energy)
 from orchestrator.method.delivery.tools import PlacedTool, placed
 from orchestrator.method.iterated import Iterated, LoadCases, expanded
 from orchestrator.method.stopping.backward import Backward, Solved, backward_error
@@ -34,36 +36,55 @@ class ContactFound:
 
     laws: LawResiduals  # how well the laws hold there
     stabilised: Stabilised | None  # what stabilisation carried; None where there is none
-    places: OpenPlaces | None  # how far those of loose bodies are determined; None where there are none
+    # how far those of loose bodies are determined; None where there are none
+    places: OpenPlaces | None
     sole_scale: float  # factor that contact's soles were given
-    backward: Backward | None  # for which surfaces the result is exact; None where that is not known
+    # for which surfaces the result is exact; None where that is not known
+    backward: Backward | None
     shares: Shares | None  # where the energy error comes from; None where that is not known
 
 
 @dataclass(frozen=True)
 class Delivered:
-    """The method's results: complete on rank 0, elsewhere that rank's part; per subdomain (T, n_E, 3)."""
+    """The method's results: complete on rank 0, elsewhere that rank's part; per subdomain (T, n_E,
+    3).
+    """
 
-    iterated: Iterated  # for all load steps, with the noise of the answers in its bound; not converged where a guard is broken
-    parts: Parts  # in equilibrium with its interface forces: with lawful ones where an energy error is known, see ``lawful``
+    # for all load steps, with the noise of the answers in its bound; not converged where a guard is
+    # broken
+    iterated: Iterated
+    # in equilibrium with its interface forces: with lawful ones where an energy error is known, see
+    # ``lawful``
+    parts: Parts
     continuous: Parts  # continuous over perfect interfaces
-    interfaces: InterfaceFields | None  # of the interfaces that are not perfect those whose first side is this rank's; None where all are
+    # of the interfaces that are not perfect those whose first side is this rank's; None where all
+    # are
+    interfaces: InterfaceFields | None
     met: Met | None  # all of them, on rank 0
     contact: ContactFound | None  # None where no interface opens
-    reactions: np.ndarray  # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
+    # (entries, T, 6) per boundary entry its resultant force, and its moment about the origin
+    reactions: np.ndarray
     resultants: Resultants  # what all interfaces carry
     energy: np.ndarray  # (T,) stored
-    joints: Parts  # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
-    displacement: np.ndarray | None = None  # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
+    # interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
+    joints: Parts
+    # (T, n, 3) u_D, that of the error bound; where interfaces open, the mean of the sides
+    displacement: np.ndarray | None = None
     discretisation: Estimate | None = None  # its estimated error, if asked for
     moved: Moved | None = None  # how far subdomains have
-    carried: Mapping[str, np.ndarray] = field(default_factory=dict)  # name of a probe of forces → (T, c) what these are
+    # name of a probe of forces → (T, c) what these are
+    carried: Mapping[str, np.ndarray] = field(default_factory=dict)
     tools: Sequence[PlacedTool] = ()  # where rigid tools are
 
     def without(self, wanted: ForceProbes, unsound: Collection[int]) -> Delivered:
-        """The same, but for forces in matter of which stresses are not known: of some subdomains."""
-        lost = {name: np.isin(within, list(unsound)).any() for name, within in wanted.within.items()}
-        return replace(self, carried={name: np.where(lost[name], np.nan, values) for name, values in self.carried.items()})
+        """The same, but for forces in matter of which stresses are not known: of some
+        subdomains.
+        """
+        lost = {name: np.isin(within, list(unsound)).any()
+                for name, within in wanted.within.items()}
+        return replace(self,
+                       carried={name: np.where(lost[name], np.nan, values)
+                                for name, values in self.carried.items()})
 
     @property
     def sides(self) -> Parts | None:
@@ -71,11 +92,14 @@ class Delivered:
         return self.contact and self.continuous
 
 
-def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch,
+def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated,
+            watch: Stopwatch,
             wanted: ForceProbes = ForceProbes()) -> Delivered:
-    """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are rank 0's to add.
+    """Recover what is delivered, and judge it; displacements on the nodes of the whole mesh are
+    rank 0's to add.
 
-    d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
+    d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been
+        iterated
     wanted : forces that probes ask for
     """
     with watch("linear_stage"):
@@ -94,10 +118,12 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         ours, scale = continuous(d, iterated.bound, parts), LengthScale(d)
         lengths = scale(iterated.fields.u)
         laws = _laws(d, iterated, lengths, scale)
-        contact = ContactFound(laws, stabilised(d, iterated), open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
-                          backward, lawful and shares(d, lawful, inside.energy))
+        contact = ContactFound(laws, stabilised(d, iterated),
+                               open_places(d, iterated, scale, laws, parts), d.made.sole_scale,
+                               backward, lawful and shares(d, lawful, inside.energy))
     # what has stopped by itself says why: far from an answer, or far away, rounding breaks guards
-    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside, lawful) if iterated.converged else []
+    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside,
+                           lawful) if iterated.converged else []
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     f, taken = iterated.fields.f, None
@@ -106,17 +132,24 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     resultants, through = interface_resultants(d, f), carried(d, parts, f, wanted)
     if iterated.converged and contact is not None:
         iterated = _checked(d, iterated, interfaces, resultants)
-    iterated = replace(iterated, problem=None, between={})  # with it the codes' models would stay, and all that was set up
-    moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own], d.space.team)
+    # with it the codes' models would stay, and all that was set up
+    iterated = replace(iterated, problem=None, between={})
+    moved = Moved.of(d.scene, d.own, [(parts if contact is None else ours)[s.index] for s in d.own],
+                     d.space.team)
     tools = placed(d.scene, d.space.subdomains, ours, interfaces, own_interfaces(d), d.space.team)
     met = Met.of(d.scene, interfaces, resultants, d.space.team)
-    energy, joints = stored_energy(d, ours, iterated.bound.energy), any(s.foreign for s in d.scene.subdomains)
-    return Delivered(iterated, of_all(d, parts), of_all(d, ours), interfaces and interfaces.numbered(d.scene.number), met, contact,
-                     reactions(d, parts, f, taken), resultants, energy, of_all(d, joint_forces(d, f)) if joints else [],
+    energy, joints = stored_energy(d, ours,
+                                   iterated.bound.energy), any(
+                                       s.foreign for s in d.scene.subdomains)
+    return Delivered(iterated, of_all(d, parts), of_all(d, ours),
+                     interfaces and interfaces.numbered(d.scene.number), met, contact,
+                     reactions(d, parts, f, taken), resultants, energy,
+                     of_all(d, joint_forces(d, f)) if joints else [],
                      carried=through, moved=moved, tools=tools)
 
 
-def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, resultants: Resultants) -> Iterated:
+def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields,
+             resultants: Resultants) -> Iterated:
     """The same, not converged where what is delivered cannot be."""
     felt, = d.space.team.sum(np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1))
     found = checked(d.scene, own_interfaces(d), interfaces, resultants,
@@ -126,7 +159,8 @@ def _checked(d: Decomposition, iterated: Iterated, interfaces: InterfaceFields, 
     return replace(iterated, converged=False, stop_reason=f"check: {'; '.join(found)}")
 
 
-def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: LengthScale) -> LawResiduals:
+def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths,
+          bodies: LengthScale) -> LawResiduals:
     """Residuals of the laws in all load steps, by the measures that the run was judged with."""
     measured = [(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
                 for t, pairs, before in iterated.by_pairing(d)]
@@ -134,16 +168,20 @@ def _laws(d: Decomposition, iterated: Iterated, lengths: Lengths, bodies: Length
     if d.nonlinear is not None:
         laws = laws.and_also(FIXED_POINT, iterated.last.laws[FIXED_POINT])
     if OF_BODIES in iterated.last.laws:
-        laws = laws.and_also(OF_BODIES, body_residual(measured, lengths, d.space, judged_together(d.scene, bodies)))
+        laws = laws.and_also(OF_BODIES,
+                             body_residual(measured, lengths, d.space,
+                                           judged_together(d.scene, bodies)))
     return laws
 
 
-def _backward(d: Decomposition, iterated: Iterated, parts: Parts, lawful: Lawful | None) -> Backward | None:
+def _backward(d: Decomposition, iterated: Iterated, parts: Parts,
+              lawful: Lawful | None) -> Backward | None:
     """The shifts for which the result is exact, where an energy error is known."""
     if d.certificate is None:
         return None
     u = on_boundary(d, [parts[s.index] for s in d.own], d.steps)
     between = {step: [Solved(x.problem.certificate, x.bound, x.fields, x.fields.u + on_boundary(
-        d, repositioned(d, x.bound), len(x.bound.repositioned))) for x in parts] for step, parts in iterated.between.items()}
+        d, repositioned(d, x.bound), len(x.bound.repositioned))) for x in parts]
+               for step, parts in iterated.between.items()}
     return backward_error(
         Solved(d.certificate, iterated.bound, iterated.fields, u, lawful and lawful.x), between)

@@ -1,8 +1,10 @@
-"""Fields on the interfaces that can open or jump, per load step, from the delivered traces: of each rank's own.
+"""Fields on the interfaces that can open or jump, per load step, from the delivered traces: of each
+rank's own.
 
-Where an energy error is known, displacements are v's and forces are λ̂, which laws allow to the last digit, with their statuses (open,
-stick, slip); see ``stopping.certificate``. Elsewhere displacements and forces are the linear stage's, and only the status is the local
-stage's. T load steps, N interface nodes, I interfaces.
+Where an energy error is known, displacements are v's and forces are λ̂, which laws allow to the
+last digit, with their statuses (open, stick, slip); see ``stopping.certificate``. Elsewhere
+displacements and forces are the linear stage's, and only the status is the local stage's. T load
+steps, N interface nodes, I interfaces.
 """
 
 from __future__ import annotations
@@ -32,9 +34,11 @@ from orchestrator.scene.model import Scene
 SHIFTS = ("shift_normal", "shift_tangential")
 UNWRITTEN = ("points", "index")
 # Which arrays run along interfaces, nodes and triangles, and on which of their axes.
-ALONG = dict.fromkeys(("names", "laws", "subdomains", "index"), ("interface", 0)) | {"resultant": ("interface", 1)} | dict.fromkeys(
+ALONG = dict.fromkeys(("names", "laws", "subdomains", "index"),
+                      ("interface", 0)) | {"resultant": ("interface", 1)} | dict.fromkeys(
     ("nodes", "others", "normal", "area", "initial_gap"), ("node", 0)) | dict.fromkeys(
-    ("points", "gap", "slip", "pressure", "friction_traction", "status", "areas", *SHIFTS), ("node", 1)) | dict.fromkeys(
+    ("points", "gap", "slip", "pressure", "friction_traction", "status", "areas", *SHIFTS),
+    ("node", 1)) | dict.fromkeys(
     ("triangles", "owner"), ("triangle", 0))
 
 
@@ -55,7 +59,9 @@ class OpenSurfaces:
     # both sides: what they carry of it is theirs
     normal: np.ndarray
     area: np.ndarray  # (N,) each node's share of its interface; the same
-    initial_gap: np.ndarray  # (N,) length, negative for a press fit; of one with a history, at the load step that asks for most
+    # (N,) length, negative for a press fit; of one with a history, at the load step that asks for
+    # most
+    initial_gap: np.ndarray
 
     @property
     def interface_of_node(self) -> np.ndarray:
@@ -69,7 +75,8 @@ class OpenSurfaces:
     @property
     def counts_of_each(self) -> np.ndarray:
         """(I, 2) int, nodes and triangles."""
-        return np.column_stack([np.diff(self.offsets), np.bincount(self.owner, minlength=len(self.names))])
+        return np.column_stack([np.diff(self.offsets),
+                                np.bincount(self.owner, minlength=len(self.names))])
 
 
 @dataclass(frozen=True)
@@ -77,28 +84,37 @@ class InterfaceFields(OpenSurfaces):
     """Fields of these interfaces."""
 
     gap: np.ndarray  # (T, N) length, distance of the sides along the normal
-    slip: np.ndarray  # (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded state
+    # (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded
+    # state
+    slip: np.ndarray
     pressure: np.ndarray  # (T, N) force/length², positive in compression
     friction_traction: np.ndarray  # (T, N, 3) force/length², tangential traction on side 1
-    status: np.ndarray  # (T, N) int, as the laws declare them: 0 open, 1 stick, 2 slip, 3 bonded (jump given, or held) …
+    # (T, N) int, as the laws declare them: 0 open, 1 stick, 2 slip, 3 bonded (jump given, or held)
+    # …
+    status: np.ndarray
     kinds: np.ndarray  # (K,) numbers of the statuses that there may be
     kind_names: np.ndarray  # (K,) and their names
     kind_colours: np.ndarray  # (K,) and colours, #rrggbb
-    resultant: np.ndarray  # (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
+    # (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
+    resultant: np.ndarray
     areas: np.ndarray  # (T, N) ``area`` at each load step; zero where nothing is opposite
-    own: Mapping[str, np.ndarray] = field(default_factory=dict)  # name → (T, N) the laws' own variables; 0 at nodes of other laws
-    # (T, N) lengths, how far the sides would have to be moved apart, and across the normal, for the result to be exact; None: not known
+    # name → (T, N) the laws' own variables; 0 at nodes of other laws
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
+    # (T, N) lengths, how far the sides would have to be moved apart, and across the normal, for the
+    # result to be exact; None: not known
     shift_normal: np.ndarray | None = None
     shift_tangential: np.ndarray | None = None
     # of a run that has just been solved, in no file
     points: np.ndarray | None = None  # (2, N, 3) where ``nodes`` and ``others`` are
-    index: np.ndarray | None = None  # (I,) int, ascending, which of the scene's that are not perfect these are
+    # (I,) int, ascending, which of the scene's that are not perfect these are
+    index: np.ndarray | None = None
 
     def some(self, chosen: np.ndarray) -> InterfaceFields:
         """Some of the interfaces (K,) int, in this order."""
         counts = self.counts_of_each
         rows = rows_of(counts, chosen)
-        taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items() if (x := getattr(self, name)) is not None}
+        taken = {name: x.take(rows[of], axis=axis) for name, (of, axis) in ALONG.items()
+                 if (x := getattr(self, name)) is not None}
         offsets, faces = bounds_of(counts[chosen, 0]), counts[chosen, 1]
         moved = np.repeat(offsets[:-1] - self.offsets[chosen], faces)[:, None]
         return replace(self, **taken | {"offsets": offsets, "triangles": taken["triangles"] + moved,
@@ -106,8 +122,11 @@ class InterfaceFields(OpenSurfaces):
                        own={name: x.take(rows["node"], axis=1) for name, x in self.own.items()})
 
     def numbered(self, number: np.ndarray | None) -> InterfaceFields:
-        """The same with numbers (n,) int of nodes that are those of the whole mesh; None: they are already."""
-        return self if number is None else replace(self, nodes=number[self.nodes], others=number[self.others])
+        """The same with numbers (n,) int of nodes that are those of the whole mesh; None: they are
+        already.
+        """
+        return self if number is None else replace(self, nodes=number[self.nodes],
+                                                   others=number[self.others])
 
     @property
     def steps(self) -> int:
@@ -115,7 +134,8 @@ class InterfaceFields(OpenSurfaces):
 
     @property
     def counts(self) -> dict[str, list[int]]:
-        """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones have no choice, and those
+        """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones
+        have no choice, and those
         that have slid off the other side are left out."""
         found = {name: [0] * self.steps for name in COUNTED}
         return found | {str(name): ((self.status == kind) & (self.areas > 0)).sum(axis=1).tolist()
@@ -123,23 +143,30 @@ class InterfaceFields(OpenSurfaces):
 
 
 def rows_of(counts: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
-    """Rows of some interfaces (K,) int in arrays along interfaces, nodes and triangles, as in ``ALONG``; ``counts``: as ``counts_of_each``."""
+    """Rows of some interfaces (K,) int in arrays along interfaces, nodes and triangles, as in
+    ``ALONG``; ``counts``: as ``counts_of_each``.
+    """
     starts = np.cumsum(counts, axis=0) - counts
-    return {"interface": chosen} | {what: runs(starts[chosen, k], counts[chosen, k]) for k, what in enumerate(("node", "triangle"))}
+    return {"interface": chosen} | {what: runs(starts[chosen, k], counts[chosen, k])
+                                    for k, what in enumerate(("node", "triangle"))}
 
 
 def own_interfaces(d: Decomposition) -> list[Interface]:
-    """Interfaces that are not perfect and whose first side is this rank's, in the order of the scene."""
+    """Interfaces that are not perfect and whose first side is this rank's, in the order of the
+    scene.
+    """
     here = set(d.space.subdomains)
     return [i for i in d.scene.opening if i.subdomains[0] in here]
 
 
 def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = None,
                      shift: np.ndarray | None = None) -> InterfaceFields | None:
-    """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are.
+    """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None
+    where all are.
 
     pair : the admissible fields, if an energy error is known
-    shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces last; None: not known
+    shift : (T, 3, P) of the pairs' jumps, see ``stopping.backward``, those of perfect interfaces
+        last; None: not known
     """
     if d.scene.bonded:
         return None
@@ -150,11 +177,17 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     own_node, mine = corner[:, 1] < 0, np.flatnonzero(pairs.mine)
     to, taken, halved, ends = place[own_node], mine[own_node], mine[~own_node], corner[~own_node].T
-    apart = np.concatenate([np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
-    force, status = np.zeros((steps, offsets[-1], 3)), np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # others are prescribed
-    gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
-    shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))  # along the normal and across it
-    own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces for v in i.law.variables}
+    apart = np.concatenate(
+        [np.zeros((steps, 0)), *(i.distances(steps)[:, c] for i, c in zip(chosen, shown))], axis=1)
+    # others are prescribed
+    force, status = np.zeros((steps, offsets[-1], 3)), np.full(
+        (steps, offsets[-1]), BONDED, dtype=np.int32)
+    gap, slip, pressure, traction, every = (np.zeros((steps, offsets[-1], *more))
+                                            for more in ((), (3,), (), (3,), ()))
+    # along the normal and across it
+    shifts = None if shift is None else np.zeros((2, steps, offsets[-1]))
+    own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces
+           for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
         at = geometry_shown(scene, chosen)
@@ -170,7 +203,9 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
             np.add.at(force, (t, end), 0.5 * forces[:, halved])
         (opening, slip[t]), (push, shear) = _parted(jump, acting), _parted(force[t], acting)
         size = np.where(at.area > 0, at.area, np.inf)
-        traction[t], pressure[t], gap[t] = shear / size[:, None], -push / (at.length * size), apart[t] + at.length * opening
+        traction[t], pressure[t], gap[t] = shear / size[:,
+                                                        None], -push / (at.length * size), apart[
+                                                            t] + at.length * opening
         if shifts is not None:
             moved = np.zeros_like(jump)
             moved[:, to] = shift[t].transpose(0, 2, 1)[:, taken]
@@ -179,19 +214,24 @@ def interface_fields(d: Decomposition, iterated: Iterated, pair: Pair | None = N
         for k, (i, a, b) in enumerate(zip(chosen, offsets[:-1], offsets[1:])):
             resultant[t, k] = force[t, a:b].sum(axis=1)
             if i.mortar is not None:
-                spread = status, gap, slip, pressure, traction, *own.values(), *(() if shifts is None else shifts)
+                spread = status, gap, slip, pressure, traction, *own.values(), *(
+                    () if shifts is None else shifts)
                 _spread(i, scene.points(i), *(x[t, a:b] for x in spread))
     distance = _at_shown([np.broadcast_to(i.law.distance, len(i.free)) for i in chosen], shown)
     pairs_of = [_nodes(scene, i) for i in chosen]
     nodes, others = (_at_shown([x[k] for x in pairs_of], shown).astype(int, copy=False)
                      for k in (0, 1))
     return InterfaceFields(
-        np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
+        np.array([i.name for i in chosen], dtype=str),
+        np.array([i.law.name for i in chosen], dtype=str),
         ends_of(chosen), offsets, nodes, others,
-        joined([np.searchsorted(c, i.shown_triangles) + a for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
+        joined([np.searchsorted(c, i.shown_triangles) + a
+                for i, c, a in zip(chosen, shown, offsets)], (0, 3)),
         np.repeat(np.arange(len(chosen)), [len(i.shown_triangles) for i in chosen]),
-        at.normal, at.area, distance.astype(float, copy=False), gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, every, own,
+        at.normal, at.area, distance.astype(float, copy=False), gap, slip, pressure, traction,
+        status,
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))),
+        resultant, every, own,
         *((None, None) if shifts is None else shifts), scene.mesh.nodes[np.stack([nodes, others])],
         np.flatnonzero([i.subdomains[0] in d.space.subdomains for i in scene.opening]))
 
@@ -207,28 +247,36 @@ def geometry_shown(scene: Scene, chosen: Sequence[Interface]) -> Geometry:
     each = [(geometry_of(scene.points(i), i, i.shown_shares), i.shown) for i in chosen]
     empty = {"normal": (0, 3), "acting": (0, 3)}
     names = [f.name for f in fields(Geometry)]
-    return Geometry(*(joined([getattr(at, name)[shown] for at, shown in each], empty.get(name, (0,)))
+    return Geometry(
+        *(joined([getattr(at, name)[shown] for at, shown in each], empty.get(name, (0,)))
                       for name in names))
 
 
 def _parted(x: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(steps, N) components of vectors (steps, N, 3) along normals (N, 3), and (steps, N, 3) what is across."""
+    """(steps, N) components of vectors (steps, N, 3) along normals (N, 3), and (steps, N, 3) what
+    is across.
+    """
     along = np.einsum("tni,ni->tn", x, normal)
     return along, x - along[:, :, None] * normal
 
 
 def _stages(pairs: Pairs, iterated: Iterated, pair: Pair | None, t: slice) -> tuple:
-    """Jumps and forces (steps, 3, P) at load steps ``t``, statuses (steps, P), and the laws' own variables, by their names."""
+    """Jumps and forces (steps, 3, P) at load steps ``t``, statuses (steps, P), and the laws' own
+    variables, by their names.
+    """
     if pair is None:
         at = pairs.traces(*(x[t] for x in iterated.fields.extended))
-        return at.jump, at.force, iterated.local.status[t], {name: x[t] for name, x in iterated.local.own.items()}
+        return at.jump, at.force, iterated.local.status[t], {
+            name: x[t] for name, x in iterated.local.own.items()}
     answers = pair.answers[t]  # of more points: those of perfect interfaces come last
     return (pair.jump[t], pair.forces[t], np.array([a.status for a in answers]),
             {name: np.array([a.own[name] for a in answers]) for name in answers[0].own})
 
 
 def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) global ids of an interface's nodes on side 1, and of those opposite: where nodes do not match, the nearest."""
+    """(n,) global ids of an interface's nodes on side 1, and of those opposite: where nodes do not
+    match, the nearest.
+    """
     one, two = (scene.side_nodes(interface, side) for side in (0, 1))
     if interface.paired:
         return one, two
@@ -237,8 +285,10 @@ def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
     return one, two[cKDTree(scene.mesh.nodes[two]).query(scene.mesh.nodes[one])[1]]
 
 
-def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *fields: np.ndarray) -> None:
-    """Give nodes that carry no point, and those of the same surface that are shown, what the points have that took over their share.
+def _spread(interface: Interface, points: np.ndarray, status: np.ndarray,
+            *fields: np.ndarray) -> None:
+    """Give nodes that carry no point, and those of the same surface that are shown, what the points
+    have that took over their share.
 
     points : (n, 3) the interface's nodes
     status : (T, c) at those shown; fields : (T, c) or (T, c, 3), all set in place
@@ -250,35 +300,44 @@ def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *field
         return
     if interface.amid:
         shares = _beside(interface, points)[shown[rest]]
-    elif interface.triangles.shape[1] == 6:  # a corner's function there has no share: its integral over a face is 0
+    # a corner's function there has no share: its integral over a face is 0
+    elif interface.triangles.shape[1] == 6:
         shares = sp.csr_array((len(rest), len(own)))
     else:
         shares = sp.csr_array(scalar(mortar.first).T @ sp.diags_array(mortar.area))[shown[rest]]
     from scipy.spatial import cKDTree  # only scenes of several parts need it
 
-    nearest, empty = cKDTree(points[mortar.points]).query(points[shown[rest]])[1], np.flatnonzero(np.diff(shares.indptr) == 0)
-    shares = shares + sp.csr_array((np.ones(len(empty)), (empty, nearest[empty])), shape=shares.shape)
+    nearest, empty = cKDTree(points[mortar.points]).query(points[shown[rest]])[1], np.flatnonzero(
+        np.diff(shares.indptr) == 0)
+    shares = shares + sp.csr_array((np.ones(len(empty)), (empty, nearest[empty])),
+                                   shape=shares.shape)
     shares = sp.diags_array(1 / shares.sum(axis=1)) @ shares
     status[:, rest] = status[:, own[nearest]]
     for values in fields:
         there = values.reshape(*values.shape[:2], -1)
-        there[:, rest] = np.stack([times(shares, x) for x in there[:, own].transpose(2, 0, 1)], axis=2)
+        there[:, rest] = np.stack([times(shares, x) for x in there[:, own].transpose(2, 0, 1)],
+                                  axis=2)
 
 
 def _beside(interface: Interface, points: np.ndarray) -> sp.csr_array:
-    """(n, p) of a corner and the points in the middle of edges that end there, the area that they have in common: means that laws
+    """(n, p) of a corner and the points in the middle of edges that end there, the area that they
+    have in common: means that laws
     allow where they allow each."""
     number = np.full(len(points), -1)
     number[interface.mortar.points] = np.arange(len(interface.mortar))
     ends, middles = TRIANGLE_EDGES.ravel(), np.repeat(np.arange(3, 6), 2)
-    corner, middle = interface.triangles[:, ends].ravel(), number[interface.triangles[:, middles]].ravel()
+    corner, middle = interface.triangles[:,
+                                         ends].ravel(), number[
+                                             interface.triangles[:, middles]].ravel()
     area = np.repeat(areas(points, interface.triangles), 6)
     there = middle >= 0
-    return sp.csr_array((area[there], (corner[there], middle[there])), shape=(len(points), len(interface.mortar)))
+    return sp.csr_array((area[there], (corner[there], middle[there])),
+                        shape=(len(points), len(interface.mortar)))
 
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed. And (P, 2), of pairs in the
+    """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed.
+    And (P, 2), of pairs in the
     middle of an edge, where its ends are; −1 for all others."""
     places, ends = [np.zeros(0, int)], [np.zeros((0, 2), int)]
     for i in interfaces:
@@ -286,6 +345,7 @@ def _places(interfaces: list[Interface], start: dict[int, int]) -> tuple[np.ndar
         places.append(start[i.index] + np.searchsorted(i.shown, at))
         if not np.isin(at, i.shown).all():
             edge, number = edges_of(i.triangles, TRIANGLE_EDGES)
-            of_node[i.triangles[:, 3:].ravel()] = start[i.index] + np.searchsorted(i.shown, edge[number.ravel()])
+            of_node[i.triangles[:, 3:].ravel()] = start[i.index] + np.searchsorted(
+                i.shown, edge[number.ravel()])
         ends.append(of_node[at])
     return np.concatenate(places), np.concatenate(ends)

@@ -1,12 +1,15 @@
-"""Loose bodies at the end of a run: which interfaces hold, what stabilisation carries, how far places are determined.
+"""Loose bodies at the end of a run: which interfaces hold, what stabilisation carries, how far
+places are determined.
 
-A body is what joining laws make one. A *detached* body has no way to a prescribed one over node pairs that hold;
-a *weakly held* one has, but could still move as a rigid body without opening a pair that is kept closed or sliding
-where the sides are kept from it. Where both are, the laws do not say: stabilisation does, if there is any. What a status
-holds, it declares: contact holds nothing where the sides touch without pressing.
+A body is what joining laws make one. A *detached* body has no way to a prescribed one over node
+pairs that hold; a *weakly held* one has, but could still move as a rigid body without opening a
+pair that is kept closed or sliding where the sides are kept from it. Where both are, the laws do
+not say: stabilisation does, if there is any. What a status holds, it declares: contact holds
+nothing where the sides touch without pressing.
 
-At a pair the springs carry f̂ − law(F). Relative to the largest force per area that a contact carries, and their work
-Σ (f̂ − law(F)) · Δd over the largest strain energy, they tell how far the solution is from that of the laws alone.
+At a pair the springs carry f̂ − law(F). Relative to the largest force per area that a contact
+carries, and their work Σ (f̂ − law(F)) · Δd over the largest strain energy, they tell how far the
+solution is from that of the laws alone.
 """
 
 from __future__ import annotations
@@ -36,11 +39,14 @@ MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it 
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
 FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
 UNTOLD = 10.0  # relative energy error over law residual, where the former is not known
-LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
+# share of the forces on a body, in magnitude, that springs carry, from which it lives by them
+LIVES = 0.1
 
 
-def held_bodies(scene: Scene, interfaces: InterfaceFields, team: Team) -> tuple[list[list[str]], list[list[str]]]:
-    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step; on rank 0, of all ranks'
+def held_bodies(scene: Scene, interfaces: InterfaceFields,
+                team: Team) -> tuple[list[list[str]], list[list[str]]]:
+    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load
+    step; on rank 0, of all ranks'
     interfaces, elsewhere none."""
     bodies, body = bodies_of(scene, lambda law: law.joins)
     fixed, supports = np.zeros(bodies, bool), supports_of(scene)
@@ -48,39 +54,52 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields, team: Team) -> tuple[
     ends = body[interfaces.subdomains]
     motion = _Motions(supports, body, bodies) if bodies <= MOST_BODIES else None
     detached, weak = [], []
-    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces), team)):
+    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces),
+                                            team)):
         touching = np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])
-        told = team.gather((ends[touching], motion.forbidden(interfaces, ends, normal, tangential)[touching] if motion else None))
+        told = team.gather(
+            (ends[touching], motion.forbidden(interfaces, ends, normal, tangential)[touching]
+             if motion else None))
         if told is None:
             continue
         met = np.concatenate([pairs for pairs, _ in told])
         group = components(*met.T, bodies)[1]
         lost = ~np.isin(group, group[fixed])
-        loose = motion.free(met, np.concatenate([blocks for _, blocks in told])) & ~lost if motion else np.zeros(bodies, bool)
+        loose = motion.free(met,
+                            np.concatenate([blocks
+                                            for _, blocks in told])) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
-            result.append(list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
+            result.append(
+                list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
     return detached, weak
 
 
-def _holding(interfaces: InterfaceFields, statuses: list[Status], team: Team) -> tuple[np.ndarray, np.ndarray]:
+def _holding(interfaces: InterfaceFields, statuses: list[Status],
+             team: Team) -> tuple[np.ndarray, np.ndarray]:
     """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
     pressure = interfaces.pressure
     least = PRESSING * team.max(peak(pressure))[0]
     when = {Hold.NEVER: np.zeros(pressure.shape, bool), Hold.ALWAYS: np.ones(pressure.shape, bool),
             Hold.PRESSED: pressure > least, Hold.PULLED: pressure < -least}
     which = np.searchsorted(statuses, interfaces.status)
-    return tuple(np.choose(which, [when[getattr(s, way)] for s in statuses]) for way in ("normal", "tangential"))
+    return tuple(np.choose(which, [when[getattr(s, way)] for s in statuses])
+                 for way in ("normal", "tangential"))
 
 
 class _Motions:
-    """Rigid motions of all bodies, six each, and what supports and closed pairs make of them; body (subdomains,) int of each."""
+    """Rigid motions of all bodies, six each, and what supports and closed pairs make of them; body
+    (subdomains,) int of each.
+    """
 
     def __init__(self, supports: Supports, body: np.ndarray, bodies: int):
         known = [supports.of_body(np.flatnonzero(body == b)) for b in range(bodies)]
-        self.about, self.support = [about for about, _ in known], np.array([rows.T @ rows for _, rows in known])
+        self.about, self.support = [about for about, _ in known], np.array(
+            [rows.T @ rows for _, rows in known])
 
-    def forbidden(self, interfaces: InterfaceFields, ends: np.ndarray, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
-        """(I, 2, 6, 2, 6) Gram matrices of how the motions of an interface's two bodies part its sides where pairs hold along and
+    def forbidden(self, interfaces: InterfaceFields, ends: np.ndarray, normal: np.ndarray,
+                  tangential: np.ndarray) -> np.ndarray:
+        """(I, 2, 6, 2, 6) Gram matrices of how the motions of an interface's two bodies part its
+        sides where pairs hold along and
         across the normal, (N,) bool each; ends : (I, 2) int, the bodies."""
         result = np.zeros((len(ends), 12, 12))
         for k, own in interfaces.each():
@@ -88,13 +107,17 @@ class _Motions:
             for points, b in zip(interfaces.points[:, own], ends[k]):
                 columns = motions_about(points, *self.about[b])
                 opening = n[:, :, None] * np.einsum("ni,nij->nj", n, columns)[:, None, :]
-                apart.append((normal[own, None, None] * opening + tangential[own, None, None] * (columns - opening)).reshape(-1, 6))
+                apart.append(
+                    (normal[own, None, None] * opening + tangential[own, None, None]
+                     * (columns - opening)).reshape(-1, 6))
             both = np.concatenate([apart[0], -apart[1]], axis=1)
             result[k] = both.T @ both
         return result.reshape(-1, 2, 6, 2, 6)
 
     def free(self, ends: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """(bodies,) bool, whether each can move rigidly beside what is ``forbidden`` (k, 2, 6, 2, 6) to pairs of them (k, 2) int."""
+        """(bodies,) bool, whether each can move rigidly beside what is ``forbidden`` (k, 2, 6, 2,
+        6) to pairs of them (k, 2) int.
+        """
         bodies = len(self.support)
         gram = np.zeros((bodies, 6, bodies, 6))
         gram[range(bodies), :, range(bodies), :] = self.support
@@ -126,7 +149,8 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     own, whole = norm(springs), norm(law)
     epsilon, largest, carried = team.max(*(peak(x) for x in (
         pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
-    moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None]) for t, _, before in iterated.by_pairing(d)])
+    moved = np.concatenate([np.diff(local.jump[t], axis=0, prepend=before.jump[None])
+                            for t, _, before in iterated.by_pairing(d)])
     ends = np.repeat(ends_of(pairs.interfaces), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):
@@ -136,11 +160,14 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     loose, total = loose_bodies(d.scene), held + pressed
     share = ratio(held, total, loose | ~loose.any())
     names = [s.body for s in d.scene.subdomains]
-    energy, weakened = 0.5 * iterated.bound.energy.max(initial=0.0), iterated.found.get("weakening", [])
+    energy, weakened = 0.5 * iterated.bound.energy.max(initial=0.0), iterated.found.get(
+        "weakening", [])
     epsilon *= max((case["springs"] for case in weakened), default=1.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
-                      [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]])
+                      [list(dict.fromkeys(name for name, lives in zip(names, step) if lives))
+                       for step in share > LIVES],
+                      names[int(share.max(axis=0).argmax())],
+                      [after for case in weakened for after in case["after"]])
 
 
 def _ratio(part: float, whole: float) -> float:
@@ -150,13 +177,16 @@ def _ratio(part: float, whole: float) -> float:
 
 @dataclass(frozen=True)
 class OpenPlaces:
-    """How far off bodies may be, over the largest displacement of all bodies and load steps; infinite: not determined."""
+    """How far off bodies may be, over the largest displacement of all bodies and load steps;
+    infinite: not determined.
+    """
 
     open: float  # of the body whose place is determined least
     bodies: dict[str, float]  # each → the same, at its worst load step, the largest first
 
 
-def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws: LawResiduals, parts: Parts) -> OpenPlaces | None:
+def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws: LawResiduals,
+                parts: Parts) -> OpenPlaces | None:
     """Open places of the bodies; None where supports and joints hold all.
 
     Where no energy error is known it is taken to be ``UNTOLD`` law residuals.
@@ -167,7 +197,8 @@ def open_places(d: Decomposition, iterated: Iterated, lengths: LengthScale, laws
     if isinstance(bound, Certified) and np.isfinite(bound.errors).all():
         error = np.maximum.accumulate(bound.errors)
     else:
-        error = np.full(d.steps, UNTOLD * laws.largest * float(np.sqrt(bound.energy.max(initial=0.0))))
+        error = np.full(d.steps, UNTOLD * laws.largest
+                        * float(np.sqrt(bound.energy.max(initial=0.0))))
     largest, = d.space.team.max(max((peak(u) for u in parts if u is not None), default=0.0))
     each = reach(d, lengths, iterated, error).max(axis=1) / (largest or 1.0)
     each[~(each <= 1)] = np.inf

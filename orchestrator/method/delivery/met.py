@@ -32,35 +32,49 @@ from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
 
-WITHIN = 0.1  # share of the force that has to be carried within: by a round place some three faces across, by a long one two
-CARRIES = 0.01  # of the largest force between two bodies, below which a place has no say in the error
+# share of the force that has to be carried within: by a round place some three faces across, by a
+# long one two
+WITHIN = 0.1
+# of the largest force between two bodies, below which a place has no say in the error
+CARRIES = 0.01
 ALIKE = 1e-9  # of the distance of two points, what rounding makes their first gaps differ by
 
 
 def unresolved(scene: Scene, fields: InterfaceFields, team: Team) -> dict[str, tuple[int, int]]:
-    """Pairs of bodies whose place of contact is not resolved at some load step → how many points carry it at the first such step, from 1,
+    """Pairs of bodies whose place of contact is not resolved at some load step → how many points
+    carry it at the first such step, from 1,
     and that step; of all ranks' interfaces."""
     ends, shape = _beside(fields)
-    names, number = np.unique([" | ".join(sorted(scene.subdomains[e].body for e in i.subdomains)) for i in scene.opening], return_inverse=True)
+    names, number = np.unique([" | ".join(sorted(scene.subdomains[e].body for e in i.subdomains))
+                               for i in scene.opening], return_inverse=True)
     pair = number[fields.index][fields.interface_of_node]
-    forces, sums = np.maximum(fields.pressure, 0.0) * fields.areas, np.zeros((3, fields.steps, len(names)))
+    forces, sums = np.maximum(fields.pressure,
+                              0.0) * fields.areas, np.zeros((3, fields.steps, len(names)))
     for t, force in enumerate(forces):
-        border = (force[ends[0]] > 0) & (force[ends[1]] == 0) & (fields.areas[t, ends[1]] > 0) & (fields.gap[t, ends[1]] <= 2 * shape)
+        border = (force[ends[0]] > 0) & (force[ends[1]]
+                                         == 0) & (fields.areas[t, ends[1]] > 0) & (
+                                             fields.gap[t, ends[1]] <= 2 * shape)
         within = force.copy()
         within[ends[0, border]] = 0.0
-        sums[:, t] = [np.bincount(pair, values, len(names)) for values in (force, within, force > 0)]
+        sums[:, t] = [np.bincount(pair, values, len(names))
+                      for values in (force, within, force > 0)]
     (whole, carried, count), found = team.sum(sums)[0], {}
-    for t, k in np.argwhere((whole > CARRIES * whole.max(initial=0.0)) & (carried < WITHIN * whole)):
+    for t, k in np.argwhere((whole > CARRIES * whole.max(initial=0.0))
+                            & (carried < WITHIN * whole)):
         found.setdefault(str(names[k]), (int(count[t, k]), int(t) + 1))
     return found
 
 
 def _beside(fields: InterfaceFields) -> tuple[np.ndarray, np.ndarray]:
-    """(2, e) int, points beside each other, either way; (e,) by how much more the second's sides are apart by shape, −1 for no more."""
-    edges = np.unique(np.sort(fields.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    """(2, e) int, points beside each other, either way; (e,) by how much more the second's sides
+    are apart by shape, −1 for no more.
+    """
+    edges = np.unique(np.sort(fields.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1),
+                      axis=0)
     ends = np.concatenate([edges, edges[:, ::-1]]).T
     (one, two), points = fields.initial_gap[ends], fields.points[0, ends]
-    return ends, np.where(two - one > ALIKE * np.linalg.norm(points[1] - points[0], axis=1), two - one, -1.0)
+    return ends, np.where(two - one > ALIKE * np.linalg.norm(points[1] - points[0], axis=1),
+                          two - one, -1.0)
 
 
 @dataclass(frozen=True)
@@ -96,26 +110,34 @@ class Met:
     unresolved: Mapping[str, tuple[int, int]]
 
     @classmethod
-    def of(cls, scene: Scene, own: InterfaceFields | None, resultants: Resultants, team: Team) -> Met | None:
+    def of(cls, scene: Scene, own: InterfaceFields | None, resultants: Resultants,
+           team: Team) -> Met | None:
         """On rank 0; None elsewhere, and where all interfaces are perfect. All ranks ask together.
 
-        own : fields of the interfaces whose first side is this rank's, with its part's numbers of nodes
+        own : fields of the interfaces whose first side is this rank's, with its part's numbers of
+            nodes
         """
         if own is None:
             return None
         told = team.gather((own.index, _rows(scene, own), own.counts))
-        of_all = *held_bodies(scene, own, team), bolt_forces(scene, own, resultants, team), contact_faces(scene, own, team), unresolved(
+        of_all = *held_bodies(scene, own,
+                              team), bolt_forces(scene, own, resultants,
+                                                 team), contact_faces(scene, own, team), unresolved(
             scene, own, team)
         if told is None:
             return None
         order = np.argsort(np.concatenate([index for index, *_ in told]))
-        rows = {name: np.concatenate([each[name] for _, each, _ in told])[order] for name in told[0][1]}
-        counts = {name: np.sum([each[name] for *_, each in told], axis=0).tolist() for name in told[0][2]}
+        rows = {name: np.concatenate([each[name] for _, each, _ in told])[order]
+                for name in told[0][1]}
+        counts = {name: np.sum([each[name] for *_, each in told], axis=0).tolist()
+                  for name in told[0][2]}
         return cls([i.name for i in scene.opening], *rows.values(), counts, *of_all)
 
     @property
     def slides(self) -> dict[str, float]:
-        """Interface → how far its sides have slid, in elements, where they hold; of those whose pairs stay as they are."""
+        """Interface → how far its sides have slid, in elements, where they hold; of those whose
+        pairs stay as they are.
+        """
         return {name: far for name, far in zip(self.names, self.slid.tolist()) if far == far}
 
 
@@ -125,10 +147,13 @@ def _rows(scene: Scene, own: InterfaceFields) -> dict[str, np.ndarray]:
     interfaces = [opening[k] for k in own.index]
     taken, lost = work(own, np.array([i.law.has_history for i in interfaces], dtype=bool))
     far, amiss = slides(scene, own, interfaces)
-    return {"resultant": own.resultant.swapaxes(0, 1), "pressure": np.maximum.reduceat(own.pressure, own.offsets[:-1], axis=1).T,
+    return {"resultant": own.resultant.swapaxes(0, 1),
+            "pressure": np.maximum.reduceat(own.pressure, own.offsets[:-1], axis=1).T,
             "work": taken.T, "dissipation": lost.T, "slid": far, "amiss": amiss,
-            "within": np.array([_within(scene.mesh.volume[i.cells]) for i in interfaces], dtype=int),
-            "common": np.array([np.array_equal(own.nodes[at], own.others[at]) for _, at in own.each()], dtype=bool)}
+            "within": np.array([_within(scene.mesh.volume[i.cells]) for i in interfaces],
+                               dtype=int),
+            "common": np.array([np.array_equal(own.nodes[at], own.others[at])
+                                for _, at in own.each()], dtype=bool)}
 
 
 def _within(sides: np.ndarray) -> int:
@@ -138,7 +163,9 @@ def _within(sides: np.ndarray) -> int:
 
 
 def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, I) W and D of the interfaces that are not perfect; ``rubs``: (I,) bool, whether what acts along the interface is friction."""
+    """(T, I) W and D of the interfaces that are not perfect; ``rubs``: (I,) bool, whether what acts
+    along the interface is friction.
+    """
     i = interfaces
     push, opening = i.pressure * i.areas, i.gap - i.initial_gap
     drag = i.friction_traction * i.areas[:, :, None]
@@ -146,7 +173,8 @@ def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.
     there = i.areas > 0
     there[1:] &= there[:-1]
     moved, slid = np.where(there, opening - before[1], 0.0), i.slip - before[3]
-    taken = -0.5 * (push + before[0]) * moved + 0.5 * np.einsum("tni,tni->tn", drag + before[2], slid)
+    taken = -0.5 * (push + before[0]) * moved + 0.5 * np.einsum(
+        "tni,tni->tn", drag + before[2], slid)
     lost = np.einsum("tni,tni->tn", drag, slid)
     each = [np.add.reduceat(x, i.offsets[:-1], axis=1).cumsum(axis=0) for x in (taken, lost)]
     return each[0], each[1] * rubs

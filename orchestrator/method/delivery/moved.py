@@ -5,13 +5,15 @@ Parts that end inside each other, where no interface keeps them apart: of pairs 
 loading, at every load step.
 
 Sides slide whose pairs stay as they are; what that makes amiss are two numbers for each interface.
-A point meets what was opposite it before loading, along its own normal n. Having slid by s it should meet a place where the other
-side's normal is m and turns by ∇m s on the way: the distance is off by
+A point meets what was opposite it before loading, along its own normal n. Having slid by s it
+should meet a place where the other side's normal is m and turns by ∇m s on the way: the distance is
+off by
 
     s·(m − n) + s·∇(m − n)·s / 2
 
-which is nothing where surfaces conform, as a shaft and its bore, or are plane. A distance e that is amiss within an element of size h
-is a pressure of E e/h, so that pressures are off by the share that e has of p h/E, or of a press fit that is more than that.
+which is nothing where surfaces conform, as a shaft and its bore, or are plane. A distance e that is
+amiss within an element of size h is a pressure of E e/h, so that pressures are off by the share
+that e has of p h/E, or of a press fit that is more than that.
 """
 
 from __future__ import annotations
@@ -41,21 +43,27 @@ class Moved:
 
     displacement: np.ndarray  # of a component at a node
     rotation: np.ndarray  # radians
-    size: np.ndarray  # of the body that each is a piece of: twice the largest distance of a node from the middle of all
+    # of the body that each is a piece of: twice the largest distance of a node from the middle of
+    # all
+    size: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, own: Sequence[Subdomain], sides: Sequence[np.ndarray], team: Team = ALONE) -> Moved:
+    def of(cls, scene: Scene, own: Sequence[Subdomain], sides: Sequence[np.ndarray],
+           team: Team = ALONE) -> Moved:
         """All ranks ask together.
 
         own : this rank's subdomains of its part of the scene
         sides : (T, n_E, 3) displacement of each of them
         """
-        count, mine, points = len(scene.subdomains), [s.index for s in own], [scene.mesh.nodes[s.nodes] for s in own]
+        count, mine, points = len(scene.subdomains), [s.index
+                                                      for s in own], [
+                                                          scene.mesh.nodes[s.nodes] for s in own]
         body = np.unique([s.body for s in scene.subdomains], return_inverse=True)[1].ravel()
         sums, moved = np.zeros((count, 4)), np.zeros((2, count))
         sums[mine] = np.array([[*x.sum(axis=0), len(x)] for x in points]).reshape(-1, 4)
         moved[0, mine], moved[1, mine] = [peak(u) for u in sides], rotations(points, sides)
-        sums, moved = team.sum(np.stack([np.bincount(body, weights=column) for column in sums.T], axis=1), moved)
+        sums, moved = team.sum(np.stack([np.bincount(body, weights=column) for column in sums.T],
+                                        axis=1), moved)
         centre, far = sums[:, :3] / np.maximum(sums[:, 3:], 1), np.zeros(len(sums))
         for e, x in zip(mine, points):
             far[body[e]] = max(far[body[e]], peak(np.linalg.norm(x - centre[body[e]], axis=1)))
@@ -64,7 +72,9 @@ class Moved:
 
 
 def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray]) -> np.ndarray:
-    """(bodies,) largest rotation, in radians, of the rigid motions that fit displacements (steps, n, 3) of points (n, 3) best."""
+    """(bodies,) largest rotation, in radians, of the rigid motions that fit displacements (steps,
+    n, 3) of points (n, 3) best.
+    """
     if not points:
         return np.zeros(0)
     counts = np.array([len(p) for p in points])
@@ -80,7 +90,9 @@ def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray])
 
 
 class Passed(NamedTuple):
-    """Two volumes that are inside each other, names of their bodies, and the load step at which they are deepest."""
+    """Two volumes that are inside each other, names of their bodies, and the load step at which
+    they are deepest.
+    """
 
     pair: tuple[int, int]
     bodies: frozenset[str]
@@ -91,7 +103,8 @@ class Passed(NamedTuple):
 class _Part(NamedTuple):
     """A volume of the mesh as it is displaced.
 
-    points : (n, 3); displacement : (T, n, 3); sagitta : (k,) how far surfaces are off the k outer faces
+    points : (n, 3); displacement : (T, n, 3); sagitta : (k,) how far surfaces are off the k outer
+        faces
     """
 
     points: np.ndarray
@@ -104,14 +117,16 @@ class _Part(NamedTuple):
     def of(cls, scene: Scene, sides: Sequence[np.ndarray], volume: int) -> _Part:
         number, solid = solid_of(scene.mesh, volume)
         displacement = np.zeros((scene.steps, len(number), 3))
-        for s in (scene.subdomains[e] for e in np.unique(scene.cell_subdomain[scene.mesh.volume == volume])):
+        for s in (scene.subdomains[e]
+                  for e in np.unique(scene.cell_subdomain[scene.mesh.volume == volume])):
             _, own, at = np.intersect1d(s.nodes, number, assume_unique=True, return_indices=True)
             displacement[:, at] = sides[s.index][:, own]
         return cls(solid.nodes, solid.cells, solid.outer, scene.sagitta[volume], displacement)
 
     def at(self, step: int | None) -> Solid:
         """The volume at a load step, or at rest."""
-        return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells, self.outer)
+        return Solid(self.points + (0.0 if step is None else self.displacement[step]), self.cells,
+                     self.outer)
 
 
 def passing(scene: Scene, sides: Sequence[np.ndarray]) -> list[Passed]:
@@ -122,7 +137,9 @@ def passing(scene: Scene, sides: Sequence[np.ndarray]) -> list[Passed]:
     if not scene.near:
         return []
     parts = {v: _Part.of(scene, sides, v) for v in scene.sagitta}
-    bodies = {v: {scene.subdomains[e].body for e in np.unique(scene.cell_subdomain[scene.mesh.volume == v])} for v in parts}
+    bodies = {
+        v: {scene.subdomains[e].body
+            for e in np.unique(scene.cell_subdomain[scene.mesh.volume == v])} for v in parts}
     cells = [np.unique(scene.mesh.volume[i.cells], axis=0).tolist() for i in scene.interfaces]
     joined = {tuple(sorted(pair)) for pairs in cells for pair in pairs}
     own = {pair: DEEP if tuple(sorted(pair)) in joined else COINCIDE for pair in scene.near}
@@ -130,24 +147,29 @@ def passing(scene: Scene, sides: Sequence[np.ndarray]) -> list[Passed]:
             for pair, step, deepest in _deepest(parts, own, scene.steps)]
 
 
-def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float], steps: int) -> list[tuple[tuple[int, int], int, Overlap]]:
+def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float],
+             steps: int) -> list[tuple[tuple[int, int], int, Overlap]]:
     """Pairs that are inside each other, when and how deep.
 
-    pairs : from which share of the mesh size on each counts: beside an interface of theirs nodes of one dip in between those of the other,
-        as discretised contact has it
+    pairs : from which share of the mesh size on each counts: beside an interface of theirs nodes of
+        one dip in between those of the other, as discretised contact has it
     """
 
-    def overlaps(step: int | None, chosen: Iterable[tuple[int, int]]) -> dict[tuple[int, int], Overlap]:
+    def overlaps(step: int | None,
+                 chosen: Iterable[tuple[int, int]]) -> dict[tuple[int, int], Overlap]:
         """The chosen pairs that are inside each other, and how deep; every part is made once."""
         solids = {v: parts[v].at(step) for v in {v for pair in chosen for v in pair}}
-        # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
-        found = {(a, b): overlap(solids[a], solids[b], (parts[a].sagitta, parts[b].sagitta), pairs[a, b]) for a, b in chosen}
+        # chords of curved faces may be inside each other, from the start and as they turn: that is
+        # no motion
+        found = {(a, b): overlap(solids[a], solids[b], (parts[a].sagitta, parts[b].sagitta),
+                                 pairs[a, b]) for a, b in chosen}
         return {pair: o for pair, o in found.items() if o is not None}
 
     each = [overlaps(step, pairs) for step in range(steps)]
     rest, result = overlaps(None, sorted({pair for found in each for pair in found})), []
     for pair, deep in pairs.items():
-        found = [(o.depth, -step, o) for step, here in enumerate(each) if (o := here.get(pair)) is not None]
+        found = [(o.depth, -step, o) for step, here in enumerate(each)
+                 if (o := here.get(pair)) is not None]
         found = [f for f in found if pair not in rest or f[0] - rest[pair].depth > deep * f[2].size]
         if found:
             _, step, o = max(found, key=lambda f: f[:2])
@@ -155,10 +177,14 @@ def _deepest(parts: dict[int, _Part], pairs: dict[tuple[int, int], float], steps
     return result
 
 
-def slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -> tuple[np.ndarray, np.ndarray]:
-    """(I,) how far sides have slid, in elements, and (I,) what that makes amiss; nan where pairs follow. ``interfaces`` : those of the fields."""
+def slides(scene: Scene, fields: InterfaceFields,
+           interfaces: list[Interface]) -> tuple[np.ndarray, np.ndarray]:
+    """(I,) how far sides have slid, in elements, and (I,) what that makes amiss; nan where pairs
+    follow. ``interfaces`` : those of the fields.
+    """
     holds = np.isin(fields.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
-    slip, (far, amiss) = np.where(holds[..., None], fields.slip, 0.0), np.full((2, len(interfaces)), np.nan)
+    slip, (far, amiss) = np.where(holds[..., None], fields.slip,
+                                  0.0), np.full((2, len(interfaces)), np.nan)
     for i, (k, own) in zip(interfaces, fields.each()):
         if i.law.follows or i.law.on_ground or i.tool is not None:
             continue
@@ -170,18 +196,22 @@ def slides(scene: Scene, fields: InterfaceFields, interfaces: list[Interface]) -
     return far, amiss
 
 
-def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray, own: slice, facets: np.ndarray) -> float:
+def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray, own: slice,
+           facets: np.ndarray) -> float:
     """The largest distance that is amiss, over the largest that presses.
 
-    slip : (T, N, 3), zero where nothing holds; own : the interface's of the N nodes; facets : (m, 3) int, indices into the N
+    slip : (T, N, 3), zero where nothing holds; own : the interface's of the N nodes; facets : (m,
+        3) int, indices into the N
     """
     normals = np.zeros((len(fields.nodes), 3))
     normals[own] = _turn(scene, i)
     if not normals.any():
         return 0.0
     shape = Triangles.of(fields.points[0, facets])
-    cosine = np.einsum("mvi,mvi->mv", fields.normal[facets], np.roll(fields.normal[facets], 1, axis=1)).min(axis=1)
-    # normals of the other side are means over as much as a facet: what they differ by from surfaces that conform
+    cosine = np.einsum("mvi,mvi->mv", fields.normal[facets],
+                       np.roll(fields.normal[facets], 1, axis=1)).min(axis=1)
+    # normals of the other side are means over as much as a facet: what they differ by from surfaces
+    # that conform
     apart = (np.linalg.norm(normals[facets], axis=2) > 1 - cosine[:, None]).any(axis=1)
     mean = slip[:, facets].mean(axis=2)
     turned = np.einsum("mvi,mvj,tmj->tmi", normals[facets], shape.slopes, mean)
@@ -194,7 +224,9 @@ def _amiss(scene: Scene, i: Interface, fields: InterfaceFields, slip: np.ndarray
 
 
 def _turn(scene: Scene, i: Interface) -> np.ndarray:
-    """(c, 3) by how much the other side's unit normals differ from an interface's own, at the nodes shown; 0 where nothing is opposite."""
+    """(c, 3) by how much the other side's unit normals differ from an interface's own, at the nodes
+    shown; 0 where nothing is opposite.
+    """
     points, other = (scene.side_points(i, side) for side in (0, 1))
     if i.paired and np.array_equal(points, other):  # as where one mesh was cut: the same facets
         return np.zeros_like(points)[i.shown]
@@ -203,7 +235,8 @@ def _turn(scene: Scene, i: Interface) -> np.ndarray:
         return (two - one)[i.shown]
     there = unit(scalar(i.mortar.second) @ two)
     result = np.zeros_like(one)
-    result[i.mortar.points] = np.where(there.any(axis=1)[:, None], there - one[i.mortar.points], 0.0)
+    result[i.mortar.points] = np.where(there.any(axis=1)[:, None], there - one[i.mortar.points],
+                                       0.0)
     return result[i.shown]
 
 

@@ -1,12 +1,15 @@
-"""Delivered fields: the kinematically admissible displacement u_D that the bound speaks of, reactions, stored energy.
+"""Delivered fields: the kinematically admissible displacement u_D that the bound speaks of,
+reactions, stored energy.
 
-The recovered field is seen from the inside as well: what every tet of the bodies says, by the scene's own mesh and moduli. Per
-subdomain and load step, with K u element by element, d the nodes' own stiffness and u_Γ what the iterations claim on the interfaces:
+The recovered field is seen from the inside as well: what every tet of the bodies says, by the
+scene's own mesh and moduli. Per subdomain and load step, with K u element by element, d the nodes'
+own stiffness and u_Γ what the iterations claim on the interfaces:
 
     ‖u‖²_K = uᵀK u,    ‖r‖² = Σ (K u − p − Nᵀf)² / d on free dofs,    ‖δ‖² = Σ d (N u − u_Γ)²
 
-A dof that is off by e costs at least d e² in ‖r‖²: the energy of that error, first order, where the energy itself sees it
-in second order alone. Subdomains whose matter is their code's own are left out.
+A dof that is off by e costs at least d e² in ‖r‖²: the energy of that error, first order, where the
+energy itself sees it in second order alone. Subdomains whose matter is their code's own are left
+out.
 """
 
 from __future__ import annotations
@@ -29,7 +32,8 @@ Parts = list[np.ndarray | None]  # per subdomain of the scene (T, n_E, 3); None 
 
 
 def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[Parts, Parts]:
-    """u_D, continuous over perfect interfaces, and the same before averaging, in equilibrium with the interface forces.
+    """u_D, continuous over perfect interfaces, and the same before averaging, in equilibrium with
+    the interface forces.
 
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
@@ -60,12 +64,17 @@ def answered(d: Decomposition, boundary: np.ndarray,
 def repositioned(d: Decomposition, bound: Bound) -> list[np.ndarray]:
     """Per own subdomain (T, 3 n_E) the rigid motion that the bound has found for it."""
     ends = bounds_of([modes.shape[1] for modes in d.made.modes])
-    return [bound.repositioned[:, a:b] @ modes.T for modes, a, b in zip(d.made.modes, ends[:-1], ends[1:])]
+    return [bound.repositioned[:, a:b] @ modes.T
+            for modes, a, b in zip(d.made.modes, ends[:-1], ends[1:])]
 
 
 def on_boundary(d: Decomposition, own: Sequence[np.ndarray], steps: int) -> np.ndarray:
-    """(T, B) boundary values of displacements, per own subdomain (T, 3 n_E) or (T, n_E, 3); ``steps``: T, of a rank without any too."""
-    return np.hstack([np.zeros((steps, 0)), *(u.reshape(steps, -1)[:, trace] for u, trace in zip(own, d.made.traces))])
+    """(T, B) boundary values of displacements, per own subdomain (T, 3 n_E) or (T, n_E, 3);
+    ``steps``: T, of a rank without any too.
+    """
+    return np.hstack(
+        [np.zeros((steps, 0)),
+         *(u.reshape(steps, -1)[:, trace] for u, trace in zip(own, d.made.traces))])
 
 
 def continuous(d: Decomposition, bound: Bound, parts: Parts) -> Parts:
@@ -79,7 +88,9 @@ def continuous(d: Decomposition, bound: Bound, parts: Parts) -> Parts:
 
 
 def of_all(d: Decomposition, own: list) -> list:
-    """Something per subdomain of the scene: of all on rank 0, elsewhere as given, None for other ranks'."""
+    """Something per subdomain of the scene: of all on rank 0, elsewhere as given, None for other
+    ranks'.
+    """
     everything = list(own)
     for things in d.space.team.gather({e: own[e] for e in d.space.subdomains}) or ():
         for e, thing in things.items():
@@ -88,13 +99,17 @@ def of_all(d: Decomposition, own: list) -> list:
 
 
 def on_mesh(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:
-    """(T, n, 3) on the nodes of the whole mesh the mean of their copies, from the subdomains' (T, n_E, 3)."""
+    """(T, n, 3) on the nodes of the whole mesh the mean of their copies, from the subdomains' (T,
+    n_E, 3).
+    """
     total, copies = at_nodes([s.nodes for s in scene.subdomains], sides, len(scene.mesh.nodes))
     return total / np.maximum(copies, 1)[:, None]
 
 
-def at_nodes(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(T, count, 3) sums at nodes of what several subdomains (T, n_E, 3) have there, and (count,) how many they are.
+def at_nodes(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray],
+             count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(T, count, 3) sums at nodes of what several subdomains (T, n_E, 3) have there, and (count,)
+    how many they are.
 
     nodes : per subdomain (n_E,) int, which ones are its
     """
@@ -105,8 +120,10 @@ def at_nodes(nodes: Sequence[np.ndarray], sides: Sequence[np.ndarray], count: in
     return total, copies
 
 
-def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np.ndarray | None] | None = None) -> list[np.ndarray | None]:
-    """Per own subdomain (T, n_E, 3) what the supports exert on its nodes: K u less the loads and the interfaces' forces f (T, D).
+def support_forces(d: Decomposition, parts: Parts, f: np.ndarray,
+                   taken: list[np.ndarray | None] | None = None) -> list[np.ndarray | None]:
+    """Per own subdomain (T, n_E, 3) what the supports exert on its nodes: K u less the loads and
+    the interfaces' forces f (T, D).
 
     None where nothing is prescribed.
 
@@ -120,7 +137,8 @@ def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np
             result.append(None)
             continue
         u = parts[s.index][:, rim.nodes]
-        u = (u if s.foreign else u - u[:, :1]).reshape(steps, -1)  # a shift as a whole costs no force, but would round the rest
+        # a shift as a whole costs no force, but would round the rest
+        u = (u if s.foreign else u - u[:, :1]).reshape(steps, -1)
         forces = np.zeros((steps, len(s.nodes), 3))
         internal = (rim.stiffness @ u.T).T.reshape(steps, -1, 3)
         forces[:, rim.nodes] = np.where(s.fixed[rim.nodes], internal - s.loads[:, rim.nodes], 0.0)
@@ -131,21 +149,27 @@ def support_forces(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np
     return result
 
 
-def reactions(d: Decomposition, parts: Parts, f: np.ndarray, taken: list[np.ndarray | None] | None = None) -> np.ndarray:
-    """(entries, T, 6) resultant force, and moment about the origin, on each boundary entry of the YAML.
+def reactions(d: Decomposition, parts: Parts, f: np.ndarray,
+              taken: list[np.ndarray | None] | None = None) -> np.ndarray:
+    """(entries, T, 6) resultant force, and moment about the origin, on each boundary entry of the
+    YAML.
 
-    That of the support for prescribed displacements (a node in several entries counts for the last), that applied for loads.
+    That of the support for prescribed displacements (a node in several entries counts for the
+    last), that applied for loads.
     parts, f, taken : as for ``support_forces``
     """
     scene = d.scene
     total = np.zeros((len(scene.boundary), scene.steps, 6))
     for s, forces in zip(d.own, support_forces(d, parts, f, taken)):
         if forces is not None:
-            for entry in np.unique(s.held_by[s.fixed & (s.held_by >= 0)]):  # others are held inside a part of another program's
-                total[entry] += wrench(scene.mesh.nodes[s.nodes], np.where(s.fixed & (s.held_by == entry), forces, 0.0))
+            # others are held inside a part of another program's
+            for entry in np.unique(s.held_by[s.fixed & (s.held_by >= 0)]):
+                total[entry] += wrench(scene.mesh.nodes[s.nodes],
+                                       np.where(s.fixed & (s.held_by == entry), forces, 0.0))
     for entry in scene.boundary:  # every face is on one rank
         if entry.forces:
-            total[entry.index] = entry.forces.resultant(scene.mesh.nodes[entry.triangles], np.zeros(3))
+            total[entry.index] = entry.forces.resultant(scene.mesh.nodes[entry.triangles],
+                                                        np.zeros(3))
     return d.space.team.sum(total)[0]
 
 
@@ -156,7 +180,9 @@ def wrench(points: np.ndarray, forces: np.ndarray) -> np.ndarray:
 
 
 def joint_forces(d: Decomposition, f: np.ndarray) -> Parts:
-    """Sums of interface forces f (T, D) at the nodes of subdomains whose mesh is not ours; None for others."""
+    """Sums of interface forces f (T, D) at the nodes of subdomains whose mesh is not ours; None for
+    others.
+    """
     found, forces = [None] * len(d.scene.subdomains), d.space.loads(f)
     for s, trace, part in zip(d.own, d.made.traces, d.space.boundary):
         if s.foreign:
@@ -167,7 +193,8 @@ def joint_forces(d: Decomposition, f: np.ndarray) -> Parts:
 
 
 def stored_energy(d: Decomposition, sides: Parts, energy: np.ndarray) -> np.ndarray:
-    """(T,) ½ ∫ (ε − ε₀) : C (ε − ε₀) = ½ ‖u‖²_K − u · ∫ Bᵀ C ε₀ + ½ ∫ ε₀ : C ε₀ of all ranks; ε₀ is thermal strain.
+    """(T,) ½ ∫ (ε − ε₀) : C (ε − ε₀) = ½ ‖u‖²_K − u · ∫ Bᵀ C ε₀ + ½ ∫ ε₀ : C ε₀ of all ranks; ε₀ is
+    thermal strain.
 
     sides : per subdomain (T, n_E, 3) u; energy : (T,) ‖u‖²_K
     """
@@ -178,12 +205,14 @@ def stored_energy(d: Decomposition, sides: Parts, energy: np.ndarray) -> np.ndar
     mesh, strain, at = replace(scene.mesh, cells=scene.mesh.cells[own]), scene.thermal[:, own], [
         s.connectivity + start for s, start in zip(d.own, starts)]
     forces = np.zeros((scene.steps, starts[-1], 3))
-    thermal_loads(mesh, strain, scene.materials, scene.cell_material[own], np.concatenate(at), forces)
+    thermal_loads(mesh, strain, scene.materials, scene.cell_material[own], np.concatenate(at),
+                  forces)
     work = np.einsum("tni,tni->t", forces, np.concatenate([sides[s.index] for s in d.own], axis=1))
     return 0.5 * energy + d.space.team.sum(strained_energy(mesh, strain, scene.lame[own]) - work)[0]
 
 
-UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of a product, of combined back-substitutions
+# of the largest displacement: rounding of a product, of combined back-substitutions
+UNBALANCED, REPEATED = 1e-13, 1e-11
 
 
 @dataclass(frozen=True)
@@ -196,7 +225,9 @@ class Interior:
     complete: bool  # whether the matter of all subdomains is the scene's
 
     def shares(self, size: float) -> tuple[float, float]:
-        """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative to the energy norm of an answer."""
+        """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative
+        to the energy norm of an answer.
+        """
         return tuple(float(np.sqrt(x.sum(axis=1).max(initial=0.0)) / size) if size > 0 else 0.0
                      for x in (self.unbalanced, self.repeated))
 
@@ -214,8 +245,10 @@ def interior(d: Decomposition, iterated: Iterated, parts: Parts) -> Interior:
     judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
     for e in judged:
         s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
-        matter, u = Matter(scene.mesh.nodes[s.nodes], s.connectivity, *moduli[s.material].T), parts[s.index].reshape(steps, -1)
-        root, resisting, load = np.sqrt(np.repeat(matter.stiff, 3)), matter.forces(u), s.loads.reshape(steps, -1).copy()
+        matter, u = Matter(scene.mesh.nodes[s.nodes], s.connectivity,
+                           *moduli[s.material].T), parts[s.index].reshape(steps, -1)
+        root, resisting, load = np.sqrt(np.repeat(matter.stiff, 3)), matter.forces(
+            u), s.loads.reshape(steps, -1).copy()
         load[:, trace] += forces[:, part]
         largest = (root * np.abs(u)).max(axis=1, keepdims=True)
         left = np.where(s.fixed.ravel(), 0.0, np.abs(resisting - load) / root)
@@ -223,5 +256,6 @@ def interior(d: Decomposition, iterated: Iterated, parts: Parts) -> Interior:
         energy[:, s.index] = np.sum(u * resisting, axis=1)
         unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
         repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
-    energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, len(own) - len(judged))
+    energy, unbalanced, repeated, foreign = d.space.team.sum(
+        energy, unbalanced, repeated, len(own) - len(judged))
     return Interior(energy, unbalanced, repeated, not foreign)

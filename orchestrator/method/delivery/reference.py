@@ -1,16 +1,18 @@
-"""The undecomposed solution by the same black box, the true error against it, and the mesh's estimated error on the way.
+"""The undecomposed solution by the same black box, the true error against it, and the mesh's
+estimated error on the way.
 
 Where interfaces join nodes that are no common ones the structure in one piece is
 
     min ½ uᵀK u − fᵀu   where   B u = 0,      B u = G₂ u₂ − G₁ u₁  on every interface,
 
-by augmented Lagrangians (Hestenes, J. Optim. Theory Appl. 4, 1969): with K + γ BᵀB, which is positive definite and is
-factorised once,
+by augmented Lagrangians (Hestenes, J. Optim. Theory Appl. 4, 1969): with K + γ BᵀB, which is
+positive definite and is factorised once,
 
     u ← (K + γ BᵀB)⁻¹ (f − Bᵀλ),      λ ← λ + γ B u
 
-leaves less of the jump in each round by the softness of the structure beside γ. Constraints that say the same twice, where
-interfaces meet, do no harm. Nothing of the decomposed method is used but the operators.
+leaves less of the jump in each round by the softness of the structure beside γ. Constraints that
+say the same twice, where interfaces meet, do no harm. Nothing of the decomposed method is used but
+the operators.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ from orchestrator.method.stopping.recovered_stresses import estimator_of
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
-# γ over the bodies' stiffness at the nodes: leaves some 1e-3 of a jump per round, and ten digits of K in K + γ BᵀB.
+# γ over the bodies' stiffness at the nodes: leaves some 1e-3 of a jump per round, and ten digits of
+# K in K + γ BᵀB.
 STIFF = 1e3
 # A jump this small beside the displacements is none; rounds that it may take.
 CLOSED, ROUNDS = 1e-12, 40
@@ -51,7 +54,9 @@ class Reference:
     energy: np.ndarray  # (T,) ‖u‖²_K
 
     def relative_error(self, displacement: np.ndarray) -> float:
-        """max_t ‖u − u_ref‖_K / max_t ‖u_ref‖_K for u (T, n, 3), the measure that the bound bounds."""
+        """max_t ‖u − u_ref‖_K / max_t ‖u_ref‖_K for u (T, n, 3), the measure that the bound
+        bounds.
+        """
         gap = _energies(self.stiffness, displacement - self.displacement)
         size = peak(self.energy)
         return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(peak(gap)))
@@ -64,19 +69,24 @@ def check_reference(scene: Scene) -> None:
 
 
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
-    """Solve all load steps without decomposition; where interfaces join nodes that are no common ones, with their operators.
+    """Solve all load steps without decomposition; where interfaces join nodes that are no common
+    ones, with their operators.
 
     Raises BlackBoxError: from the code, also when memory runs out
     Raises Refusal: sides that cannot come together
     """
     stiffness = blackbox.stiffness([whole_model(scene)])[0]
     joined = _constraints(scene)
-    displacement = _constrained(scene, stiffness, joined) if joined.shape[0] else undecomposed(scene, blackbox, stiffness)
+    displacement = _constrained(scene, stiffness,
+                                joined) if joined.shape[0] else undecomposed(
+                                    scene, blackbox, stiffness)
     return Reference(displacement, stiffness, _energies(stiffness, displacement))
 
 
-def undecomposed(scene: Scene, blackbox: BlackBox, stiffness: sp.csr_array | None = None) -> np.ndarray:
-    """Displacement (T, n, 3) of the whole structure in one piece; ``stiffness`` (3n, 3n) is needed where displacements other
+def undecomposed(scene: Scene, blackbox: BlackBox,
+                 stiffness: sp.csr_array | None = None) -> np.ndarray:
+    """Displacement (T, n, 3) of the whole structure in one piece; ``stiffness`` (3n, 3n) is needed
+    where displacements other
     than zero are prescribed."""
     blackbox.load([whole_model(scene)])
     lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
@@ -133,7 +143,8 @@ def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:
 
 
 class TrueError:
-    """The true error of what would be delivered, shared with all ranks; one back-substitution per subdomain and load step.
+    """The true error of what would be delivered, shared with all ranks; one back-substitution per
+    subdomain and load step.
 
     d : the decomposition that is iterated
     scene, exact : the whole one, and its undecomposed solution, on rank 0
@@ -142,7 +153,8 @@ class TrueError:
     asked : seconds that the black box has been asked for it
     """
 
-    def __init__(self, d: Decomposition, scene: Scene | None, cases: LoadCases, exact: Reference | None, watch: Stopwatch):
+    def __init__(self, d: Decomposition, scene: Scene | None, cases: LoadCases,
+                 exact: Reference | None, watch: Stopwatch):
         self.d, self.scene, self.cases, self.exact, self.watch = d, scene, cases, exact, watch
         self.asked = 0.0
 
@@ -157,7 +169,8 @@ class TrueError:
 
 
 class DiscretisationEstimate:
-    """The estimated discretisation error of what would be delivered; one process prepares that when first asked.
+    """The estimated discretisation error of what would be delivered; one process prepares that when
+    first asked.
 
     scene : the whole one, of four-node or ten-node tets
     cases : how all load steps follow from those that are solved
@@ -171,9 +184,13 @@ class DiscretisationEstimate:
         return estimator_of(self.scene)
 
     def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
-        """Relative, energy norm, the same on all ranks; one back-substitution per subdomain and load step."""
-        parts, numbers = recover(d, fields, bound)[0], None if d.all_perfect else d.local.pairs.numbers
-        if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
+        """Relative, energy norm, the same on all ranks; one back-substitution per subdomain and
+        load step.
+        """
+        parts, numbers = recover(d, fields,
+                                 bound)[0], None if d.all_perfect else d.local.pairs.numbers
+        # with contact, the steps left out are smaller than those they follow from
+        if d.all_perfect:
             parts = [u if u is None else self.cases.all_steps(u) for u in parts]
         every, team = of_all(d, parts), d.space.team
         return team.share(None if team.rank else self.estimator(every, numbers).relative)

@@ -1,17 +1,21 @@
-"""Contact stabilisation: how much of what holds bodies that nothing else holds is added to which interface.
+"""Contact stabilisation: how much of what holds bodies that nothing else holds is added to which
+interface.
 
-Where contact alone holds a body it may have no position: nothing balances a wedge that is squeezed out between its
-neighbours. Laws that do not join their sides are blended with "stay where you were at the end of the load step before",
+Where contact alone holds a body it may have no position: nothing balances a wedge that is squeezed
+out between its neighbours. Laws that do not join their sides are blended with "stay where you were
+at the end of the load step before",
 
     f̂ = (1 − ε) law(F) + ε (F − keq d_before),    ∂f̂/∂F = (1 − ε) A + ε 1
 
-which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every body then has one
-position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far.
+which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every
+body then has one position, and ε → 0 selects it. On true laws the blend leaves a residual of about
+2 ε, more where bodies go far.
 
-Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before stands the jump of the linear stage, and
-where the coarse contact problem has moved bodies since (``coarse.problem``). What does not move any more loads no spring, whatever ε:
-these are proximal points of the true laws, and end on them. Without a coarse problem they stay where they are, with a share of what the
-tolerance allows.
+Springs of ``auto`` begin anew in every iteration, "stay where you are": in the place of d_before
+stands the jump of the linear stage, and where the coarse contact problem has moved bodies since
+(``coarse.problem``). What does not move any more loads no spring, whatever ε: these are proximal
+points of the true laws, and end on them. Without a coarse problem they stay where they are, with a
+share of what the tolerance allows.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""What watches the iterations, one file each: a monitor judges every one, and may end the run, change the problem, or tell something.
+"""What watches the iterations, one file each: a monitor judges every one, and may end the run,
+change the problem, or tell something.
 
-To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where it is to be asked. It sees
-what those before it have said as ``evaluation.verdict``. With several ranks all of them ask all monitors: what is compared has
-to be the same everywhere, as sums over the ranks are.
+To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where
+it is to be asked. It sees what those before it have said as ``evaluation.verdict``. With several
+ranks all of them ask all monitors: what is compared has to be the same everywhere, as sums over the
+ranks are.
 """
 
 from __future__ import annotations
@@ -31,10 +33,12 @@ class Verdict:
 
     met : whether the stopping criterion holds; None: no word on it
     reason : why this iteration is the last one; empty where another follows
-    led : whether that is so of the state that the way here has led to, and another way, of smaller load steps, may lead elsewhere
+    led : whether that is so of the state that the way here has led to, and another way, of smaller
+        load steps, may lead elsewhere
     changes : names of the monitors that change the problem before the next iteration
     anew : the acceleration begins anew with this iteration's state
-    excess : the error over what springs may leave of it, where it stands still while the laws come to hold; 0: it does not
+    excess : the error over what springs may leave of it, where it stands still while the laws come
+        to hold; 0: it does not
     measure : what has been compared with the tolerance; nan where it is not known
     bound : error bound and energy of the best fields, as far as they are known
     laws : measures of the interface laws; lengths : what these are relative to
@@ -59,11 +63,13 @@ class Verdict:
 
     def and_then(self, later: Verdict) -> Verdict:
         """Both together; of what both speak of, the later word counts."""
-        return Verdict(self.met if later.met is None else later.met, later.reason or self.reason, self.led or later.led,
+        return Verdict(self.met if later.met is None else later.met, later.reason or self.reason,
+                       self.led or later.led,
             self.changes + later.changes, self.anew or later.anew, max(self.excess, later.excess),
-            self.measure if math.isnan(later.measure) else later.measure,
-            later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths, self.sweeps + later.sweeps,
-            {**self.told, **later.told}, self.warnings + later.warnings)
+                       self.measure if math.isnan(later.measure) else later.measure,
+            later.bound or self.bound, later.laws or self.laws, later.lengths or self.lengths,
+                       self.sweeps + later.sweeps,
+                       {**self.told, **later.told}, self.warnings + later.warnings)
 
 
 @dataclass
@@ -93,10 +99,13 @@ class Evaluation:
 
     @property
     def held(self) -> bool:
-        """Whether all has settled, and springs of stabilisation that stay where they are carry more than the tolerance."""
+        """Whether all has settled, and springs of stabilisation that stay where they are carry more
+        than the tolerance.
+        """
         verdict, coarse = self.verdict, self.problem.coarse
         on_the_way = coarse is not None and coarse.anew
-        return verdict.laws is not None and not on_the_way and verdict.laws.held_by_springs(verdict.told["target"][1])
+        return verdict.laws is not None and not on_the_way and verdict.laws.held_by_springs(
+            verdict.told["target"][1])
 
 
 @dataclass
@@ -106,7 +115,8 @@ class Case:
     problem : the decomposition for these load steps, as it is at the beginning
     method : ``method`` of the configuration
     numbers : of these load steps, from 1, for people
-    told : the least displacement that means something in any load step of the scene, see ``LengthScale``; 0: nobody knows
+    told : the least displacement that means something in any load step of the scene, see
+        ``LengthScale``; 0: nobody knows
     given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``
     value : below which the measure has to fall; with ``error: auto`` it follows the estimate
     """
@@ -134,8 +144,8 @@ class Monitor:
     """Watches the iterations of one case.
 
     name : as in the registry
-    remembered : its attributes that a resumed run has to know: numbers, texts and lists of these, and
-        arrays (T, …) as ``kind/name``, see ``checkpoint``
+    remembered : its attributes that a resumed run has to know: numbers, texts and lists of these,
+        and arrays (T, …) as ``kind/name``, see ``checkpoint``
     """
 
     name: ClassVar[str]
@@ -151,7 +161,9 @@ class Monitor:
         raise NotImplementedError
 
     def change(self, now: Evaluation) -> Decomposition:
-        """The problem of the next iteration, if the verdict has said that it changes and another iteration follows."""
+        """The problem of the next iteration, if the verdict has said that it changes and another
+        iteration follows.
+        """
         raise NotImplementedError
 
     def state(self) -> dict[str, Any]:
@@ -165,7 +177,9 @@ class Monitor:
         return problem
 
     def found(self, problem: Decomposition) -> list[Any]:
-        """What is delivered of it once the iterations of the case have ended: ``Iterated.found[name]``."""
+        """What is delivered of it once the iterations of the case have ended:
+        ``Iterated.found[name]``.
+        """
         return []
 
 

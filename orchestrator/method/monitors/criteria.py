@@ -1,8 +1,9 @@
 """Stopping criteria: the error bound or the indicator where all is bonded, and the true error; the
 energy error and the laws' residual elsewhere.
 
-Where interfaces are not perfect the energy error is that of the delivered fields, see ``stopping.certificate``; equilibrium
-and every law have the residuals of ``stopping.law_residuals``. With ``error: auto`` the tolerance follows an estimate of the
+Where interfaces are not perfect the energy error is that of the delivered fields, see
+``stopping.certificate``; equilibrium and every law have the residuals of
+``stopping.law_residuals``. With ``error: auto`` the tolerance follows an estimate of the
 discretisation error.
 """
 
@@ -43,15 +44,18 @@ class ErrorBoundCriterion(Monitor):
             eta = now.measures.indicator
             return self._verdict("indicator", eta, bound)
         imbalance = now.measures.force_imbalance
-        due = bound.a <= value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(value))
+        due = bound.a <= value and (imbalance <= BALANCED
+                                    or self.ratio * imbalance <= _of_size(value))
         if due or not self.spare:
             bound = evaluate(now.best, value if self.spare else np.inf, known, value)
             least = bound.relative if np.isfinite(bound.relative) else bound.least
-            self.ratio = _of_size(least) / imbalance if np.isfinite(least) and imbalance > 0 else 0.0
+            self.ratio = _of_size(least) / imbalance if np.isfinite(
+                least) and imbalance > 0 else 0.0
         return self._verdict(self.name, bound.relative, bound)
 
     def _verdict(self, name: str, measure: float, bound) -> Verdict:
-        return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound, sweeps=bound.sweeps,
+        return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound,
+                       sweeps=bound.sweeps,
                        told={"target": (name, self.case.value), "error_bound": bound.relative})
 
 
@@ -68,29 +72,38 @@ class TrueErrorMonitor(Monitor):
         return cls(case) if case.given.get("true_error") else None
 
     def judge(self, now: Evaluation) -> Verdict:
-        return Verdict(told={"true_error": self.case.given["true_error"](now.best, now.verdict.bound)})
+        return Verdict(
+            told={"true_error": self.case.given["true_error"](now.best, now.verdict.bound)})
 
 
 def _of_size(relative: float) -> float:
-    """An error relative to ‖u_exact‖ ≥ ‖u_D‖ − error, relative to ‖u_D‖: which falls with the forces' imbalance, as the other does
+    """An error relative to ‖u_exact‖ ≥ ‖u_D‖ − error, relative to ‖u_D‖: which falls with the
+    forces' imbalance, as the other does
     not while it is large."""
     return relative / (1 + relative)
 
 
-NEAR = 2.0  # law residual over the tolerance, from which E is worth knowing: E is half of it to ten times as much
+# law residual over the tolerance, from which E is worth knowing: E is half of it to ten times as
+# much
+NEAR = 2.0
 LESS = 0.5  # of the residual at an earlier evaluation, below which E should have fallen
 PATIENCE = 10  # iterations after which E is evaluated whatever the residual, and should have fallen
 STALLED = 0.7  # of an earlier E, above which it stands still
-FALLS = 0.5  # of the E at which springs were last asked to become weaker, above which it was not theirs
-SETTLED, MOST = 1e-2, 3  # law residual over the tolerance, and how often E stands still beside it, that end a run
-LAWFUL = 0.1  # law residual over the tolerance that ends a run whose error cannot be told: it is up to ten times the residual
+# of the E at which springs were last asked to become weaker, above which it was not theirs
+FALLS = 0.5
+# law residual over the tolerance, and how often E stands still beside it, that end a run
+SETTLED, MOST = 1e-2, 3
+# law residual over the tolerance that ends a run whose error cannot be told: it is up to ten times
+# the residual
+LAWFUL = 0.1
 STOPS = "error bound stands still"
 
 
 class EnergyErrorCriterion(Monitor):
     """The energy error.
 
-    at, residual, error : iteration, law residual and E of the last evaluation; infinite before the first
+    at, residual, error : iteration, law residual and E of the last evaluation; infinite before the
+        first
     since : the same of the evaluation that E has to fall below
     asked : E when springs were last asked to become weaker
     waited : how often E stood still though laws hold well
@@ -121,7 +134,8 @@ class EnergyErrorCriterion(Monitor):
         formed = not bound.pair.missing  # where it cannot be, laws that hold well have to do
         met = bound.relative <= value if formed else now.verdict.laws.largest <= LAWFUL * value
         reason = STOPS if self.waited >= MOST and not met else ""
-        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps, excess=excess,
+        return Verdict(bool(met), reason, measure=bound.relative, bound=bound, sweeps=bound.sweeps,
+                       excess=excess,
                        told={**told, "error_bound": bound.relative})
 
     def due(self, number: int, residual: float, value: float) -> bool:
@@ -159,30 +173,38 @@ class LawCriterion(Monitor):
         if problem.nonlinear is not None:
             laws = laws.and_also(FIXED_POINT, _fixed_point(now, lengths))
         if self.case.method.tolerance.law is not None:
-            laws = laws.and_also(OF_BODIES, body_residual(parts, lengths, problem.space, self.groups))
+            laws = laws.and_also(OF_BODIES,
+                                 body_residual(parts, lengths, problem.space, self.groups))
         value = laws.largest if self.case.by_error else now.measures.indicator
-        return Verdict(bool(value <= self.case.value), measure=value, laws=laws, lengths=lengths, told={
-            "target": (self.name if self.case.by_error else "indicator", self.case.value), "law_residual": laws.largest,
+        return Verdict(bool(value <= self.case.value), measure=value, laws=laws, lengths=lengths,
+                       told={
+            "target": (self.name if self.case.by_error else "indicator", self.case.value),
+            "law_residual": laws.largest,
             "laws": laws.measures})
 
 
 def _fixed_point(now: Evaluation, lengths: Lengths) -> float:
-    """‖F(s) − s‖ over ‖F(s)‖, or over a small share of k ℓ where the interfaces carry next to nothing."""
+    """‖F(s) − s‖ over ‖F(s)‖, or over a small share of k ℓ where the interfaces carry next to
+    nothing.
+    """
     k = now.problem.stage.direction.diagonal
     size = float(np.sqrt(np.sum(now.local.s**2 / k)))
-    return now.measures.residual * size / (max(size, float(np.sqrt(k.sum())) * lengths.of_rest) or 1.0)
+    return now.measures.residual * size / (max(size, float(np.sqrt(k.sum())) * lengths.of_rest)
+                                           or 1.0)
 
 
 LEAST = 1e-6  # what the tolerance never goes below: the fixed default
 
 
 class MeshError(Monitor):
-    """The discretisation error as the last estimate has it: (problem, fields, bound) → relative, energy norm.
+    """The discretisation error as the last estimate has it: (problem, fields, bound) → relative,
+    energy norm.
 
-    ε ≤ fraction · η_h, η_h estimated anew whenever ε has fallen to the level that the last estimate asked for. On perfect
-    interfaces ε is the bound. By Galerkin orthogonality both errors are the legs of a right-angled triangle, so that a
-    fraction of 0.1 makes the whole error half a per cent larger. Elsewhere ε is the energy error, see ``energy_error``,
-    and no right angle is left: a fraction of 0.1 may cost up to a tenth.
+    ε ≤ fraction · η_h, η_h estimated anew whenever ε has fallen to the level that the last estimate
+    asked for. On perfect interfaces ε is the bound. By Galerkin orthogonality both errors are the
+    legs of a right-angled triangle, so that a fraction of 0.1 makes the whole error half a per cent
+    larger. Elsewhere ε is the energy error, see ``energy_error``, and no right angle is left: a
+    fraction of 0.1 may cost up to a tenth.
     """
 
     name = "mesh_error"
@@ -192,16 +214,19 @@ class MeshError(Monitor):
 
     @classmethod
     def of(cls, case: Case) -> MeshError | None:
-        return cls(case) if case.method.tolerance.error == "auto" and "estimate" in case.given else None
+        return cls(
+            case) if case.method.tolerance.error == "auto" and "estimate" in case.given else None
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict = now.verdict
         if not verdict.met:
             return Verdict(told={"discretisation_error": self.error})
-        self.error = self.case.given["estimate"](now.problem, now.best, verdict.bound)  # a back-substitution
+        # a back-substitution
+        self.error = self.case.given["estimate"](now.problem, now.best, verdict.bound)
         self.case.value = max(self.fraction * self.error, LEAST)
         return Verdict(bool(verdict.measure <= self.case.value), sweeps=1, told={
-            "discretisation_error": self.error, "target": (verdict.told["target"][0], self.case.value)})
+            "discretisation_error": self.error,
+            "target": (verdict.told["target"][0], self.case.value)})
 
     def state(self) -> dict[str, Any]:
         return {"value": self.case.value, "fraction": self.fraction, "error": self.error}

@@ -1,14 +1,18 @@
-"""Sides that slide on each other are paired anew where they are, within every load step until that moves no point any more.
+"""Sides that slide on each other are paired anew where they are, within every load step until that
+moves no point any more.
 
-With the operators B, the normal n and the distance g of the sides at the place w_p where they have been paired, the jump is
+With the operators B, the normal n and the distance g of the sides at the place w_p where they have
+been paired, the jump is
 
     d = B w + c,    c = (1 − n nᵀ)(d⁰ − B w⁰) + n (g − g₀ − n·B w_p)
 
-w⁰, d⁰ being the traces and the jump that the load step before ended with, and g₀ the distance before loading. So what has been
-slid so far is kept, what slides now is the motion of those places that meet now, and g₀ + n·d is how far the sides are apart.
-Points whose nodes the other side does not reach carry nothing and count as open by an element.
+w⁰, d⁰ being the traces and the jump that the load step before ended with, and g₀ the distance
+before loading. So what has been slid so far is kept, what slides now is the motion of those places
+that meet now, and g₀ + n·d is how far the sides are apart. Points whose nodes the other side does
+not reach carry nothing and count as open by an element.
 
-Only the operators change: traces, soles and factors stay. The place is that of small displacements: bodies do not turn.
+Only the operators change: traces, soles and factors stay. The place is that of small displacements:
+bodies do not turn.
 """
 
 from __future__ import annotations
@@ -50,14 +54,17 @@ class Following:
 
     def __post_init__(self) -> None:
         here = set(self.space.subdomains)
-        self.interfaces = [i for i in self.scene.interfaces if i.moving is not None and here.intersection(i.subdomains)]
+        self.interfaces = [i for i in self.scene.interfaces if i.moving is not None
+                           and here.intersection(i.subdomains)]
         self.first = {i.index: i.mortar for i in self.interfaces}
         self.place = np.zeros((1, self.space.size))
 
     def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
-        """What a load step begins with where another one has ended: points that carry nothing keep their jumps.
+        """What a load step begins with where another one has ended: points that carry nothing keep
+        their jumps.
 
-        pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which come first
+        pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which
+            come first
         """
         w, f = fields.extended
         self._before = w[-1:], pairs.traces(w[-1:], f[-1:]).jump[-1]
@@ -65,7 +72,9 @@ class Following:
         return History(np.where(pairs.free, left.jump, self._before[1]), left.own)
 
     def pair(self, place: np.ndarray) -> Pairs:
-        """The pairs where traces (1, D) have brought the sides; scene and numbering have them, too."""
+        """The pairs where traces (1, D) have brought the sides; scene and numbering have them,
+        too.
+        """
         w, = self.space.extended(place)
         self.place, mortars = place, {}
         for i in self.interfaces:
@@ -80,7 +89,8 @@ class Following:
         self.space.transfer = self.space.transfer.paired(mortars)
         pairs = make_pairs(self.scene, self.space, self.direction.whole, self.stabilisation)
         now = pairs.transfer.jump(w)[0]
-        then, jump = (np.zeros_like(now),) * 2 if self._before is None else (pairs.transfer.jump(self._before[0])[0], self._before[1])
+        then, jump = (np.zeros_like(now),) * 2 if self._before is None else (
+            pairs.transfer.jump(self._before[0])[0], self._before[1])
         for i, at in pairs.each():
             if i.moving is not None:
                 pairs.slid[:, at] = self._slid(i, now[:, at], jump[:, at] - then[:, at])
@@ -89,12 +99,15 @@ class Following:
     def _slid(self, i: Interface, now: np.ndarray, slid: np.ndarray) -> np.ndarray:
         """(3, p) c of an interface, from B w_p and d⁰ − B w⁰."""
         n, first = i.mortar.normal.T, self.first[i.index]
-        apart = i.mortar.gap - np.where(first.carrying, first.gap, 0.0) - np.einsum("cp,cp->p", n, now)
+        apart = i.mortar.gap - np.where(first.carrying, first.gap,
+                                        0.0) - np.einsum("cp,cp->p", n, now)
         return slid + n * (apart - np.einsum("cp,cp->p", n, slid))
 
     def moved(self, pairs: Pairs, fields: Admissible) -> float:
-        """How far any point has moved along the other side since it was paired, in elements; the same on all ranks. Points that
-        carry nothing have none: they move from the middle of the other side, and towards it as well."""
+        """How far any point has moved along the other side since it was paired, in elements; the
+        same on all ranks. Points that
+        carry nothing have none: they move from the middle of the other side, and towards it as
+        well."""
         w, = fields.extended[:1]
         moved = w[-1:] - self.space.extended(self.place)[0]
         since, farthest = pairs.transfer.jump(moved)[0], 0.0
@@ -105,7 +118,8 @@ class Following:
                 own, other = (moved[0, side].reshape(-1, 3) for side in self.space.sides[i.index])
                 apart = other[np.unique(i.mortar.triangles[:, :3])].mean(axis=0) - own[points]
                 along = np.where(i.mortar.carrying, along, apart.T)
-                farthest = max(farthest, peak(np.linalg.norm(along, axis=0) / i.moving.size[points]))
+                farthest = max(farthest,
+                               peak(np.linalg.norm(along, axis=0) / i.moving.size[points]))
         return self.space.team.max(farthest)[0]
 
 
@@ -123,8 +137,10 @@ class Paired:
     before: History
 
 
-# A residual of this share of how far points have moved since they were paired, in elements, is worth to pair them anew: what
-# is solved better than that is solved for the wrong place. The die of ``study contact`` takes 325 iterations with 0.1, 268 with 1,
+# A residual of this share of how far points have moved since they were paired, in elements, is
+# worth to pair them anew: what
+# is solved better than that is solved for the wrong place. The die of ``study contact`` takes 325
+# iterations with 0.1, 268 with 1,
 # 297 with 3.
 WORTH = 1.0
 
@@ -133,18 +149,21 @@ LONGEST, SHORTEST = 3.0, 0.1
 
 
 class FollowingMonitor(Monitor):
-    """Has the sides paired anew once points have slid farther than the tolerance, in elements, and the rest is solved as well.
+    """Has the sides paired anew once points have slid farther than the tolerance, in elements, and
+    the rest is solved as well.
 
-    Paired where points are they move a little again, mostly to and fro: a place is a share ω of the way r from the last one to where the
-    points are then, by Aitken's rule ω' = −ω r·(r' − r) / |r' − r|² (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969). The forces of
-    points go with them, to the nodes that they meet there.
+    Paired where points are they move a little again, mostly to and fro: a place is a share ω of the
+    way r from the last one to where the points are then, by Aitken's rule ω' = −ω r·(r' − r) / |r'
+    − r|² (Irons & Tuck, Int. J. Numer. Methods Eng. 1, 1969). The forces of points go with them, to
+    the nodes that they meet there.
     """
 
     name, remembered = "following", ("trace/place", "trace/way", "share")
 
     def __init__(self, case: Case):
         self.case, self.place = case, case.problem.following.place
-        self.way, self.share = np.zeros_like(self.place), 1.0  # the last r, zero before the first, and ω
+        # the last r, zero before the first, and ω
+        self.way, self.share = np.zeros_like(self.place), 1.0
 
     @classmethod
     def of(cls, case: Case) -> FollowingMonitor | None:
@@ -152,24 +171,31 @@ class FollowingMonitor(Monitor):
 
     def judge(self, now: Evaluation) -> Verdict:
         moved = now.problem.following.moved(now.problem.local.pairs, now.best)
-        if moved > self.case.value and now.verdict.measure <= max(self.case.value, WORTH * min(moved, 1.0)):
+        if moved > self.case.value and now.verdict.measure <= max(
+            self.case.value, WORTH * min(moved, 1.0)):
             return Verdict(False, changes=(self.name,), anew=True)
         return Verdict()
 
     def change(self, now: Evaluation) -> Decomposition:
         way = now.fields.w - self.place
         turn = way - self.way
-        along, size = self.case.problem.space.team.sum(float((self.way * turn).sum()), float((turn * turn).sum()))
-        self.share = float(np.clip(-self.share * along / size, SHORTEST, LONGEST)) if along and size > 0 else 1.0
+        along, size = self.case.problem.space.team.sum(float((self.way * turn).sum()),
+                                                       float((turn * turn).sum()))
+        self.share = float(np.clip(-self.share * along / size, SHORTEST,
+                                   LONGEST)) if along and size > 0 else 1.0
         self.way, self.place = way, self.place + self.share * way
         problem, force = now.problem.paired(self.place), now.local.force
-        there, here = (d.local.pairs.transfer.opposed(force)[:, : d.space.size] for d in (problem, now.problem))
+        there, here = (d.local.pairs.transfer.opposed(force)[:, : d.space.size]
+                       for d in (problem, now.problem))
         now.fields = replace(now.fields, s=now.fields.s + there - here)
         return problem
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         super().restore(state, problem)
-        return problem if np.array_equal(self.place, problem.following.place) else problem.paired(self.place)
+        return problem if np.array_equal(self.place,
+                                         problem.following.place) else problem.paired(self.place)
 
     def found(self, problem: Decomposition) -> list[Paired]:
-        return [Paired(problem.local.pairs, {i.index: i.mortar for i in problem.following.interfaces}, problem.local.before)]
+        return [
+            Paired(problem.local.pairs, {i.index: i.mortar for i in problem.following.interfaces},
+                   problem.local.before)]

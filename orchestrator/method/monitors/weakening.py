@@ -1,13 +1,15 @@
 """When springs of stabilisation stay where they are, and become weaker.
 
-Springs of ``auto`` begin anew in every iteration (``interface.stabilisation``) and carry nothing in the end. What has no balance is never
-done with: where springs carry more than the tolerance and all else has settled, or they have carried about as much for ``PATIENCE``
-iterations, they stay where they are from then on, so that all else comes to rest against them and a limit load can be told from a body on
-its way.
+Springs of ``auto`` begin anew in every iteration (``interface.stabilisation``) and carry nothing in
+the end. What has no balance is never done with: where springs carry more than the tolerance and all
+else has settled, or they have carried about as much for ``PATIENCE`` iterations, they stay where
+they are from then on, so that all else comes to rest against them and a limit load can be told from
+a body on its way.
 
-Springs that stay become weaker where they alone keep a run from its end: a body that goes far in a load step needs it, or the energy
-error stands still on them, which falls with ε unless something else is left of it. What has no balance loads them as before, however
-weak they are; it is ``monitors.limit_load`` that ends such a run.
+Springs that stay become weaker where they alone keep a run from its end: a body that goes far in a
+load step needs it, or the energy error stands still on them, which falls with ε unless something
+else is left of it. What has no balance loads them as before, however weak they are; it is
+``monitors.limit_load`` that ends such a run.
 """
 
 from __future__ import annotations
@@ -22,15 +24,18 @@ from orchestrator.method.monitors import Case, Evaluation, Monitor, Verdict
 
 WEAKER = 0.1  # ε over the one before
 FAINTEST = 1e-14  # the least ε: what such springs carry is rounding of what points do
-PATIENCE, FALLS = 10, 0.9  # iterations in which what springs carry has to fall to such a share, where they begin anew
-LESS = 0.5  # of what springs carried when they became weaker last, below which that has served the energy error
+# iterations in which what springs carry has to fall to such a share, where they begin anew
+PATIENCE, FALLS = 10, 0.9
+# of what springs carried when they became weaker last, below which that has served the energy error
+LESS = 0.5
 
 
 class Weakening(Monitor):
     """Weakens the springs of one case.
 
     allowed : law residual that the tolerance stands for
-    at : iterations after which springs have become weaker by a factor of ten, more than once where by more
+    at : iterations after which springs have become weaker by a factor of ten, more than once where
+        by more
     carried : what springs carried when they became weaker last
     least : what springs that begin anew have carried at least, and when that fell last
     stays : iteration after which they have begun anew no more; 0: none
@@ -61,7 +66,8 @@ class Weakening(Monitor):
     def stands(self, now: Evaluation) -> bool:
         """Whether springs that begin anew carry for good what nothing else does."""
         laws = now.verdict.laws
-        return laws.held_by_springs(self.allowed) or (laws.springs > self.allowed and now.number >= self.least[1] + PATIENCE)
+        return laws.held_by_springs(self.allowed) or (laws.springs > self.allowed
+                                                      and now.number >= self.least[1] + PATIENCE)
 
     def due(self, verdict: Verdict, springs: float) -> int:
         """How many times springs that stay are to become weaker; all ranks see the same.

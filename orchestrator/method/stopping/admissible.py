@@ -1,18 +1,21 @@
-"""Admissible fields nearby: what the error bound makes of interface data (``bound``), for perfect interfaces.
+"""Admissible fields nearby: what the error bound makes of interface data (``bound``), for perfect
+interfaces.
 
-Repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k, six unknowns each. A rank has those of its own
-subdomains and of their neighbours.
+Repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k, six unknowns each.
+A rank has those of its own subdomains and of their neighbours.
 
 Balance: interface forces f̃ = f + δf that keep every subdomain in equilibrium,
 
     δf = −ω A f + ½ k B w₂,     ω + ω' = 1
 
-The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such pair keeps f̃ balanced;
-this one brings the fields of f̃ closer to u. The repositioning has made it free of resultants on floating subdomains, since both
-use the same weight. Where nodes do not match, the forces of the points are those of the first side, and the second takes all of the
-imbalance: forces of fewer or more nodes cannot be undone. What still pushes a floating subdomain is balanced by the springs k B R y of
-motions y of all subdomains, which is the problem of the repositioning again. The macro problem has seen to it where its basis holds the
-rigid motions; the mono-scale strategy leaves it to this one.
+The second term is what the local stage would exchange on top of balancing, opposite on both sides:
+any such pair keeps f̃ balanced; this one brings the fields of f̃ closer to u. The repositioning has
+made it free of resultants on floating subdomains, since both use the same weight. Where nodes do
+not match, the forces of the points are those of the first side, and the second takes all of the
+imbalance: forces of fewer or more nodes cannot be undone. What still pushes a floating subdomain is
+balanced by the springs k B R y of motions y of all subdomains, which is the problem of the
+repositioning again. The macro problem has seen to it where its basis holds the rigid motions; the
+mono-scale strategy leaves it to this one.
 """
 
 from __future__ import annotations

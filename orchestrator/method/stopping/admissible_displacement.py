@@ -1,20 +1,24 @@
-"""Displacements v that meet supports and bonds, do not penetrate, and take lawful forces λ̂ at their word.
+"""Displacements v that meet supports and bonds, do not penetrate, and take lawful forces λ̂ at
+their word.
 
-Bodies stand where their forces balance, at ū = u + R y. The best v is the one nearest to it, in the norm of the stiffness's diagonal D,
-with what the laws charge beside λ̂, of all those that break no law:
+Bodies stand where their forces balance, at ū = u + R y. The best v is the one nearest to it, in the
+norm of the stiffness's diagonal D, with what the laws charge beside λ̂, of all those that break no
+law:
 
     min ½ ‖v − ū‖²_D + Σ γ(B v, λ̂)
 
-Where laws are the slopes of energies this is convex, and the forces that D needs are lawful: D (v − ū) = −Bᵀ(λ − λ̂), λ = law(λ + k B v),
-whatever k. With k = (B D⁻¹Bᵀ)⁻¹ point by point, λ = law(λ̂ + k B ū) is the answer, in closed form, where a node is in one pair alone.
-Where pairs share nodes, one step of Newton's method from there has to do: with λ⁺ and d⁺ of the closed form, A = ∂f̂/∂F,
+Where laws are the slopes of energies this is convex, and the forces that D needs are lawful: D (v −
+ū) = −Bᵀ(λ − λ̂), λ = law(λ + k B v), whatever k. With k = (B D⁻¹Bᵀ)⁻¹ point by point, λ = law(λ̂ +
+k B ū) is the answer, in closed form, where a node is in one pair alone. Where pairs share nodes,
+one step of Newton's method from there has to do: with λ⁺ and d⁺ of the closed form, A = ∂f̂/∂F,
 
     v = ū − D⁻¹Bᵀ(λ⁺ − λ̂ + y),     B v = d⁺ + (1 − a)/(a k) y     in the directions in which A stretches by a > 0
 
-Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is held as well. What is at odds with the
-rest, where several interfaces meet in a node, and what pulls with more than it costs gives way for its price (``held_jumps``), until v
-costs hardly less for it; any v that breaks nothing serves, the best is the sharpest. Laws that cannot price what they give way by
-(``Law.duality_gap``) are kept to the letter.
+Where a = 1 the law holds the jump: sides that press, what sticks. What v breaks all the same is
+held as well. What is at odds with the rest, where several interfaces meet in a node, and what pulls
+with more than it costs gives way for its price (``held_jumps``), until v costs hardly less for it;
+any v that breaks nothing serves, the best is the sharpest. Laws that cannot price what they give
+way by (``Law.duality_gap``) are kept to the letter.
 """
 
 from __future__ import annotations
@@ -73,7 +77,9 @@ class AdmissibleDisplacement:
 
     @cached_property
     def rows(self) -> sp.csr_array:
-        """(3 own points + ties, D + G) all jumps that may be held, component by component, and those of bonds whose nodes do not match."""
+        """(3 own points + ties, D + G) all jumps that may be held, component by component, and
+        those of bonds whose nodes do not match.
+        """
         components = np.arange(3)[:, None] * len(self.pairs) + self.own
         return sp.vstack([self.pairs.transfer.B[components.ravel()], self.continuity.rows])
 
@@ -84,16 +90,24 @@ class AdmissibleDisplacement:
 
     @cached_property
     def beside(self) -> Pairs:
-        """The pairs, with the k that bodies of stiffness D have at a point, where laws have prices; all ranks have to ask."""
+        """The pairs, with the k that bodies of stiffness D have at a point, where laws have prices;
+        all ranks have to ask.
+        """
         softness, count = np.zeros(len(self.pairs)), len(self.own)
-        softness[self.own] = self.linked.matrix.diagonal()[self.linked.mine[: 3 * count]].reshape(3, count).max(axis=0)
+        softness[self.own] = self.linked.matrix.diagonal()[self.linked.mine[: 3 * count]].reshape(
+            3, count).max(axis=0)
         there, points = self.prices & (softness > 0), self.pairs.points
         stiff = ratio(1, softness, there)
         normal, across = (np.where(there, stiff, k) for k in (points.stiff_n, points.stiff_t))
-        return replace(self.pairs, runs=[replace(run, points=replace(run.points, stiff_n=normal[run.part], stiff_t=across[run.part]))
+        return replace(self.pairs,
+                       runs=[
+                           replace(run,
+                                   points=replace(run.points, stiff_n=normal[run.part],
+                                                  stiff_t=across[run.part]))
                                          for run in self.pairs.runs])
 
-    def __call__(self, u: np.ndarray, known: np.ndarray | None, answer: Answer, F: np.ndarray, before: History,
+    def __call__(self, u: np.ndarray, known: np.ndarray | None, answer: Answer, F: np.ndarray,
+                 before: History,
                  number: int) -> Placed:
         """v of one load step.
 
@@ -107,55 +121,70 @@ class AdmissibleDisplacement:
         rounded = ROUNDED * max(scale, farthest) * norm(force)  # v is known to that
         there = np.where(self.prices, force + pairs.points.stiffness(jump), F)
         told = pairs.force(there, before, number, derivative=True)
-        lawful, change = pairs.compliance(there - told.force), np.where(self.prices, told.force - force, 0.0)
-        mean = mean - self.linked.moved(np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
+        lawful, change = pairs.compliance(there - told.force), np.where(
+            self.prices, told.force - force, 0.0)
+        mean = mean - self.linked.moved(
+            np.concatenate([change[:, self.own].ravel(), np.zeros(self.ties)])[None])
         held, together = self._held(told, self.mine, lawful), self._together(told, lawful)
         broken = partial(self._broken, force, before=before, number=number)
 
         def charge(jump: np.ndarray) -> np.ndarray:
             return np.maximum(self.pairs.duality_gap(force, jump, before, number) - rounded, 0.0)
 
-        laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal, scale, EXACT * scale,
+        laws = Charges(charge, lambda jump: broken(jump, EXACT * scale).at, pairs.points.normal,
+                       scale, EXACT * scale,
                        FREE * peak(self.linked.matrix.diagonal()))
         best, least = None, np.inf
         for _ in range(PASSES):
             v, pulls, yields = self._nearest(mean, known, held, *together)
             jump = self._jumps(v, known)
             gap, more = charge(jump), broken(jump, laws.rounding)
-            odd = (held.soft == 0) & ~held.priced & (np.abs(held.of(jump) - held.goals) > laws.rounding)
+            odd = (held.soft == 0) & ~held.priced & (
+                np.abs(held.of(jump) - held.goals) > laws.rounding)
             soft = held.softened(pulls, yields, jump, laws)
             costs, = team.sum(self.continuity.size(v - mean) + 2 * gap.sum())
-            wrong, changes = team.max(float(odd.any() or len(more.at)), float((soft != held.soft).any() or len(more.at)))
+            wrong, changes = team.max(float(odd.any() or len(more.at)),
+                                      float((soft != held.soft).any() or len(more.at)))
             worth = wrong or costs < GAINS * least
             if best is None or not wrong and costs < least:
-                best, least = Placed(self.continuity.of_means(v)[0], jump, gap, not wrong), np.inf if wrong else costs
+                best, least = Placed(self.continuity.of_means(v)[0], jump, gap,
+                                     not wrong), np.inf if wrong else costs
             if not (changes and worth):
                 break
             held = replace(held, soft=soft).and_then(more)
         return best
 
-    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: HeldJumps, joint: HeldJumps,
+    def _nearest(self, mean: np.ndarray, known: np.ndarray | None, held: HeldJumps,
+                 joint: HeldJumps,
                  common: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held jointly but for common jumps (r, groups);
+        """(1, classes) the means nearest to ``mean`` that keep what is held, and what is held
+        jointly but for common jumps (r, groups);
         forces (r,) that hold, and how far a unit force moves what it holds (r,)."""
         both, count, ties = held.and_then(joint), len(self.own), np.arange(self.ties)
         column = np.arange(3) * count + np.searchsorted(self.own, both.at)[:, None]
         ends = np.concatenate([3 * np.arange(len(both.at) + 1), 3 * len(both.at) + 1 + ties])
         pick = sp.csr_array((np.concatenate([both.directions.ravel(), np.ones(self.ties)]),
-                             np.concatenate([column.ravel(), 3 * count + ties]), ends), shape=(len(ends) - 1, 3 * count + self.ties))
+                             np.concatenate([column.ravel(), 3 * count + ties]), ends),
+                            shape=(len(ends) - 1, 3 * count + self.ties))
         now = self.rows @ self.continuity.traces(mean, known)[0]
         now[: 3 * count] += self.pairs.slid[:, self.own].ravel()
         lack = pick @ now - np.concatenate([both.goals, np.zeros(self.ties)])
         soft = sp.diags_array(np.concatenate([both.soft, np.zeros(self.ties)]))
         if common.shape[1]:
             rest = FREE * self.linked.matrix.diagonal().max() * (common @ common.T)
-            soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest, sp.csr_array((self.ties,) * 2)])
+            soft = soft + sp.block_diag([sp.csr_array((len(held.at),) * 2), rest,
+                                         sp.csr_array((self.ties,) * 2)])
         chosen, count = self.linked.some(pick, soft), len(held.at)
         change, forces = chosen.held(lack[None])
-        return mean - change, forces[0, :count], chosen.matrix.diagonal()[chosen.mine][:count] - held.soft
+        return mean - change, forces[0,
+                                     :count], chosen.matrix.diagonal()[chosen.mine][
+                                         :count] - held.soft
 
-    def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History, number: int) -> HeldJumps:
-        """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside λ̂ (3, P) where they have no price."""
+    def _broken(self, force: np.ndarray, jump: np.ndarray, least: float, before: History,
+                number: int) -> HeldJumps:
+        """What laws hold whatever the price that jumps (3, P) break by more than ``least``, beside
+        λ̂ (3, P) where they have no price.
+        """
         pairs, force = self.beside, np.where(self.prices, 0.0, force)
         there = pairs.force(force + pairs.points.stiffness(jump), before, number, derivative=True)
         lacks = pairs.compliance(force - there.force)
@@ -169,18 +198,22 @@ class AdmissibleDisplacement:
         return self.pairs.transfer.jump(self.continuity.traces(mean, known)[0]) + self.pairs.slid
 
     def _held(self, answer: Answer, chosen: np.ndarray, goal: np.ndarray) -> HeldJumps:
-        """What the laws hold at those pairs that are chosen (P,), by their answer; ``goal``: (3, P)."""
+        """What the laws hold at those pairs that are chosen (P,), by their answer; ``goal``: (3,
+        P).
+        """
         kept = chosen[answer.active]
         if answer.collective is not None:  # pairs that answer together are held together
             kept &= ~np.isin(answer.active, answer.collective.at)
         at, slope = answer.active[kept], answer.derivative.transpose(2, 0, 1)[kept]
         normal, slips = self.beside.points.normal[:, at].T, self.slips[at, None, None]
         along = normal[:, :, None] * normal[:, None, :]
-        # limits of friction stay as they are: what slips has nothing that is along the normal and across it at once
+        # limits of friction stay as they are: what slips has nothing that is along the normal and
+        # across it at once
         apart = slope - along @ slope - slope @ along + 2 * along @ slope @ along
         slope = np.where(slips, apart, slope)
         slope = (slope + slope.swapaxes(1, 2)) / 2
-        _, ways = np.linalg.eigh(slope + slips * along)  # of directions that are held alike the normal is one
+        # of directions that are held alike the normal is one
+        _, ways = np.linalg.eigh(slope + slips * along)
         size = np.einsum("pij,pik,pkj->pj", ways, slope, ways)
         pair, which = np.nonzero(np.where(self.prices[at][:, None], size, np.abs(size)) > FELT)
         size, at = size[pair, which], at[pair]
@@ -191,8 +224,11 @@ class AdmissibleDisplacement:
         return replace(held, goals=held.of(goal))
 
     def _together(self, answer: Answer, goal: np.ndarray) -> tuple[HeldJumps, sp.csr_array]:
-        """What pairs that answer together hold, and the common jumps (r, groups) that leave them free; ``goal``: (3, P)."""
-        groups = [] if answer.collective is None else [(at, given) for at, given, _ in answer.collective.groups() if self.mine[at].any()]
+        """What pairs that answer together hold, and the common jumps (r, groups) that leave them
+        free; ``goal``: (3, P).
+        """
+        groups = [] if answer.collective is None else [(at, given)
+                                                       for at, given, _ in answer.collective.groups() if self.mine[at].any()]
         pairs = np.unique(np.concatenate([np.zeros(0, int), *(at for at, _ in groups)]))
         common = np.zeros((3 * len(pairs), len(groups)))
         for k, (at, given) in enumerate(groups):
@@ -201,5 +237,6 @@ class AdmissibleDisplacement:
             jump = self.pairs.compliance(force)[:, pairs].T.ravel()
             common[:, k] = jump / np.linalg.norm(jump)
         none = np.zeros(3 * len(pairs))
-        held = HeldJumps(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)), goal[:, pairs].T.ravel(), none, none > 0)
+        held = HeldJumps(np.repeat(pairs, 3), np.tile(np.eye(3), (len(pairs), 1)),
+                         goal[:, pairs].T.ravel(), none, none > 0)
         return held, sp.csr_array(common)

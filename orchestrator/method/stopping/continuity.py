@@ -1,13 +1,16 @@
-"""The mean of the sides: what makes displacements continuous over perfect interfaces with the least change.
+"""The mean of the sides: what makes displacements continuous over perfect interfaces with the least
+change.
 
     min ‖δ‖²_D   where   B N (u + δ) = 0
 
-D is diagonal. Where nodes match, the copies of a node take their weighted mean v. Where nodes of some interfaces do not, or where more
-is asked of traces, C w = c, these means are changed in their turn,
+D is diagonal. Where nodes match, the copies of a node take their weighted mean v. Where nodes of
+some interfaces do not, or where more is asked of traces, C w = c, these means are changed in their
+turn,
 
     v − D_c⁻¹ Cᵀ (C D_c⁻¹ Cᵀ)⁻¹ (C w − c)
 
-in one sparse problem of all that is asked, of points that share nodes at cross points. It is solved on every rank.
+in one sparse problem of all that is asked, of points that share nodes at cross points. It is solved
+on every rank.
 """
 
 from __future__ import annotations
@@ -23,7 +26,9 @@ from orchestrator.method.interface.rows import bounds_of, ratio, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 
-REFINED = 8  # solves with a matrix that rounding makes regular: each leaves some 1e-10 of what the one before has
+# solves with a matrix that rounding makes regular: each leaves some 1e-10 of what the one before
+# has
+REFINED = 8
 ROUNDED = 1e-15  # of an entry over its diagonal ones: none
 
 
@@ -41,10 +46,13 @@ class Continuity:
         apart = transfer.perfect & ~transfer.matched  # nodes do not match
         self.tied = bool(apart.any())
         here = np.repeat(apart, np.diff(transfer.bounds))
-        self.points = np.flatnonzero(here & transfer.mine)  # of the first sides that are this rank's
+        # of the first sides that are this rank's
+        self.points = np.flatnonzero(here & transfer.mine)
 
     def __call__(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
-        """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None where there are none."""
+        """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None
+        where there are none.
+        """
         mean = self.means(u)
         if self.tied:
             jump = self.space.transfer.jump(self.traces(mean, known))
@@ -52,7 +60,9 @@ class Continuity:
         return self.of_means(mean) - u
 
     def means(self, u: np.ndarray) -> np.ndarray:
-        """(T, classes) the weighted means of boundary displacements (T, B) over the copies of each node."""
+        """(T, classes) the weighted means of boundary displacements (T, B) over the copies of each
+        node.
+        """
         return self.space.class_sums(self.weight * u) / self.class_weight
 
     def size(self, mean: np.ndarray) -> float:
@@ -77,7 +87,9 @@ class Continuity:
         return self.constrained(self.rows)
 
     def constrained(self, rows: sp.csr_array) -> Constraint:
-        """What holds C w where it is asked for; all ranks have to ask; ``rows``: C (r, D + G), this rank's."""
+        """What holds C w where it is asked for; all ranks have to ask; ``rows``: C (r, D + G), this
+        rank's.
+        """
         space, team = self.space, self.space.team
         number, weight, mobile = self._traces
         row, dof = sp.coo_array(rows).coords
@@ -92,10 +104,14 @@ class Continuity:
         inverse[place] = 1 / weights
         C = sp.csr_array((values, (row, place)), shape=(int(starts[-1]), len(columns)))
         scaled = C @ sp.diags_array(inverse)
-        _, there, local = np.intersect1d(space.labels, columns, assume_unique=True, return_indices=True)
+        _, there, local = np.intersect1d(space.labels, columns, assume_unique=True,
+                                         return_indices=True)
         spread = sp.csc_array(scaled)[:, local].tocoo()
-        spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(C.shape[0], len(space.labels)))
-        return Constraint(scaled @ C.T, np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread, team)
+        spread = sp.csr_array((spread.data, (spread.row, there[spread.col])),
+                              shape=(C.shape[0], len(space.labels)))
+        return Constraint(scaled @ C.T,
+                          np.arange(starts[team.rank], starts[team.rank] + rows.shape[0]), spread,
+                          team)
 
     @cached_property
     def _traces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -105,14 +121,16 @@ class Continuity:
         loose[space.held] = 0.0
         at = np.zeros(space.size, int) if none else space.label.take(space.gather)
         weight = np.ones(space.size) if none else self.class_weight[0].take(at)
-        (number, weight, loose), = space.extended(np.vstack([at if none else space.labels.take(at), weight, loose]))
+        (number, weight,
+         loose), = space.extended(np.vstack([at if none else space.labels.take(at), weight, loose]))
         return number.astype(int), weight, loose
 
 
 class Constraint:
     """The change of means that makes C w what it has to be, with the least D-weighted change.
 
-    matrix : (r, r) C D⁻¹ Cᵀ of all ranks, which may be singular, and what it gives way by; mine : (r',) int, this rank's rows
+    matrix : (r, r) C D⁻¹ Cᵀ of all ranks, which may be singular, and what it gives way by; mine :
+        (r',) int, this rank's rows
     spread : (r, classes) C D⁻¹ of this rank's classes
     """
 
@@ -122,7 +140,8 @@ class Constraint:
     def some(self, pick: sp.csr_array, soft: sp.csr_array) -> Constraint:
         """What holds combinations P C w, but for what they give way by; all ranks have to ask.
 
-        pick : P (s, r'), this rank's; soft : (s, s) symmetric, how far unit forces move what holds them
+        pick : P (s, r'), this rank's; soft : (s, s) symmetric, how far unit forces move what holds
+            them
         """
         parts = self.team.all_gather((pick, soft))
         starts = bounds_of([one.shape[0] for one, _ in parts])
@@ -130,9 +149,11 @@ class Constraint:
             pick, soft = (sp.block_diag(same) for same in zip(*parts))
         matrix = (pick @ self.matrix @ pick.T + soft).tocoo()
         (row, column), root = matrix.coords, np.sqrt(matrix.diagonal())
-        there = np.abs(matrix.data) > ROUNDED * root[row] * root[column]  # directions at a point are orthogonal but for rounding
+        # directions at a point are orthogonal but for rounding
+        there = np.abs(matrix.data) > ROUNDED * root[row] * root[column]
         matrix = sp.csr_array((matrix.data[there], (row[there], column[there])), shape=matrix.shape)
-        return Constraint(matrix, np.arange(*starts[self.team.rank: self.team.rank + 2]), pick @ self.spread, self.team)
+        return Constraint(matrix, np.arange(*starts[self.team.rank: self.team.rank + 2]),
+                          pick @ self.spread, self.team)
 
     @cached_property
     def solve(self) -> Callable[[np.ndarray], np.ndarray]:
@@ -159,7 +180,8 @@ class Constraint:
         return self.team.sum(result)[0]
 
     def held(self, lack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T, r'), this rank's;
+        """(T, classes) to be taken from means whose C w is more than it has to be by ``lack`` (T,
+        r'), this rank's;
         and the forces (T, r') of its rows that take it."""
         left = self._of_all(lack)
         total = np.zeros_like(left)

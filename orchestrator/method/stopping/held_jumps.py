@@ -1,8 +1,10 @@
-"""Jumps that laws hold while admissible displacements are sought, and how they give way for their price.
+"""Jumps that laws hold while admissible displacements are sought, and how they give way for their
+price.
 
-What is held pulls with a force y, and laws charge γ(d, λ̂) for a jump that gives way: c |x| for a pair that goes by x, p g where it opens,
-(μ p − |τ|) |Δ| and more where it slips. To hold it costs more where |y| > c. Such a pair, and one that is at odds with others at its node,
-gives way softly, by |x|/c under a unit force: once x is known it pulls with c (iteratively reweighted least squares).
+What is held pulls with a force y, and laws charge γ(d, λ̂) for a jump that gives way: c |x| for a
+pair that goes by x, p g where it opens, (μ p − |τ|) |Δ| and more where it slips. To hold it costs
+more where |y| > c. Such a pair, and one that is at odds with others at its node, gives way softly,
+by |x|/c under a unit force: once x is known it pulls with c (iteratively reweighted least squares).
 """
 
 from __future__ import annotations
@@ -57,7 +59,8 @@ class HeldJumps:
 
     def and_then(self, other: HeldJumps) -> HeldJumps:
         """These, and the others behind."""
-        return HeldJumps(*(np.concatenate([getattr(held, field.name) for held in (self, other)]) for field in fields(self)))
+        return HeldJumps(*(np.concatenate([getattr(held, field.name) for held in (self, other)])
+                           for field in fields(self)))
 
     def of(self, jump: np.ndarray) -> np.ndarray:
         """(r,) jumps (3, P) in these directions."""
@@ -67,7 +70,8 @@ class HeldJumps:
         """(r,) bool, directions along the normals (3, P)."""
         return np.abs(self.of(normal)) > ALONG
 
-    def softened(self, pulls: np.ndarray, yields: np.ndarray, jump: np.ndarray, laws: Charges) -> np.ndarray:
+    def softened(self, pulls: np.ndarray, yields: np.ndarray, jump: np.ndarray,
+                 laws: Charges) -> np.ndarray:
         """(r,) how soft directions have to be, lest it cost more to hold them than to pay.
 
         pulls : (r,) forces that hold; yields : (r,) how far unit forces move what they hold
@@ -77,14 +81,20 @@ class HeldJumps:
         gone = (self.soft > 0) | (np.abs(away) > laws.rounding)
         wish = np.where(self.priced, np.where(gone, away, yields * pulls), 0.0)
         kept = jump - self._jumps(away, count)
-        pressed = np.isin(self.at, laws.broken(kept + _as_long_as(laws.scale, self._jumps(wish, count))))
+        pressed = np.isin(self.at,
+                          laws.broken(kept + _as_long_as(laws.scale, self._jumps(wish, count))))
         wish = np.where(pressed & self.along(laws.normal), 0.0, wish)
         there = kept + _as_long_as(laws.scale, self._jumps(wish, count))
-        price = np.maximum(laws.charge(there) - laws.charge(kept), 0.0)[self.at] / max(laws.scale, np.finfo(float).tiny)
-        far, pull = (np.linalg.norm(self._jumps(x * (wish != 0), count), axis=0)[self.at] for x in (wish, pulls))
-        far = np.where(gone, far, far * np.maximum(1 - price / np.maximum(pull, np.finfo(float).tiny), 0.0))
-        soft = np.divide(far, price, out=np.full_like(far, laws.softest), where=far < laws.softest * price)
-        return np.where(self.priced, np.where((wish != 0) & (far > laws.rounding), soft, 0.0), self.soft)
+        price = np.maximum(laws.charge(there) - laws.charge(kept),
+                           0.0)[self.at] / max(laws.scale, np.finfo(float).tiny)
+        far, pull = (np.linalg.norm(self._jumps(x * (wish != 0), count), axis=0)[self.at]
+                     for x in (wish, pulls))
+        far = np.where(gone, far,
+                       far * np.maximum(1 - price / np.maximum(pull, np.finfo(float).tiny), 0.0))
+        soft = np.divide(far, price, out=np.full_like(far, laws.softest),
+                         where=far < laws.softest * price)
+        return np.where(self.priced, np.where((wish != 0) & (far > laws.rounding), soft, 0.0),
+                        self.soft)
 
     def _jumps(self, sizes: np.ndarray, count: int) -> np.ndarray:
         """(3, count) sums of sizes (r,) along the directions of each pair."""

@@ -1,11 +1,13 @@
-"""How well equilibrium and the interface laws, eq. 6, hold together, each relative and dimensionless.
+"""How well equilibrium and the interface laws, eq. 6, hold together, each relative and
+dimensionless.
 
 The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
 set of fields does both. Each measure is taken on the linear stage's fields, which are delivered.
 
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
-- stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where contacts are stabilised
+- stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where
+contacts are stabilised
 - fixed_point  ‖F(s) − s‖ / ‖F(s)‖ in the same norm, on all interfaces, where matter is nonlinear: then nothing else tells
   whether what was extrapolated from the last true answers is true
 - body_residual  the residual of the body where it is largest beside that body's own forces, see ``body_residual``, where laws alone
@@ -15,13 +17,15 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
 the interfaces carry next to nothing.
 
-ℓ is how long displacements are that mean something. It comes from what is loaded and held, and from how far bodies are deformed,
-never from where a loose body is: that is undetermined, as far away as it likes, and whatever is measured relative to it is small.
-A body is what joining laws make one; its displacement is split in the rigid motion that its supports prescribe, a rigid motion
-that they leave, and the deformation, the largest displacement of a boundary node that is left. What the scene was told: per body
-its largest prescribed displacement and what its loads alone move it on its soles, M⁻¹f_ext (with what its supports strain), per
-interface what its law imposes (a press fit, a jump). The smallest counts, so that a body sent far away says nothing of the others.
-It matters where next to nothing is deformed, as where all contacts are open.
+ℓ is how long displacements are that mean something. It comes from what is loaded and held, and from
+how far bodies are deformed, never from where a loose body is: that is undetermined, as far away as
+it likes, and whatever is measured relative to it is small. A body is what joining laws make one;
+its displacement is split in the rigid motion that its supports prescribe, a rigid motion that they
+leave, and the deformation, the largest displacement of a boundary node that is left. What the scene
+was told: per body its largest prescribed displacement and what its loads alone move it on its
+soles, M⁻¹f_ext (with what its supports strain), per interface what its law imposes (a press fit, a
+jump). The smallest counts, so that a body sent far away says nothing of the others. It matters
+where next to nothing is deformed, as where all contacts are open.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""Which load steps of a scene no forces balance that its laws allow, and the motion of bodies that shows it.
+"""Which load steps of a scene no forces balance that its laws allow, and the motion of bodies that
+shows it.
 
-Bodies are what perfect interfaces join; they move as rigid ones, as far as their supports let them. What every interface between them
-may carry its law says (``Law.carries``): the second-order cone problem of ``cone_problem`` decides. It knows nothing of the
-iterations, but for two things: where sides that slide are paired anew, and what damage the load steps before have left.
+Bodies are what perfect interfaces join; they move as rigid ones, as far as their supports let them.
+What every interface between them may carry its law says (``Law.carries``): the second-order cone
+problem of ``cone_problem`` decides. It knows nothing of the iterations, but for two things: where
+sides that slide are paired anew, and what damage the load steps before have left.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from orchestrator.scene.interface import ends_of
 
 State = tuple[np.ndarray, np.ndarray] | None  # forces and jumps (3, P)
 ROUNDING = 1e-12  # of all loads on a body, in magnitude, what is left of their sum
-RIGIDLY = 1e-6  # of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits
+# of what is prescribed, what may strain a body beside its rigid motion: coordinates have six digits
+RIGIDLY = 1e-6
 TAKES_PART = 1e-2  # of the farthest body's way, from which a body is named
 
 
@@ -59,10 +62,11 @@ class LimitLoad:
     load_step : from 1
     motions : of the bodies, the farthest first, in which loads do more work than anything resists
     lacking : force that balance lacks at least, over the largest load on a body
-    factor : share, 0 to 1, of what this load step adds that is carried; None where the loads of the load step before are not carried
-        either, and where that is not known
+    factor : share, 0 to 1, of what this load step adds that is carried; None where the loads of the
+        load step before are not carried either, and where that is not known
     pressures : friction was taken at the pressures of the run's last state; else at any
-    prescribed : no load, but what supports prescribe drives the bodies, and no force resists it: it carries nothing
+    prescribed : no load, but what supports prescribe drives the bodies, and no force resists it: it
+        carries nothing
     """
 
     load_step: int
@@ -77,10 +81,13 @@ class LimitLoad:
         moves = "; ".join(map(str, self.motions[:SHOWN]))
         rest = [motion.body for motion in self.motions[SHOWN:]]
         if self.prescribed:
-            return (f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: they make way for what supports prescribe, "
-                    "and whatever the pressures, contact and friction resist no part of it")
-        return (f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: the loads do more work in that motion than "
-                f"{how}{self._how_far}")
+            return (
+                f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: "
+                "they make way for what supports prescribe, and whatever the pressures, contact "
+                "and friction resist no part of it")
+        return (
+            f"load step {self.load_step}: {moves}{f'; so do {some(rest)}' if rest else ''}: the "
+            f"loads do more work in that motion than {how}{self._how_far}")
 
     @property
     def _how_far(self) -> str:
@@ -94,7 +101,8 @@ class LimitLoad:
 class LimitLoads:
     """Looks for limit loads in the load steps of a case.
 
-    loads : (scene's steps, bodies, 6) in the motions that supports leave, forces, and moments over the body's size
+    loads : (scene's steps, bodies, 6) in the motions that supports leave, forces, and moments over
+        the body's size
     noise : (bodies,) what rounding leaves of them
     """
 
@@ -104,7 +112,8 @@ class LimitLoads:
         self.noise = np.zeros(self.bodies.count)
         boundary = {}
         for e, (s, b, rows) in enumerate(zip(d.own, self.bodies.own, self.bodies.motions)):
-            loose, load = self.bodies.loose[b], np.where(s.fixed, 0.0, s.loads).reshape(d.scene.steps, -1)
+            loose, load = self.bodies.loose[b], np.where(s.fixed, 0.0,
+                                                         s.loads).reshape(d.scene.steps, -1)
             moved = self.bodies.of(b, d.scene.mesh.nodes[s.nodes]).reshape(-1, RIGID) @ loose
             self.loads[:, b] += load @ moved
             self.noise[b] += ROUNDING * float(np.abs(load).sum(axis=1).max())
@@ -118,28 +127,37 @@ class LimitLoads:
         return bool(self.bodies.loose.any())
 
     def reach(self, local: LawStage, number: float, state: State = None) -> Reach:
-        """What this rank's points may carry at a load step of the scene; parameters as of ``__call__``."""
+        """What this rank's points may carry at a load step of the scene; parameters as of
+        ``__call__``.
+        """
         pairs = local.pairs
-        first, second = (side(self.everywhere).transpose(2, 1, 0) for side in (pairs.transfer.first, pairs.transfer.second))
+        first, second = (side(self.everywhere).transpose(2, 1, 0)
+                         for side in (pairs.transfer.first, pairs.transfer.second))
         J = np.concatenate([-first, second], axis=2)
         ends = self.bodies.body[ends_of(pairs.interfaces)]
         counts = np.diff(pairs.bounds)
-        ends, group = np.repeat(ends, counts, axis=0), np.repeat([i.index for i in pairs.interfaces], counts).astype(int)
+        ends, group = np.repeat(ends, counts,
+                                axis=0), np.repeat([i.index for i in pairs.interfaces],
+                                                   counts).astype(int)
         parts = [Reach.of(J[:0], ends[:0], group[:0], np.zeros((3, 0)), Carries.anything(0))]
         for at, carries in pairs.carries(local.before, number):
             parts.append(Reach.of(J[at], ends[at], group[at], pairs.points.normal[:, at], carries))
         reach = Reach.joined(parts).some(pairs.mine)
         if state is None:
             return reach
-        push, opened = -pairs.points.along(state[0])[pairs.mine], pairs.points.along(state[1])[pairs.mine]
+        push, opened = -pairs.points.along(state[0])[pairs.mine], pairs.points.along(state[1])[
+            pairs.mine]
         way = 2 * DISPLACEMENT * self.bodies.size[reach.ends].max(axis=1)
         return reach.at_pressures(np.maximum(push, 0.0), reach.apart + opened, way)
 
     def __call__(self, local: LawStage, number: float, state: State = None) -> LimitLoad | None:
-        """The limit load of a load step ``number`` of the scene, from 0, or a part of one; None where there are forces that balance all.
+        """The limit load of a load step ``number`` of the scene, from 0, or a part of one; None
+        where there are forces that balance all.
 
-        local : pairs that are not perfect, as they meet now, and what the load steps before have left
-        state : forces and jumps (3, P) whose friction and whose gaps count, see ``Reach.at_pressures``; None: any pressure, and no gap
+        local : pairs that are not perfect, as they meet now, and what the load steps before have
+            left
+        state : forces and jumps (3, P) whose friction and whose gaps count, see
+            ``Reach.at_pressures``; None: any pressure, and no gap
         """
         loads, whole = self._at(number), math.ceil(number)
         earlier = self._at(whole - 1) if whole else np.zeros_like(loads)
@@ -148,21 +166,25 @@ class LimitLoads:
         return found and self._told(found, number, state is not None)
 
     def making_way(self, d: Decomposition, t: int) -> LimitLoad | None:
-        """Bodies that make way for what supports prescribe, because no force of any pressures resists it; None where some force does,
+        """Bodies that make way for what supports prescribe, because no force of any pressures
+        resists it; None where some force does,
         where loads act as well, or where supports strain their bodies.
 
         d : of these load steps, the t-th of which is meant
         """
         local = d.local
         number, moved = local.pairs.numbers[t], d.stage.trace(d.loading.carried)[t: t + 1]
-        strained, most, acts = self.team.max(d.loading.strained[t], peak(moved), peak(self._at(number)))
+        strained, most, acts = self.team.max(d.loading.strained[t], peak(moved),
+                                             peak(self._at(number)))
         if acts or strained > RIGIDLY * most:
             return None
-        given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine] / (most or 1.0)
+        given = local.pairs.transfer.jump(d.space.extended(moved)[0])[0].T[local.pairs.mine] / (
+            most or 1.0)
         reach = self.reach(local, number)
         reach = replace(reach, J=np.concatenate([reach.J, given[:, :, None]], axis=2))
         found = self._of_all(reach, lambda reach: unresisted(reach, self.bodies.count))
-        return None if found is None else replace(self._told(Motion(found, 0.0), number, False), prescribed=True)
+        return None if found is None else replace(self._told(Motion(found, 0.0), number, False),
+                                                  prescribed=True)
 
     def _of_all(self, reach: Reach, judge: Callable[[Reach], Any]) -> Any:
         """What rank 0 finds of all ranks' points, on all of them."""
@@ -175,14 +197,18 @@ class LimitLoads:
         return partway(self.loads, step, 1 - (step - number))
 
     def missing(self, local: LawStage, number: float, force: np.ndarray) -> np.ndarray:
-        """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all forces on the body, in magnitude."""
+        """(bodies,) how far forces (3, P) of the laws are from balance at a load step, over all
+        forces on the body, in magnitude.
+        """
         reach, force = self.reach(local, number), force[:, local.pairs.mine]
         left, carried = np.zeros((self.bodies.count, RIGID)), np.zeros(self.bodies.count)
         for k, columns in enumerate((slice(0, RIGID), slice(RIGID, 2 * RIGID))):
-            np.add.at(left, reach.ends[:, k], np.einsum("pcj,cp->pj", reach.J[:, :, columns], force))
+            np.add.at(left, reach.ends[:, k],
+                      np.einsum("pcj,cp->pj", reach.J[:, :, columns], force))
             np.add.at(carried, reach.ends[:, k], norm(force))
         left, carried = self.team.sum(left, carried)
-        lost, most = (np.linalg.norm(x, axis=1) for x in (self._at(number) - left, self._at(number)))
+        lost, most = (np.linalg.norm(x, axis=1)
+                      for x in (self._at(number) - left, self._at(number)))
         return ratio(lost, np.maximum(most, carried), lost > self.noise)
 
     def let_go(self, d: Decomposition, force: np.ndarray, share: float) -> bool:
@@ -200,7 +226,9 @@ class LimitLoads:
         """In words and numbers."""
         way = np.linalg.norm(found.y, axis=1)
         chosen = [b for b in np.argsort(-way, kind="stable") if way[b] > TAKES_PART]
-        motions = [BodyMotion(self.bodies.names[b], (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist()) for b in chosen]
+        motions = [BodyMotion(self.bodies.names[b],
+                              (m := self.bodies.loose[b] @ found.y[b])[:3].tolist(), m[3:].tolist())
+                   for b in chosen]
         whole = math.ceil(number)
         factor = None if np.isnan(found.factor) else found.factor * (1 - (whole - number))
         return LimitLoad(whole + 1, motions, found.lacking, factor, pressures)

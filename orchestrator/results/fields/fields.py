@@ -1,7 +1,7 @@
 """Displacements of every load step on the whole mesh, and the stresses that follow from them.
 
-Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ. On ten-node tets it is the cell's mean; the
-largest von Mises stress at the cell's nodes is beside it.
+Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ. On ten-node tets it is
+the cell's mean; the largest von Mises stress at the cell's nodes is beside it.
 """
 
 from __future__ import annotations
@@ -29,16 +29,20 @@ if TYPE_CHECKING:
 class Fields:
     """Displacements of every load step on the undecomposed mesh, and what follows from them.
 
-    nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10) int, VTK's order
+    nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10)
+        int, VTK's order
     subdomain : (m,) int
-    lame : (m, 2), Lamé's λ and μ per cell; 0 of cells that stand for a part of another program, a ground or a rigid tool
-    displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
+    lame : (m, 2), Lamé's λ and μ per cell; 0 of cells that stand for a part of another program, a
+        ground or a rigid tool
+    displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the
+        node
     sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
     interfaces : fields of the interfaces that are not perfect, if there are any
-    discretisation_error : (steps, m) estimate of it per cell, relative, energy norm; None where not estimated
+    discretisation_error : (steps, m) estimate of it per cell, relative, energy norm; None where not
+        estimated
     part : (m,) int, index into ``parts``, their names; one without a name where it is None
-    joined : (N,) int, per node of ``numbering`` a label, equal where perfect interfaces make nodes one; None where
-        nothing opens
+    joined : (N,) int, per node of ``numbering`` a label, equal where perfect interfaces make nodes
+        one; None where nothing opens
     believed : (m,) bool, where stresses are those of the matter that was computed; None: everywhere
     thermal : (steps, m, 4) thermal strain at the cells' corners; None where nothing is heated
     """
@@ -58,12 +62,17 @@ class Fields:
     thermal: np.ndarray | None = None
 
     @classmethod
-    def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
+    def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None,
+           *others: object,
            believed: np.ndarray | None = None) -> Fields:
-        """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
+        """Fields of a solved scene: ``displacement`` and the parameters after it as for the
+        class.
+        """
         joined = None if sides is None else Copies.of(scene).label
-        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, shown_moduli(scene), displacement, sides, *others,
-                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed, thermal=scene.thermal)
+        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, shown_moduli(scene),
+                   displacement, sides, *others,
+                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined,
+                   believed=believed, thermal=scene.thermal)
 
     @property
     def steps(self) -> int:
@@ -76,7 +85,9 @@ class Fields:
 
     @cached_property
     def opened(self) -> Fields:
-        """The same on a mesh whose subdomains share no nodes; these fields themselves where nothing opens."""
+        """The same on a mesh whose subdomains share no nodes; these fields themselves where nothing
+        opens.
+        """
         if self.sides is None:
             return self
         split = self.numbering
@@ -89,7 +100,9 @@ class Fields:
         return Nodal(self)
 
     def with_error(self, cells: np.ndarray | None) -> Fields:
-        """The same with an estimate of the discretisation error (steps, m), and with all that has been found of them."""
+        """The same with an estimate of the discretisation error (steps, m), and with all that has
+        been found of them.
+        """
         result = replace(self, discretisation_error=cells)
         found = ("numbering", "material", "volumes", "_geometry", "nodal")
         vars(result).update({name: vars(self)[name] for name in found if name in vars(self)})
@@ -97,12 +110,15 @@ class Fields:
 
     @property
     def apart(self) -> Fields:
-        """The same where every stress at the nodes has nodes of its own; these fields themselves where each node has one."""
+        """The same where every stress at the nodes has nodes of its own; these fields themselves
+        where each node has one.
+        """
         node, cells = self.nodal.split
         drawn = self.opened
         if np.array_equal(node, np.arange(len(drawn.nodes))):
             return drawn
-        return replace(drawn, nodes=drawn.nodes[node], cells=cells, displacement=drawn.displacement[:, node], joined=None)
+        return replace(drawn, nodes=drawn.nodes[node], cells=cells,
+                       displacement=drawn.displacement[:, node], joined=None)
 
     def __getstate__(self) -> dict[str, object]:
         """What others cannot compute themselves."""
@@ -112,16 +128,21 @@ class Fields:
         """The same of some of the cells (k,) int, with their own nodes; without interfaces."""
         nodes, cells = np.unique(self.cells[chosen], return_inverse=True)
         error, part, believed = self.discretisation_error, self.part, self.believed
-        return Fields(self.nodes[nodes], cells.reshape(len(chosen), self.cells.shape[1]), self.subdomain[chosen], self.lame[chosen],
-                      self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen],
+        return Fields(self.nodes[nodes], cells.reshape(len(chosen), self.cells.shape[1]),
+                      self.subdomain[chosen], self.lame[chosen],
+                      self.displacement[:, nodes],
+                      discretisation_error=None if error is None else error[:, chosen],
                       part=None if part is None else part[chosen], parts=self.parts,
-                      joined=None if self.joined is None else self.joined[nodes], believed=None if believed is None else believed[chosen],
+                      joined=None if self.joined is None else self.joined[nodes],
+                      believed=None if believed is None else believed[chosen],
                       thermal=None if self.thermal is None else self.thermal[:, chosen])
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
         i = self.interfaces
-        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side], (i.nodes, i.others)[side])]
+        return self.opened.displacement[:,
+                                        self.numbering.find(i.subdomains[i.interface_of_node, side],
+                                                            (i.nodes, i.others)[side])]
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
@@ -156,10 +177,14 @@ class Fields:
         return recovery.von_mises(self.stress(step))
 
     def corner_stress(self, step: int) -> np.ndarray:
-        """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
+        """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a
+        ten-node tet is there.
+        """
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
-        strains = (self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step], at), step, at) for at in np.eye(4))
+        strains = (
+            self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step],
+                                          at), step, at) for at in np.eye(4))
         return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
 
     def nodal_von_mises(self, step: int) -> np.ndarray:
@@ -167,7 +192,8 @@ class Fields:
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
         corners = self.corner_stress(step)
-        return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))
+        return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)],
+                                                 axis=1))
 
 
 def shown_moduli(scene: Scene) -> np.ndarray:

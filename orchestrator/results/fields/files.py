@@ -1,8 +1,10 @@
-"""The field files of a run: fields.npz for programs (``npz``), fields/ (.vtu per step and a .pvd) for ParaView.
+"""The field files of a run: fields.npz for programs (``npz``), fields/ (.vtu per step and a .pvd)
+for ParaView.
 
-ParaView shows the six components of the stress under their names and takes them as a symmetric tensor. In the .vtu files
-every part and every matter has its own nodes, and where interfaces can open every body, so that bodies separate and
-stresses at nodes are of one body each; what happens on the interfaces is in files of their own.
+ParaView shows the six components of the stress under their names and takes them as a symmetric
+tensor. In the .vtu files every part and every matter has its own nodes, and where interfaces can
+open every body, so that bodies separate and stresses at nodes are of one body each; what happens on
+the interfaces is in files of their own.
 """
 
 from __future__ import annotations
@@ -53,34 +55,44 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
     names = [f"{plain}_{step + 1:04d}.vtu" for step in range(len(part.displacement))]
     for name, u, force in zip(names, part.displacement, part.force):
         with folder.replacing(f"fields/{name}") as temporary:
-            meshio.vtu.write(temporary, meshio.Mesh(part.points, part.blocks, point_data={"displacement": u, "joint_force": force}),
+            meshio.vtu.write(temporary,
+                             meshio.Mesh(part.points, part.blocks,
+                                         point_data={"displacement": u, "joint_force": force}),
                              binary=True, compression=None)
     return names
 
 
-def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields, hidden: set[str]) -> None:
+def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
+                 hidden: set[str]) -> None:
     """Write a grid of every load step, without parts of these names."""
     nodal, some, at, shown = fields.nodal, fields.apart, slice(None), slice(None)
     if hidden:
-        shown = np.flatnonzero(~np.isin(fields.part, [i for i, name in enumerate(fields.parts) if name in hidden]))
+        shown = np.flatnonzero(~np.isin(fields.part,
+                                        [i for i, name in enumerate(fields.parts)
+                                         if name in hidden]))
         some, at = some.some(shown), np.unique(some.cells[shown])
     for step, name in enumerate(names):
         data = _data(nodal, some, step, at, shown)
-        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data, names=_numbered("part", fields.parts))
+        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data,
+                  names=_numbered("part", fields.parts))
 
 
 def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
           shown: np.ndarray | slice) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a stress, cells ``shown`` of all."""
+    """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a
+    stress, cells ``shown`` of all.
+    """
     sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
-    cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": drawn.subdomain.astype(np.int32)}
+    cells = {"stress": sigma, "von_mises": von_mises(sigma),
+             "subdomain": drawn.subdomain.astype(np.int32)}
     if drawn.part is not None:
         cells["part"] = drawn.part.astype(np.int32)
     if drawn.cells.shape[1] == 10:
         cells["von_mises_max"] = nodal.fields.nodal_von_mises(step)[shown].max(axis=1)
     if drawn.discretisation_error is not None:
         cells["discretisation_error"] = drawn.discretisation_error[step]
-    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "nodal_von_mises": von_mises(stress[at]),
+    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at],
+            "nodal_von_mises": von_mises(stress[at]),
             "principal_stress": principal(stress[at])}, cells
 
 
@@ -97,7 +109,8 @@ def _write_interfaces(folder: ResultsFolder, names: Sequence[str], fields: Field
     """
     i, displacement = fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)]
     shifts = {name: x for name in SHIFTS if (x := getattr(i, name)) is not None}
-    pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)], dtype=bool)[i.interface_of_node]
+    pulled = np.array([(LAWS if law in LAWS else GROUND)[law].axial for law in map(str, i.laws)],
+                      dtype=bool)[i.interface_of_node]
     for step, name in enumerate(names):
         pressure = i.pressure[step]
         tension = {"tension": np.where(pulled, -pressure, 0.0)} if pulled.any() else {}
@@ -118,35 +131,47 @@ _COUNT = np.dtype(np.uint64)  # of an array's bytes, ahead of them
 
 
 def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.ndarray,
-              point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray], names: Mapping[str, int] | None = None) -> None:
+              point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray],
+              names: Mapping[str, int] | None = None) -> None:
     """Writes one grid.
 
     name : of the file in the folder
     points : (n, 3) float
     cells : (m, 3, 4 or 10) int: triangles, tets or ten-node tets
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
-    names : name → number in an array of the cells; ParaView lists them as field data (texts there are what other readers stumble on)
+    names : name → number in an array of the cells; ParaView lists them as field data (texts there
+        are what other readers stumble on)
     """
     m, width = cells.shape
-    triangles = {"connectivity": cells.astype(np.int64, copy=False).ravel(), "offsets": np.arange(width, width * m + 1, width),
+    triangles = {"connectivity": cells.astype(np.int64, copy=False).ravel(),
+                 "offsets": np.arange(width, width * m + 1, width),
                  "types": np.full(m, _TYPES[width], np.uint8)}
     sets = [{"Points": points.astype(float, copy=False)}, triangles, point_data, cell_data]
     every = [np.ascontiguousarray(values) for each in sets for values in each.values()]
     order = _in_order([_COUNT.itemsize + values.nbytes for values in every])
-    offsets = dict(zip(order, np.cumsum([0, *(_COUNT.itemsize + every[k].nbytes for k in order)]).tolist()))
+    offsets = dict(
+        zip(order, np.cumsum([0, *(_COUNT.itemsize + every[k].nbytes for k in order)]).tolist()))
     number = count()
 
     def array(name: str, values: np.ndarray) -> str:
         return f'        <DataArray {_kind(name, values)} format="appended" offset="{offsets[next(number)]}"/>'
 
-    listed = [f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" format="ascii">{number}</DataArray>'
+    listed = [
+        f'      <DataArray type="Int32" Name="{escape(name)}" NumberOfTuples="1" '
+        f'format="ascii">{number}</DataArray>'
               for name, number in (names or {}).items()]
-    of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()] for each in sets)
-    rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
-            "  <UnstructuredGrid>", *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []),
+    of_points, of_cells, at_points, in_cells = ([array(*item) for item in each.items()]
+                                                for each in sets)
+    rows = ['<?xml version="1.0"?>',
+            f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" '
+            'header_type="UInt64">',
+            "  <UnstructuredGrid>",
+            *(["    <FieldData>", *listed, "    </FieldData>"] if listed else []),
             f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
-            "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells, "      </Cells>",
-            "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells, "      </CellData>",
+            "      <Points>", *of_points, "      </Points>", "      <Cells>", *of_cells,
+            "      </Cells>",
+            "      <PointData>", *at_points, "      </PointData>", "      <CellData>", *in_cells,
+            "      </CellData>",
             "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
     with folder.replacing(name) as temporary, open(temporary, "wb") as file:
         file.write("\n".join(rows).encode())
@@ -159,8 +184,8 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
 def _in_order(sizes: Sequence[int]) -> list[int]:
     """An order of arrays of so many bytes in which meshio 5 reads them.
 
-    It writes base64's offset in the place of each array's own, one after the other, and looks the next array up among both: where they are
-    equal it exchanges two arrays.
+    It writes base64's offset in the place of each array's own, one after the other, and looks the
+    next array up among both: where they are equal it exchanges two arrays.
     """
     order, raw = list(range(len(sizes))), np.array(sizes)
     for _ in sizes:
@@ -173,16 +198,21 @@ def _in_order(sizes: Sequence[int]) -> list[int]:
 
 def _kind(name: str, values: np.ndarray) -> str:
     """What is said of an array's numbers."""
-    kind = {"i": "Int", "u": "UInt", "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
-    return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else "")
+    kind = {"i": "Int", "u": "UInt",
+            "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
+    return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"'
+                                             if values.ndim > 1 else "")
 
 
-def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str], parts: Sequence[Sequence[str]] = ()) -> None:
+def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str],
+              parts: Sequence[Sequence[str]] = ()) -> None:
     """Writes a ParaView collection of one file per load step beside it, time = step from 1.
 
     parts : of further parts, one file per load step each
     """
     rows = [f'    <DataSet timestep="{step}" group="" part="{part}" file="{file}"/>'
             for part, files in enumerate([steps, *parts]) for step, file in enumerate(files, 1)]
-    folder.write(name, "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>",
-                                  *rows, "  </Collection>", "</VTKFile>", ""]))
+    folder.write(name,
+                 "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">',
+                            "  <Collection>",
+                            *rows, "  </Collection>", "</VTKFile>", ""]))

@@ -42,7 +42,9 @@ def new_figure(width: float, height: float) -> Figure:
 
 @cache
 def _without_strangers_settings() -> None:
-    """matplotlib obeys a matplotlibrc of the current folder, whoever's it is: it may have texts set by LaTeX. Not here."""
+    """matplotlib obeys a matplotlibrc of the current folder, whoever's it is: it may have texts set
+    by LaTeX. Not here.
+    """
     import matplotlib
 
     if Path(matplotlib.matplotlib_fname()).absolute().parent == Path.cwd():
@@ -109,7 +111,9 @@ def largest_displacement(fields: Fields, kept: np.ndarray, steps: Sequence[int])
 def _bodies(
     fields: Fields, kept: np.ndarray, steps: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (E,) size of each subdomain's box, and of its displacements'; 0 without ``kept`` cells."""
+    """Return (E,) size of each subdomain's box, and of its displacements'; 0 without ``kept``
+    cells.
+    """
     drawn, cells = fields.opened, fields.opened.cells[kept]
     order = np.argsort(fields.subdomain[kept], kind="stable")
     number, first = np.unique(fields.subdomain[kept][order], return_index=True)

@@ -1,4 +1,6 @@
-"""A report a person can read, made from a results folder alone: report.md, report.html and the figures."""
+"""A report a person can read, made from a results folder alone: report.md, report.html and the
+figures.
+"""
 
 from __future__ import annotations
 
@@ -25,28 +27,40 @@ from orchestrator.results.summary.verdict import verdict
 
 # words of the summary → what to cite where they are there
 CITED = {
-    "": "P. Oumaziz, P. Gosselet, P.-A. Boucard, M. Abbas: A parallel non-invasive multiscale strategy for a mixed "
-        "domain decomposition method with frictional contact. Int. J. Numer. Meth. Eng. 115 (2018) 893–912 (the method).",
-    r'"status_counts": {': "P. Oumaziz, P. Gosselet, P.-A. Boucard, S. Guinard: A non-invasive implementation of a mixed domain "
-        "decomposition method for frictional contact problems. Comput. Mech. 60 (2017) 797–812 (contact).",
-    r'"acceleration": "Anderson': "D. G. Anderson: Iterative procedures for nonlinear integral equations. J. ACM 12 (1965) "
-        "547–560 (acceleration).",
-    r'"error_kind": "': "W. Prager, J. L. Synge: Approximations in elasticity based on the concept of function space. "
-        "Quart. Appl. Math. 5 (1947) 241–269 (error bound).",
-    r'"code": "freefem"': "F. Hecht: New development in FreeFem++. J. Numer. Math. 20 (2012) 251–265 (finite elements).",
-    r'"code": "calculix"': "G. Dhondt: The Finite Element Method for Three-Dimensional Thermomechanical Applications. "
-        "Wiley, 2004 (finite elements: CalculiX).",
-    r'"code": "scikit-fem"': "T. Gustafsson, G. D. McBain: scikit-fem: A Python package for finite element assembly. "
-        "J. Open Source Softw. 5 (2020) 2369 (finite elements).",
-    r'"(step|polycrystal)": ["{]': "C. Geuzaine, J.-F. Remacle: Gmsh: a 3-D finite element mesh generator with built-in pre- and "
-        "post-processing facilities. Int. J. Numer. Meth. Eng. 79 (2009) 1309–1331 (meshes).",
-    r'"metis": \d': "G. Karypis, V. Kumar: A fast and high quality multilevel scheme for partitioning irregular graphs. "
-        "SIAM J. Sci. Comput. 20 (1998) 359–392 (subdomains).",
+    "": "P. Oumaziz, P. Gosselet, P.-A. Boucard, M. Abbas: A parallel non-invasive multiscale "
+        "strategy for a mixed domain decomposition method with frictional contact. Int. J. Numer. "
+        "Meth. Eng. 115 (2018) 893–912 (the method).",
+    r'"status_counts": {': "P. Oumaziz, P. Gosselet, P.-A. Boucard, S. Guinard: A non-invasive "
+                           "implementation of a mixed domain decomposition method for frictional "
+                           "contact problems. Comput. Mech. 60 (2017) 797–812 (contact).",
+    r'"acceleration": "Anderson': "D. G. Anderson: Iterative procedures for nonlinear integral "
+                                  "equations. J. ACM 12 (1965) 547–560 (acceleration).",
+    r'"error_kind": "': "W. Prager, J. L. Synge: Approximations in elasticity based on the concept "
+                        "of function space. Quart. Appl. Math. 5 (1947) 241–269 (error bound).",
+    r'"code": "freefem"': "F. Hecht: New development in FreeFem++. J. Numer. Math. 20 (2012) "
+                          "251–265 (finite elements).",
+    r'"code": "calculix"': "G. Dhondt: The Finite Element Method for Three-Dimensional "
+                           "Thermomechanical Applications. Wiley, 2004 (finite elements: "
+                           "CalculiX).",
+    r'"code": "scikit-fem"': "T. Gustafsson, G. D. McBain: scikit-fem: A Python package for finite "
+                             "element assembly. J. Open Source Softw. 5 (2020) 2369 (finite "
+                             "elements).",
+    r'"(step|polycrystal)": ["{]': "C. Geuzaine, J.-F. Remacle: Gmsh: a 3-D finite element mesh "
+                                   "generator with built-in pre- and post-processing facilities. "
+                                   "Int. J. Numer. Meth. Eng. 79 (2009) 1309–1331 (meshes).",
+    r'"metis": \d': "G. Karypis, V. Kumar: A fast and high quality multilevel scheme for "
+                    "partitioning irregular graphs. SIAM J. Sci. Comput. 20 (1998) 359–392 "
+                    "(subdomains).",
 }
-_PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; lines: sharp edges and borders of the subdomains."),
-             ("interfaces.png", "The interfaces that are not perfect: where they are open, stick or slip."),
+_PICTURES = [
+    ("deformed.png",
+     "Deformed structure, coloured by von Mises stress; lines: sharp edges and borders of the "
+     "subdomains."),
+             ("interfaces.png",
+              "The interfaces that are not perfect: where they are open, stick or slip."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
-             ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
+             ("time.png",
+              "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
 def report(directory: str | os.PathLike[str]) -> Path:
@@ -54,8 +68,8 @@ def report(directory: str | os.PathLike[str]) -> Path:
 
     directory : a results folder
     Returns path of report.md
-    Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; a package that draws
-        is not installed
+    Raises InputError: missing folder, or not one that a run has written; disk full or folder not
+        writable; a package that draws is not installed
     """
     for package in DRAWING:
         check_there(package)
@@ -70,7 +84,8 @@ def report(directory: str | os.PathLike[str]) -> Path:
     there = {path.name for path in made}
     pictures = [picture(f"figures/{file}", text) for file, text in _PICTURES if file in there]
     first = _PICTURES[0][0] in there
-    parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
+    # the structure first, the rest where the text has come to it
+    parts = _parts(solution, pictures[:first])
     parts += section("Figures", *pictures[first:])
     text = "\n\n".join(parts + _configuration(solution.summary) + cited(solution.summary)) + "\n"
     folder.write("report.html", page(text, folder.path, name))
@@ -78,13 +93,17 @@ def report(directory: str | os.PathLike[str]) -> Path:
 
 
 def _parts(solution: Solution, pictures: list[str]) -> list[str]:
-    """The report's parts: the verdict first, the structure's picture, the lines of the summary, the tables behind them."""
+    """The report's parts: the verdict first, the structure's picture, the lines of the summary, the
+    tables behind them.
+    """
     summary = solution.summary
     told = verdict(summary) if solution.converged else [
-        f"The run has NOT converged ({summary.get('stop_reason')}): these numbers are of its last state."]
+        f"The run has NOT converged ({summary.get('stop_reason')}): these numbers are of its last "
+        "state."]
     return [heading(str(summary.get("name") or "Run"), 1), *map(Marked.of, told), *pictures,
             table(("", ""), [row for row in summary_rows(summary) if row[0] != "verdict"]),
-            *(part for each in tables(summary, solution.history, solution.directory) for part in each.markdown)]
+            *(part for each in tables(summary, solution.history, solution.directory)
+              for part in each.markdown)]
 
 
 def cited(summary: Mapping[str, object]) -> list[str]:
@@ -96,21 +115,29 @@ def cited(summary: Mapping[str, object]) -> list[str]:
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:
     """The configuration as YAML, and the versions that have computed it."""
-    config, writer, stream = _without(summary.get("config") or {}), YAML(typ="safe", pure=True), io.StringIO()
-    config["method"] = _without(config.get("method") or {}, Method().model_dump(mode="json", exclude_none=True))
+    config, writer, stream = _without(summary.get("config")
+                                      or {}), YAML(typ="safe", pure=True), io.StringIO()
+    config["method"] = _without(config.get("method") or {},
+                                Method().model_dump(mode="json", exclude_none=True))
     writer.default_flow_style, writer.sort_base_mapping_type_on_output, writer.width = None, False, 100
     writer.dump({key: value for key, value in config.items() if value not in ({}, [])}, stream)
-    versions = ", ".join(f"{name} {version}" for name, version in (summary.get("versions") or {}).items())
-    return [heading("The question"), plain(f"The configuration, less what is the default of method. Versions: {versions or 'unknown'}."),
+    versions = ", ".join(f"{name} {version}"
+                         for name, version in (summary.get("versions") or {}).items())
+    return [heading("The question"),
+            plain(
+                "The configuration, less what is the default of method. Versions: "
+                f"{versions or 'unknown'}."),
             "\n".join("    " + line for line in stream.getvalue().splitlines())]
 
 
-def _without(value: Mapping[str, object], usual: Mapping[str, object] | None = None) -> dict[str, object]:
+def _without(value: Mapping[str, object], usual: Mapping[str, object]
+             | None = None) -> dict[str, object]:
     """Entries that say something: no null, and none that is as usual."""
     usual, result = usual or {}, {}
     for key, item in value.items():
         if isinstance(item, Mapping):
-            item = _without(item, known if isinstance(known := usual.get(key), Mapping) else None) or None
+            item = _without(item, known if isinstance(known := usual.get(key), Mapping)
+                            else None) or None
         if item is not None and usual.get(key) != item:
             result[key] = item
     return result

@@ -86,7 +86,7 @@ class Finder:
                 self.problems.add((*path, "at"),
                                   f"{format_point(at)} is where {some(names)} meet: each has "
                                   "values of its own there",
-                                 "one part", f"add part: {names[0]}")
+                                  "one part", f"add part: {names[0]}")
                 return None
             return ProbePoint(name, asked.quantity, tets.place, int(tets.number[0]),
                               tets.weights[0], tets.subdomain[:1])
@@ -98,8 +98,8 @@ class Finder:
                           f"{format_point(at)} is outside {whose}; the nearest node is "
                           f"{distance.min():.6g} away, at "
                           f"{format_point(nearest)}", "a point inside or on the surface",
-                     f"take {format_point(nearest)}, or a point between nodes; if the unit of "
-                     "length differs, set scale: under mesh:")
+                          f"take {format_point(nearest)}, or a point between nodes; if the unit of "
+                          "length differs, set scale: under mesh:")
         return None
 
     def around(self, at: np.ndarray, allowed: np.ndarray) -> Tets:
@@ -220,7 +220,7 @@ class Finder:
             self.problems.add((*path, "on"),
                               f"faces between {some(names)}: each has values of its own there",
                               "one part",
-                         f"add part: {names[0]}")
+                              f"add part: {names[0]}")
             return None
         cells = np.where(first, owner, other)
         kept = first | second
@@ -234,7 +234,7 @@ class Finder:
         about = centre if asked.about is None else np.array(asked.about, dtype=float)
         return ProbeSurface(name, asked.quantity, asked.of or "displacement", cells, corners, area,
                             total, centre, about, within,
-                       np.unique(self.subdomain[cells]))
+                            np.unique(self.subdomain[cells]))
 
 
 def _parted(mesh: Mesh, cells: np.ndarray, allowed: np.ndarray, front: np.ndarray) -> np.ndarray:

@@ -14,9 +14,11 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.linalg import svd
 
 RIGID = 6  # motions of a rigid body
-# Motions that move the prescribed components by less than this share of the body's size count as free.
+# Motions that move the prescribed components by less than this share of the body's size count as
+# free.
 HELD = 1e-8
-# Beyond these, small perturbations do not hold: a rotation in radians (1 − cos is half a per cent there), and a
+# Beyond these, small perturbations do not hold: a rotation in radians (1 − cos is half a per cent
+# there), and a
 # displacement over the body's size.
 ROTATION = DISPLACEMENT = 0.1
 # Nodes closer than this share of the mesh's size are said to coincide.
@@ -31,7 +33,8 @@ SAID = 3
 
 @dataclass(frozen=True)
 class Hinge:
-    """Hinge that joins two bodies in points alone: an edge or a corner that they share, or few points of an interface.
+    """Hinge that joins two bodies in points alone: an edge or a corner that they share, or few
+    points of an interface.
 
     cells : one of either body
     points : (n, 3) where they move alike
@@ -44,7 +47,8 @@ class Hinge:
 
 
 def motions(nodes: np.ndarray) -> np.ndarray:
-    """The six rigid motions (3n, 6) of nodes (n, 3): translations x, y, z, rotations about the centre.
+    """The six rigid motions (3n, 6) of nodes (n, 3): translations x, y, z, rotations about the
+    centre.
 
     Rotations are divided by the body's size, so that all columns have entries of order one.
     """
@@ -52,7 +56,9 @@ def motions(nodes: np.ndarray) -> np.ndarray:
 
 
 def motions_about(nodes: np.ndarray, centre: np.ndarray, size: float) -> np.ndarray:
-    """Rigid motions (n, 3, 6), rotations about any ``centre`` (3,) and divided by any ``size``, a length."""
+    """Rigid motions (n, 3, 6), rotations about any ``centre`` (3,) and divided by any ``size``, a
+    length.
+    """
     arm = (nodes - centre) / size
     columns = np.zeros((len(nodes), 3, 6))
     columns[:, range(3), range(3)] = 1.0
@@ -63,7 +69,9 @@ def motions_about(nodes: np.ndarray, centre: np.ndarray, size: float) -> np.ndar
 
 
 def size_of(nodes: np.ndarray) -> float:
-    """Length scale of a body: the largest distance of a node (n, 3) from the centre, 1 for a point."""
+    """Length scale of a body: the largest distance of a node (n, 3) from the centre, 1 for a
+    point.
+    """
     return float(np.sqrt(((nodes - nodes.mean(axis=0)) ** 2).sum(axis=1).max())) or 1.0
 
 
@@ -78,7 +86,8 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
     held = motions(nodes)[fixed.reshape(-1)]
     if kept is not None:
         centre, size = nodes.mean(axis=0), size_of(nodes)
-        of_origin = motions_about(np.zeros((1, 3)), centre, size)[0]  # (3, 6), what our columns move the origin by
+        # (3, 6), what our columns move the origin by
+        of_origin = motions_about(np.zeros((1, 3)), centre, size)[0]
         rows = kept[:, :3] @ of_origin
         rows[:, 3:] += kept[:, 3:] / size
         length = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -87,7 +96,8 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
 
 
 def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """Orthonormal rigid motions (3n, r) that vanish on the fixed components; r = 6 when nothing is fixed.
+    """Orthonormal rigid motions (3n, r) that vanish on the fixed components; r = 6 when nothing is
+    fixed.
 
     nodes : (n, 3) coordinates; fixed : (n, 3) bool
     """
@@ -100,9 +110,11 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = (),
                hinges: Sequence[Hinge] = ()) -> None:
-    """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
+    """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions
+    and parts.
 
-    links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
+    links : (k, 2) int, cells that an interface connects although they share no face; they hold each
+        other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     hinges : what joins bodies in single points
     """
@@ -112,12 +124,15 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         piece = joined[piece]
     order = np.argsort(piece, kind="stable")
     ranges = np.searchsorted(piece[order], np.arange(count + 1))
-    own = [_nodes_of(mesh, order[a:b] if count > 1 else slice(None)) for a, b in zip(ranges[:-1], ranges[1:])]
+    own = [_nodes_of(mesh, order[a:b] if count > 1 else slice(None))
+           for a, b in zip(ranges[:-1], ranges[1:])]
     hint = _touching(mesh, own) if count > 1 else None
     kept = [[rows for cell, rows in grounds if piece[cell] == i] for i in range(count)]
-    left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None) for nodes, rows in zip(own, kept)]
+    left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None)
+            for nodes, rows in zip(own, kept)]
     hinges = [hinge for hinge in hinges if piece[hinge.cells[0]] != piece[hinge.cells[1]]]
-    _hold_by_hinges([mesh.nodes[nodes] for nodes in own], left, hinges, [tuple(piece[list(hinge.cells)]) for hinge in hinges])
+    _hold_by_hinges([mesh.nodes[nodes] for nodes in own], left, hinges,
+                    [tuple(piece[list(hinge.cells)]) for hinge in hinges])
     named = [[mesh.volumes[v] for v in np.unique(mesh.volume[order[a:b]])]
              for a, b in zip(ranges[:-1], ranges[1:])]
     for i, (nodes, free) in enumerate(zip(own, left)):
@@ -139,16 +154,22 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                     "bodies of their own, give each a volume, and join them by an entry of "
                     f"interfaces; otherwise {cure}")
         elif hint is not None and hint[i]:
-            cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
-                    "faces do not match: if the parts are meant to touch, " + JOINED + ", or merge them; otherwise " + cure)
+            cure = (
+                f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered "
+                "separately, but their faces do not match: if the parts are meant to "
+                "touch, " + JOINED
+                + ", or merge them; otherwise " + cure)
         elif hint is not None:
             cure += f"; if it is meant to touch others, {JOINED}; or let contact with gap: geometry hold it, which reaches over gaps"
-        problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
+        problems.add(("boundary",),
+                     f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
 
 
-def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Sequence[Hinge], bodies: Sequence[tuple[int, int]]) -> None:
-    """Takes from the motions ``left`` of bodies, in place, what hinges stop: in their points, bodies on both sides move alike.
+def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Sequence[Hinge],
+                    bodies: Sequence[tuple[int, int]]) -> None:
+    """Takes from the motions ``left`` of bodies, in place, what hinges stop: in their points,
+    bodies on both sides move alike.
 
     nodes : (n, 3) of each body; bodies : the two of each hinge
     """
@@ -166,7 +187,8 @@ def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Seq
             if pair[0] in columns:
                 rows.append(np.zeros((3 * len(hinge.points), ends[-1])))
                 for i, sign in zip(pair, (1.0, -1.0)):
-                    moved = motions_about(hinge.points, nodes[i].mean(axis=0), size_of(nodes[i])).reshape(-1, 6)
+                    moved = motions_about(hinge.points, nodes[i].mean(axis=0),
+                                          size_of(nodes[i])).reshape(-1, 6)
                     rows[-1][:, columns[i]] = sign * moved @ left[i]
         free = null_space(np.concatenate(rows))
         for i in chosen:
@@ -177,7 +199,8 @@ def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Seq
 def null_space(rows: np.ndarray) -> np.ndarray:
     """(m, r) orthonormal, what rows (n, m) of entries of order one send to zero."""
     # The triangular factor has the singular values of the tall matrix.
-    _, values, turned = svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows, full_matrices=True)
+    _, values, turned = svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows,
+                            full_matrices=True)
     values = np.r_[values, np.zeros(rows.shape[1] - len(values))]
     return turned[values <= HELD * np.sqrt(len(rows))].T
 
@@ -185,7 +208,8 @@ def null_space(rows: np.ndarray) -> np.ndarray:
 def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
     """(n,) ascending, the nodes of some cells."""
     chosen = mesh.cells[cells]
-    if chosen.size < len(mesh.nodes):  # of many pieces: marks on all nodes would grow with their square
+    # of many pieces: marks on all nodes would grow with their square
+    if chosen.size < len(mesh.nodes):
         return np.unique(chosen)
     marked = np.zeros(len(mesh.nodes), dtype=bool)
     marked[chosen] = True
@@ -219,7 +243,9 @@ def describe(free: np.ndarray, nodes: np.ndarray) -> str:
             continue
         # turn/size is the angular velocity; the axis is where the motion vanishes across it.
         through = centre + size * np.cross(turn, shift) / (turn @ turn)
-        words.append(f"rotation about the {_direction(turn)} axis through {format_point(_clean(through, size))}")
+        words.append(
+            f"rotation about the {_direction(turn)} axis through "
+            f"{format_point(_clean(through, size))}")
     return ", ".join(reversed(words))
 
 

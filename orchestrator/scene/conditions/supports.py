@@ -28,8 +28,10 @@ ORIGIN = np.zeros(3), 1.0
 class Supports:
     """Of some subdomains.
 
-    centre, size : (s, 3) and (s,) that motions are about, as of ``motions_about``; all nodes are within
-    rows : (s, 6, 6) triangular factors of the motions of what is held; count : (s,) int, how much that is
+    centre, size : (s, 3) and (s,) that motions are about, as of ``motions_about``; all nodes are
+        within
+    rows : (s, 6, 6) triangular factors of the motions of what is held; count : (s,) int, how much
+        that is
     """
 
     centre: np.ndarray
@@ -38,12 +40,15 @@ class Supports:
     count: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, own: Sequence[Subdomain], kept: Mapping[int, Sequence[np.ndarray]] = {}) -> Supports:
+    def of(cls, scene: Scene, own: Sequence[Subdomain],
+           kept: Mapping[int, Sequence[np.ndarray]] = {}) -> Supports:
         """Of subdomains whose nodes are all there.
 
-        kept : number of a subdomain → (q, 6) each, what else must rest, of a translation of the origin and a rotation about it
+        kept : number of a subdomain → (q, 6) each, what else must rest, of a translation of the
+            origin and a rotation about it
         """
-        result = cls(np.zeros((len(own), 3)), np.ones(len(own)), np.zeros((len(own), 6, 6)), np.zeros(len(own), dtype=int))
+        result = cls(np.zeros((len(own), 3)), np.ones(len(own)), np.zeros((len(own), 6, 6)),
+                     np.zeros(len(own), dtype=int))
         for k, s in enumerate(own):
             points, at = scene.mesh.nodes[s.nodes], np.flatnonzero(s.fixed.any(axis=1))
             result.centre[k], result.size[k] = about = points.mean(axis=0), size_of(points)
@@ -55,15 +60,22 @@ class Supports:
         return result
 
     def of_body(self, pieces: np.ndarray) -> tuple[tuple[np.ndarray, float], np.ndarray]:
-        """Centre (3,) and size of some subdomains (k,) int that move as one; (6 k, 6) what holds them, of motions about these."""
+        """Centre (3,) and size of some subdomains (k,) int that move as one; (6 k, 6) what holds
+        them, of motions about these.
+        """
         centre = self.centre[pieces].mean(axis=0)
-        about = centre, float((np.linalg.norm(self.centre[pieces] - centre, axis=1) + self.size[pieces]).max())
-        return about, np.concatenate([self.rows[e] @ _turned((self.centre[e], self.size[e]), about) for e in pieces])
+        about = centre, float(
+            (np.linalg.norm(self.centre[pieces] - centre, axis=1) + self.size[pieces]).max())
+        return about, np.concatenate([self.rows[e] @ _turned((self.centre[e], self.size[e]), about)
+                                      for e in pieces])
 
     def free(self, body: np.ndarray) -> np.ndarray:
-        """(bodies,) bool, which can move as rigid ones; ``body`` (s,) int that each subdomain is of."""
+        """(bodies,) bool, which can move as rigid ones; ``body`` (s,) int that each subdomain is
+        of.
+        """
         result = np.ones(int(body.max()) + 1, dtype=bool)
-        for b, pieces in enumerate(np.split(np.argsort(body, kind="stable"), np.cumsum(np.bincount(body))[:-1])):
+        for b, pieces in enumerate(np.split(np.argsort(body, kind="stable"),
+                                            np.cumsum(np.bincount(body))[:-1])):
             count = self.count[pieces].sum()
             if count >= 6:
                 rows = self.of_body(pieces)[1]
@@ -78,7 +90,8 @@ class Supports:
 
 def supports_of(scene: Scene) -> Supports:
     """Of all subdomains of a scene, or of the one that it is a part of."""
-    return Supports.of(scene, scene.subdomains) if scene.overview is None else scene.overview.supports
+    return Supports.of(scene,
+                       scene.subdomains) if scene.overview is None else scene.overview.supports
 
 
 def _turned(one: tuple[np.ndarray, float], two: tuple[np.ndarray, float]) -> np.ndarray:
@@ -90,17 +103,22 @@ def _turned(one: tuple[np.ndarray, float], two: tuple[np.ndarray, float]) -> np.
 
 
 def loose_bodies(scene: Scene) -> np.ndarray:
-    """(subdomains,) bool, those that can move as rigid bodies, together with what joining laws tie to them.
+    """(subdomains,) bool, those that can move as rigid bodies, together with what joining laws tie
+    to them.
 
-    What contact may do for them depends on the load, and is not looked at: a block that is pressed on another one and
-    rubs is loose. A ground keeps from happening what its law says: a point that is pushed by a force holds nothing along it.
+    What contact may do for them depends on the load, and is not looked at: a block that is pressed
+    on another one and rubs is loose. A ground keeps from happening what its law says: a point that
+    is pushed by a force holds nothing along it.
     """
     if scene.overview is not None:
         return scene.overview.loose
     kept: dict[int, list[np.ndarray]] = {}
     for i in scene.interfaces:
         if i.law.on_ground:
-            kept.setdefault(i.subdomains[0], []).append(i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes], *ORIGIN)))
+            kept.setdefault(i.subdomains[0],
+                            []).append(
+                                i.law.keeps(motions_about(scene.mesh.nodes[i.global_nodes],
+                                                          *ORIGIN)))
     joining = ends_of(i for i in scene.interfaces if i.law.joins and not i.law.on_ground)
     return Supports.of(scene, scene.subdomains, kept).loose(joining)
 
@@ -108,25 +126,30 @@ def loose_bodies(scene: Scene) -> np.ndarray:
 SHARED = "an edge that bodies share is a hinge, and a corner less"
 
 
-def joins(mesh: Mesh, partition: Partition, interfaces: Sequence[Interface]) -> tuple[list[np.ndarray], list[Hinge]]:
+def joins(mesh: Mesh, partition: Partition,
+          interfaces: Sequence[Interface]) -> tuple[list[np.ndarray], list[Hinge]]:
     """Cells (k, 2) on both sides of interfaces that join wholly, and the others.
 
-    Under laws that press the sides are taken to hold each other: what they carry depends on the load.
+    Under laws that press the sides are taken to hold each other: what they carry depends on the
+    load.
     """
     first = np.unique(partition.subdomain, return_index=True)[1]
     whole, hinges = [], []
     for i in interfaces:
         points, cure = mesh.nodes[i.global_nodes], SHARED
         if len(i.triangles):
-            if i.mortar is None or i.law.presses or not len(i.mortar):  # sides without any point are told of elsewhere
+            # sides without any point are told of elsewhere
+            if i.mortar is None or i.law.presses or not len(i.mortar):
                 whole.append(i.cells)
                 continue
             points = i.mortar.places(i.mortar.first, points)
             if not left_over(points, np.ones(points.shape, dtype=bool)).shape[1]:
                 whole.append(i.cells)
                 continue
-            many = "one point carries" if len(points) == 1 else f"{len(points)} points in a line carry"
-            cure = (f"{i.name} have so little in common beside the size of their facets that {many}, at "
-                    f"{format_point(points.mean(axis=0))}: mesh both finer there")
+            many = "one point carries" if len(
+                points) == 1 else f"{len(points)} points in a line carry"
+            cure = (
+                f"{i.name} have so little in common beside the size of their facets that {many}, "
+                f"at {format_point(points.mean(axis=0))}: mesh both finer there")
         hinges.append(Hinge(tuple(int(first[e]) for e in i.subdomains), points, cure))
     return whole, hinges

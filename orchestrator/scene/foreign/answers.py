@@ -19,9 +19,11 @@ import numpy as np
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program import ProgramRuns
 
-# Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
+# Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits
+# leaves 1e-9.
 REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
-# Springs over the mean diagonal of S: outside this range digits are lost, and all is asked once more with other springs.
+# Springs over the mean diagonal of S: outside this range digits are lost, and all is asked once
+# more with other springs.
 SUITED, ATTEMPTS = (1e-3, 1e3), 4
 
 
@@ -46,15 +48,20 @@ class UnitAnswers:
 
     @cached_property
     def digits(self) -> float:
-        """Relative error of C's entries as they were written; 0 where they are all that doubles have."""
+        """Relative error of C's entries as they were written; 0 where they are all that doubles
+        have.
+        """
         return _digits(self.compliance[np.triu_indices(len(self.compliance))])
 
     @property
     def error(self) -> np.ndarray | None:
-        """(3n, 3n) a sample of what S may be off by, −C⁻¹ E C⁻¹ for errors E of random signs; None where no digits are missing."""
+        """(3n, 3n) a sample of what S may be off by, −C⁻¹ E C⁻¹ for errors E of random signs; None
+        where no digits are missing.
+        """
         if not self.digits:
             return None
-        upper = np.triu(self.digits * self.compliance * np.random.default_rng(1).uniform(-1, 1, self.compliance.shape))
+        upper = np.triu(self.digits * self.compliance
+                        * np.random.default_rng(1).uniform(-1, 1, self.compliance.shape))
         return self.inverse @ (upper + upper.T - np.diag(upper.diagonal())) @ self.inverse
 
     @classmethod
@@ -69,10 +76,12 @@ class UnitAnswers:
             compliance, asymmetry = _compliance(runs, joints, k)
             values, vectors = np.linalg.eigh(compliance)
             if not values[0] > 0:
-                raise runs.wrong(f"a force moves its joint backwards: the least eigenvalue of its compliance is {values[0] / values[-1]:.1e} "
-                                 "of the largest", "a stiffness with the springs of springs.txt on its diagonal, which is positive",
-                                 "look for signs, for springs that are not added, and for joint nodes that are held inside: leave these "
-                                 "out of the joint")
+                raise runs.wrong(
+                    "a force moves its joint backwards: the least eigenvalue of its compliance is "
+                    f"{values[0] / values[-1]:.1e} of the largest",
+                    "a stiffness with the springs of springs.txt on its diagonal, which is positive",
+                                 "look for signs, for springs that are not added, and for joint "
+                                 "nodes that are held inside: leave these out of the joint")
             answers = cls(k, compliance, (vectors / values) @ vectors.T, asymmetry)
             wanted = float(np.abs(np.diag(answers.stiffness)).mean()) or spring
             if SUITED[0] * wanted <= k[0] <= SUITED[1] * wanted:
@@ -86,7 +95,8 @@ def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.nd
     n, nonlinear = len(k), runs.part.nonlinear
     random = np.random.default_rng(n)
     probe = random.uniform(0.5, 1.0, n) * random.choice([-1.0, 1.0], n)
-    # so small, where matter is nonlinear, that nothing flows: the joint moves by a millionth of itself
+    # so small, where matter is nonlinear, that nothing flows: the joint moves by a millionth of
+    # itself
     unit = 1e-6 * joints.size * float(k.mean()) if nonlinear else 1.0
     asked = unit * np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
     found = runs.displacements(joints.ids, k, [0] * len(asked), asked) / unit
@@ -94,26 +104,34 @@ def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.nd
     again = runs.displacements(joints.ids, k, [0], unit * probe[None])[0] / unit
     size = np.abs(once).max()
     if not size > 0:
-        raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes", "add the forces of forces.txt "
-                         "to the right-hand side")
+        raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes",
+                         "add the forces of forces.txt to the right-hand side")
     if np.abs(nothing).max() > LINEAR * size:
-        raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}", "its own loads in cases whose "
-                         "first line is not 0, and in those alone", "leave them out where own is 0")
+        raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}",
+                         "its own loads in cases whose first line is not 0, and in those "
+                         "alone", "leave them out where own is 0")
     if np.abs(again - once).max() > max(REPEATED, 100 * _digits(once)) * size:
-        raise runs.wrong(f"the same forces are answered otherwise the second time: {np.abs(again - once).max() / size:.1e}",
-                         "answers that depend on the files alone", "look for what it remembers or takes at random, and for "
-                         "cases whose results are added to the next")
+        raise runs.wrong(
+            "the same forces are answered otherwise the second time: "
+            f"{np.abs(again - once).max() / size:.1e}",
+                         "answers that depend on the files alone",
+            "look for what it remembers or takes at random, and for cases whose results are added "
+            "to the next")
     left = max(np.abs(twice - 2 * once).max(), np.abs(probe @ C - once).max())
     if left > LINEAR * size:
-        raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}", "answers proportional to forces",
+        raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}",
+                         "answers proportional to forces",
                          "leave contact and large displacements out" + (
-                             "; of a nonlinear program, what flows at a millionth of its size" if nonlinear
+                             "; of a nonlinear program, what flows at a millionth of its size"
+                             if nonlinear
                              else ", or say nonlinear: true if its matter is"))
     apart = float(np.abs(C - C.T).max() / np.abs(C).max())
     if apart > RECIPROCAL:
-        raise runs.wrong(f"answers that are not reciprocal: what a force at one node moves another by differs from the reverse "
-                         f"by {apart:.1e}", "a symmetric stiffness", "look for forces and displacements of different nodes or "
-                         "axes, and for matrices of which one triangle is missing")
+        raise runs.wrong(
+            "answers that are not reciprocal: what a force at one node moves another by differs "
+            f"from the reverse by {apart:.1e}", "a symmetric stiffness",
+            "look for forces and displacements of different nodes or axes, and for matrices of "
+            "which one triangle is missing")
     return (C + C.T) / 2, apart
 
 

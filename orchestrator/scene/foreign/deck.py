@@ -268,10 +268,10 @@ def check_cards(file: Path, path: KeyPath, nonlinear: bool, loads: bool = False)
         elif card in NONLINEAR - (FLOWING if nonlinear else set()):
             said = (f"*{card}, which makes the part nonlinear",
                     "a linear part: its answers are superposed",
-                     "write nonlinear: true in its entry, so that load steps are replayed"
+                    "write nonlinear: true in its entry, so that load steps are replayed"
                     if card in FLOWING else
-                     "leave the card out, or put the nonlinear part in the orchestrator's own "
-                     "contact laws")
+                    "leave the card out, or put the nonlinear part in the orchestrator's own "
+                    "contact laws")
         elif loads and card == "BOUNDARY" and _new(options):
             said = (
                 "*BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another",

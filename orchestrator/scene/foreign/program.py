@@ -1,8 +1,8 @@
 """A user's program as a part: it starts in an empty folder with two text files, and leaves two.
 
-    springs.txt        n                  then per joint node    id kx ky kz             add to the
-    diagonal of the stiffness forces.txt         n cases            then per case          own, and
-    n rows  id fx fy fz displacements.txt  per case n rows    id ux uy uz
+    springs.txt        n                  then per joint node    id kx ky kz             add to the diagonal of the stiffness
+    forces.txt         n cases            then per case          own, and n rows  id fx fy fz
+    displacements.txt  per case n rows    id ux uy uz
     joint.txt          per joint node     id x y z [joint]       also with n = 0, the first call
 
 ``own`` is 0 where the case has none of the program's own loads, t where it has those of load step
@@ -159,8 +159,8 @@ class ProgramRuns:
             except subprocess.TimeoutExpired:
                 raise self.wrong(f"no answer within {self.part.timeout:g} s",
                                  "an answer within timeout", "raise timeout in its entry, or look "
-                                                             "for what it waits for: it has no "
-                                                             "input but its files") from None
+                                 "for what it waits for: it has no "
+                                 "input but its files") from None
             if code:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - TAIL))
                 said = log.read().decode(errors="replace").strip().splitlines()[-5:]

@@ -18,12 +18,16 @@ from orchestrator.linalg import svd
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
-# Triangles between nodes on a plane that are thinner than this share of their longest edge squared lie along its border.
+# Triangles between nodes on a plane that are thinner than this share of their longest edge squared
+# lie along its border.
 THIN = 1e-6
-# Between nodes that are spread evenly triangles are at most this much larger than the smallest at their corners: twice on
-# grids without the nodes in the middle of squares, three times on irregular ones. Above the second there is a void.
+# Between nodes that are spread evenly triangles are at most this much larger than the smallest at
+# their corners: twice on
+# grids without the nodes in the middle of squares, three times on irregular ones. Above the second
+# there is a void.
 UNEVEN, VOID = 1.6, 3.5
-# Cosine between the normals of two faces beside each other below which they lie on each other: edges sharper than 18° are none.
+# Cosine between the normals of two faces beside each other below which they lie on each other:
+# edges sharper than 18° are none.
 FOLDED = -0.95
 HOLE = 8  # edges up to which a hole looks like a missing face
 # Share of a plane's faces up to which area between nodes that none of them covers is odd: what is
@@ -34,43 +38,57 @@ SMOOTH = 0.5  # cosine between normals of faces above which no edge is between t
 NAMED = 6  # nodes
 
 
-def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> tuple[list[np.ndarray], list[str]]:
-    """A table of triangles (k, 3) between the nodes of a flat joint, outward, and what is to be said of them.
+def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath,
+             name: str) -> tuple[list[np.ndarray], list[str]]:
+    """A table of triangles (k, 3) between the nodes of a flat joint, outward, and what is to be
+    said of them.
 
     Raises InputError: nodes off the plane; triangles across what may be a void
     """
     normal = outward / (np.linalg.norm(outward) or 1.0)
     off = np.abs((points - points.mean(axis=0)) @ normal).max()
     if not np.linalg.norm(outward) or off > PLANE * size_of(points):
-        raise wrong(path, f"nodes of '{name}' that are up to {off:.3g} off a plane across {outward.tolist()}",
-                    "three nodes or more on one plane", "give the normal of the joint's plane, or facets: a file with the joint's faces")
+        raise wrong(path,
+                    f"nodes of '{name}' that are up to {off:.3g} off a plane across "
+                    f"{outward.tolist()}",
+                    "three nodes or more on one plane",
+                    "give the normal of the joint's plane, or facets: a file with the joint's faces")
     triangles, area, beside = between_nodes(points, normal)
     if not len(triangles):
-        raise wrong(path, f"{len(points)} nodes of '{name}', all on one line", "three nodes or more on a plane, not on a line",
+        raise wrong(path, f"{len(points)} nodes of '{name}', all on one line",
+                    "three nodes or more on a plane, not on a line",
                     "add the joint's other nodes")
     where = points[triangles[beside.argmax()]].mean(axis=0)
     made = f"{area.sum():.4g} of area between the {len(points)} nodes of '{name}'"
     if beside.max() > VOID:
-        raise wrong(path, f"{made}, with a face {beside.max():.2g} times as large as those beside it, at {format_point(where)}: "
-                    "there may be a void", "nodes spread evenly over a joint that fills its convex hull",
+        raise wrong(path,
+                    f"{made}, with a face {beside.max():.2g} times as large as those beside it, at "
+                    f"{format_point(where)}: there may be a void",
+                    "nodes spread evenly over a joint that fills its convex hull",
                     "give facets: a file with the joint's faces")
     large = area[beside > UNEVEN].sum()
     return [triangles], [f"{made} are its joint, up to their convex hull" + (
-        f", {large:.4g} of it in faces more than {UNEVEN:g} times as large as those beside them, the largest at {format_point(where)}"
+        f", {large:.4g} of it in faces more than {UNEVEN:g} times as large as those beside them, "
+        f"the largest at {format_point(where)}"
         if large else "") + "; if there is a void, give facets"]
 
 
-def between_nodes(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles (k, 3) between points (n, 3) of a plane, turning about its normal, up to their convex hull; their areas (k,),
-    and how many times as large they are as the smallest at their corners, in the mean; none between points on a line."""
+def between_nodes(points: np.ndarray,
+                  normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (k, 3) between points (n, 3) of a plane, turning about its normal, up to their
+    convex hull; their areas (k,),
+    and how many times as large they are as the smallest at their corners, in the mean; none between
+    points on a line."""
     from scipy.spatial import Delaunay  # for joints without faces alone
 
     flat = points @ svd(normal[None])[2][1:].T
-    if len(points) < 3 or svd(flat - flat.mean(axis=0), full_matrices=False)[1][1] <= PLANE * size_of(points):
+    if len(points) < 3 or svd(flat - flat.mean(axis=0),
+                              full_matrices=False)[1][1] <= PLANE * size_of(points):
         return np.empty((0, 3), int), np.empty(0), np.empty(0)
     triangles = Delaunay(flat).simplices.astype(int)
     signed = area_vectors(points, triangles) @ normal
-    longest = np.max([np.sum((points[triangles[:, i]] - points[triangles[:, i - 1]]) ** 2, axis=1) for i in range(3)], axis=0)
+    longest = np.max([np.sum((points[triangles[:, i]] - points[triangles[:, i - 1]]) ** 2, axis=1)
+                      for i in range(3)], axis=0)
     there = np.abs(signed) > THIN * longest  # slivers along straight edges are rounding
     triangles[signed < 0] = triangles[signed < 0][:, ::-1]
     triangles, area = triangles[there], np.abs(signed[there])
@@ -79,16 +97,19 @@ def between_nodes(points: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, n
     return triangles, area, area / np.median(least[triangles], axis=1)
 
 
-def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, path: KeyPath, name: str) -> None:
+def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, path: KeyPath,
+                  name: str) -> None:
     """Check a surface of triangles (k, 3), indices of nodes with numbers ids (n,).
 
-    Raises InputError: edges that two faces pass in the same direction, faces that fold back on each other
+    Raises InputError: edges that two faces pass in the same direction, faces that fold back on each
+    other
     """
     edges = triangles[:, TRIANGLE_EDGES].reshape(-1, 2)
-    way, first, count = np.unique(edges[:, 0] * len(points) + edges[:, 1], return_index=True, return_counts=True)
+    way, first, count = np.unique(edges[:, 0] * len(points) + edges[:, 1], return_index=True,
+                                  return_counts=True)
     if (count > 1).any():
-        raise _wrong(path, name, ids[edges[first[count.argmax()]]], "have it in the same direction", "turn one of them over, or leave out "
-                     "what comes twice")
+        raise _wrong(path, name, ids[edges[first[count.argmax()]]], "have it in the same direction",
+                     "turn one of them over, or leave out what comes twice")
     back = edges[:, 1] * len(points) + edges[:, 0]
     at = np.minimum(np.searchsorted(way, back), len(way) - 1)
     shared = np.flatnonzero(way[at] == back)
@@ -96,18 +117,22 @@ def check_surface(ids: np.ndarray, points: np.ndarray, triangles: np.ndarray, pa
     cosine = np.einsum("ij,ij->i", normal[shared // 3], normal[first[at[shared]] // 3])
     if len(shared) and cosine.min() < FOLDED:
         raise _wrong(path, name, ids[edges[shared[cosine.argmin()]]], "lie on each other",
-                     "look for ids that are exchanged, in the table of "
-                     "nodes or in the faces")
+                     "look for ids that are exchanged, in the table of nodes or in the faces")
 
 
 def _wrong(path: KeyPath, name: str, edge: np.ndarray, found: str, cure: str) -> InputError:
-    return wrong(path, f"'{name}': two faces at the edge between nodes {edge[0]} and {edge[1]} {found}",
+    return wrong(path,
+                 f"'{name}': two faces at the edge between nodes {edge[0]} and {edge[1]} {found}",
                  "faces beside each other, all anticlockwise seen from outside", cure)
 
 
 def holes(points: np.ndarray, triangles: np.ndarray, quadratic: bool, name: str) -> list[str]:
-    """Return a sentence for each small hole in a surface of triangles (k, 3), of faces with nodes in the middle of edges perhaps."""
-    return [f"faces of {name!r} leave a hole of {len(loop)} edges at {format_point(points[loop].mean(axis=0))}: are faces missing?"
+    """Return a sentence for each small hole in a surface of triangles (k, 3), of faces with nodes
+    in the middle of edges perhaps.
+    """
+    return [
+        f"faces of {name!r} leave a hole of {len(loop)} edges at "
+        f"{format_point(points[loop].mean(axis=0))}: are faces missing?"
             for loop in _inner_borders(triangles) if len(loop) <= HOLE * (1 + quadratic)]
 
 
@@ -135,9 +160,10 @@ def bare(points: np.ndarray, triangles: np.ndarray, others: np.ndarray, name: st
         missing = between[even].sum() - covered
         if NONE * covered < missing <= ODD * covered:
             moment = between[even] @ every[made[even]].mean(axis=1) - area[own] @ centres[own]
-            found.append(f"faces of {name!r} cover {covered:.4g} of area, and {missing:.2g} between "
-                         f"nodes beside them, about {format_point(moment / missing)}, is on none: "
-                         "are faces missing?")
+            found.append(
+                f"faces of {name!r} cover {covered:.4g} of area, and {missing:.2g} between nodes "
+                f"beside them, about {format_point(moment / missing)}, is on none: are faces "
+                "missing?")
     return found
 
 

@@ -20,7 +20,8 @@ EDGE = 1e-9  # barycentric coordinates from which a ray meets a facet
 Hidden = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def hidden(bodies: Sequence[BodyFaces], skins: Callable[[BodyFaces], Skin], one: BodyFaces, two: BodyFaces) -> Hidden:
+def hidden(bodies: Sequence[BodyFaces], skins: Callable[[BodyFaces], Skin], one: BodyFaces,
+           two: BodyFaces) -> Hidden:
     """Return the test whether a third of the ``bodies`` is between two: it has a face that looks
     at the first one's, on the way along the normal, and nearer than the second one's. Distances
     are those of the surfaces that facets stand for."""

@@ -81,7 +81,7 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
     found = find_segments(x, y, reach, cosine)
     found = found.some(~back_to_back(x, y, found.slave, found.master,
                                      np.where(found.distance < -COINCIDE * x.size[found.slave],
-                                                                               -found.distance,
+                                              -found.distance,
                                               0.0)))
     if hidden is not None:
         mine, theirs = found.middles

@@ -122,7 +122,8 @@ def _beside(parts: Parts, laws: Laws,
     return beside, governing
 
 
-def _near(parts: Parts, one: BodyFaces, two: BodyFaces, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
+def _near(parts: Parts, one: BodyFaces, two: BodyFaces, mine: np.ndarray,
+          theirs: np.ndarray) -> Near | None:
     """Faces opposite each other among those (k,) int of either body; None: there are none.
 
     They are no farther apart than reach, or a little inside each other: rounding, coarse curves.
@@ -225,8 +226,8 @@ def _overlaps(parts: Parts, laws: Laws, governing: dict[tuple[int, int], int],
                      f"{' and '.join(repr(mesh.volumes[v]) for v in pair)} are inside each other "
                      f"by about {found.depth:.3g}, at {format_point(found.where)}",
                      "parts that touch or are apart",
-                            "move the parts; a press fit is a gap of contact below zero between "
-                            "parts that touch")
+                     "move the parts; a press fit is a gap of contact below zero between "
+                     "parts that touch")
     return result
 
 
@@ -258,8 +259,8 @@ def _report_alone(parts: Parts, laws: Laws, links: list[np.ndarray], told: set[t
                      f"is {mesh.volumes[other.volume]!r}, {distance:.3g} from node to node, at "
                      f"{format_point(where)}, where elements measure "
                      f"{size:.3g}", "parts that lie on some other one",
-                            "move it, raise tolerance, or say that it is meant to be alone: "
-                            f"exclude: [[{mesh.volumes[own[0]]}, '*']]")
+                     "move it, raise tolerance, or say that it is meant to be alone: "
+                     f"exclude: [[{mesh.volumes[own[0]]}, '*']]")
 
 
 def report_loose_pieces(parts: Parts, piece: np.ndarray, problems: Problems) -> None:
@@ -285,7 +286,7 @@ def report_loose_pieces(parts: Parts, piece: np.ndarray, problems: Problems) -> 
                          f"two pieces of {name!r}, which share no faces, are inside each other by "
                          f"about {inside.depth:.3g}, at {format_point(inside.where)}",
                          "pieces that are apart",
-                                "leave out what is there twice")
+                         "leave out what is there twice")
         elif touching := match(one, two):
             problems.warnings.append(
                 f"two pieces of {name!r} touch, at "

@@ -139,7 +139,8 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[BodyFa
             for a, b in zip(starts, [*starts[1:], len(outer)])]
 
 
-def close_bodies(bodies: list[BodyFaces], within: float | None) -> Iterator[tuple[BodyFaces, BodyFaces]]:
+def close_bodies(bodies: list[BodyFaces], within: float
+                 | None) -> Iterator[tuple[BodyFaces, BodyFaces]]:
     """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain
     first.
 

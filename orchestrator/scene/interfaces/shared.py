@@ -149,7 +149,7 @@ def _joint(parts: Parts, pair: tuple[int, int], split: np.ndarray,
     return parts.interface(pair, (nodes, nodes), np.empty((0, corners), dtype=int),
                            np.empty((0, 2), dtype=int),
                             # any: what is bonded asks for no direction
-                            called=called, normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))
+                           called=called, normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))
 
 
 class _Around:

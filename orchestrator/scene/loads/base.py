@@ -1,6 +1,7 @@
 """Base of kinds of loads and supports: what each takes, where it acts, and its effect.
 
-Whatever acts is a sum of few fields in space, each times what the load steps multiply it with: Σ_m a_m(t) φ_m(x).
+Whatever acts is a sum of few fields in space, each times what the load steps multiply it with: Σ_m
+a_m(t) φ_m(x).
 """
 
 from __future__ import annotations
@@ -41,28 +42,38 @@ class Forces:
     def add_to(self, loads: np.ndarray, at: np.ndarray) -> None:
         """Add them to ``loads`` (steps, N, 3) at the elements' nodes (k, p)."""
         for m, shape in enumerate(self.shapes):
-            sums = np.stack([np.bincount(at.ravel(), weights=one.ravel(), minlength=loads.shape[1]) for one in np.moveaxis(shape, 2, 0)],
+            sums = np.stack([np.bincount(at.ravel(), weights=one.ravel(), minlength=loads.shape[1])
+                             for one in np.moveaxis(shape, 2, 0)],
                             axis=1)
             loads += self.amounts[:, m, None] * sums
 
     def densities(self, volumes: np.ndarray) -> np.ndarray:
-        """(steps, k, 1 or 4, 3) force/volume that loads tets of some volumes (k,) so: at their corners, or the same all over each."""
-        at = np.einsum("cp,mkpx->mkcx", np.linalg.pinv(TET_MOMENTS[self.shapes.shape[2]]), self.shapes) / volumes[:, None, None]
+        """(steps, k, 1 or 4, 3) force/volume that loads tets of some volumes (k,) so: at their
+        corners, or the same all over each.
+        """
+        at = np.einsum("cp,mkpx->mkcx", np.linalg.pinv(TET_MOMENTS[self.shapes.shape[2]]),
+                       self.shapes) / volumes[:, None, None]
         if np.ptp(at, axis=2).max(initial=0.0) <= UNIFORM * np.abs(at).max(initial=0.0):
             at = at.mean(axis=2, keepdims=True)
         return np.einsum("tmx,mkcx->tkcx", self.amounts + np.zeros(3), at + np.zeros(3))
 
     def resultant(self, points: np.ndarray, about: np.ndarray) -> np.ndarray:
-        """(steps, 6) the force, and its moment about a point (3,), from the places (k, p, 3) of the nodes."""
+        """(steps, 6) the force, and its moment about a point (3,), from the places (k, p, 3) of the
+        nodes.
+        """
         force = (self.amounts * self.shapes.sum(axis=(1, 2))).sum(axis=1) + np.zeros(3)
         first = np.einsum("kpx,mkpc->mxc", points - about, self.shapes)
         product = (self.amounts[:, :, None] * first).sum(axis=1) + np.zeros((3, 3))  # Σ x F
-        return np.concatenate([force, np.stack([product[:, y, z] - product[:, z, y] for y, z in ((1, 2), (2, 0), (0, 1))], axis=1)], axis=1)
+        return np.concatenate(
+            [force,
+             np.stack([product[:, y, z] - product[:, z, y] for y, z in ((1, 2), (2, 0), (0, 1))],
+                      axis=1)], axis=1)
 
     @property
     def largest(self) -> np.ndarray:
         """(3,) how large components get, at any node and load step."""
-        return (np.abs(self.amounts).max(axis=0) * np.abs(self.shapes).max(axis=(1, 2), initial=0.0)).max(axis=0) + np.zeros(3)
+        return (np.abs(self.amounts).max(axis=0)
+                * np.abs(self.shapes).max(axis=(1, 2), initial=0.0)).max(axis=0) + np.zeros(3)
 
 
 class Field(ABC):
@@ -75,7 +86,9 @@ class Field(ABC):
         """(m, n, 3) at points (n, 3)."""
 
     def change(self, amounts: np.ndarray, size: float) -> np.ndarray:
-        """(steps,) how much Σ amounts (steps, m) field changes over a length at most: so does its rounding at every node."""
+        """(steps,) how much Σ amounts (steps, m) field changes over a length at most: so does its
+        rounding at every node.
+        """
         return np.zeros(len(amounts))
 
 
@@ -112,7 +125,9 @@ class Ground(ABC):
         """The law at every load step, at the nodes (n, 3) of a patch of triangles (k, 3 or 6)."""
 
     def gives(self, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-        """(3,) along x, y and z the largest stiffness of springs by which it acts on such a patch; zero where it has none."""
+        """(3,) along x, y and z the largest stiffness of springs by which it acts on such a patch;
+        zero where it has none.
+        """
         return np.zeros(3)
 
 
@@ -135,10 +150,13 @@ class FacePlace:
     problems: Problems
 
     def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
+        """Rows of a vector, or one per load step: which components (3,) bool are numbers, and
+        (steps, 3) their values, 0 for others.
+        """
         several = vector if isinstance(vector[0], list) else [vector]
         values = np.array([[0.0 if x is None else x for x in row] for row in several])
-        fixed = np.array([x is not None for x in several[0]])  # as at all steps: the configuration's rules see to that
+        # as at all steps: the configuration's rules see to that
+        fixed = np.array([x is not None for x in several[0]])
         return fixed, values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
 
     @property
@@ -147,7 +165,9 @@ class FacePlace:
         return self.nodes[self.triangles[:, :3]]
 
     def check_frame(self, values: np.ndarray) -> None:
-        """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""
+        """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any
+        direction.
+        """
         if self.frame is not None and np.any(values[..., :2]):
             self.frame.check(self.nodes, self.triangles, (*self.path[:-1], "frame"), self.problems)
 
@@ -158,7 +178,8 @@ class VolumePlace:
 
     path : of what the entry says, in the YAML
     cells : (k,) int; volume : (k,) of each
-    matter : entries of ``materials``, None for parts of other programs; material : (k,) int, index into them
+    matter : entries of ``materials``, None for parts of other programs; material : (k,) int, index
+        into them
     factors : (steps,) what its history multiplies it with
     """
 
@@ -172,11 +193,14 @@ class VolumePlace:
     problems: Problems
 
     def of_matter(self, key: str, cure: str) -> np.ndarray | None:
-        """(k,) a property of the cells' matter; None, with a problem, where some matter has none."""
+        """(k,) a property of the cells' matter; None, with a problem, where some matter has
+        none.
+        """
         values = [getattr(one, key, None) for one in self.matter]
         without = sorted({int(m) for m in self.material if m >= 0 and values[m] is None})
         if without:
-            self.problems.add(self.path, f"matter without {key}: materials[{without[0]}]", f"a {key} of all the matter it acts on", cure)
+            self.problems.add(self.path, f"matter without {key}: materials[{without[0]}]",
+                              f"a {key} of all the matter it acts on", cure)
             return None
         return np.array([values[m] for m in self.material], dtype=float)
 
@@ -206,13 +230,18 @@ class Kind:
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        """Rules that a model of single keys does not know: of the raw value at a path, and the entry that it is in."""
+        """Rules that a model of single keys does not know: of the raw value at a path, and the
+        entry that it is in.
+        """
         for axis in cls.axes:
             yield from no_direction((*path, *axis), get(value, *axis))
 
     @classmethod
-    def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
-        """Rules that concern several entries of the kind: the path of each, its raw value, and itself."""
+    def broken_among(cls,
+                     entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
+        """Rules that concern several entries of the kind: the path of each, its raw value, and
+        itself.
+        """
         return iter(())
 
     @classmethod
@@ -222,6 +251,7 @@ class Kind:
 
     @classmethod
     def made(cls, value: Any, where: Any) -> Any:
-        """The effect of a value: ``Forces``, ``Prescribed`` or a ``Ground`` on faces; ``Forces``, ``Strain`` or None (with a
+        """The effect of a value: ``Forces``, ``Prescribed`` or a ``Ground`` on faces; ``Forces``,
+        ``Strain`` or None (with a
         problem) in volumes."""
         raise NotImplementedError

@@ -41,16 +41,22 @@ class Traction(Kind):
         _, values = where.rows(value)
         area = areas(where.nodes, where.triangles)
         if where.frame is None:
-            return Forces(values[:, None], np.outer(area, TRIANGLE_SHARES[where.triangles.shape[1]])[None, :, :, None])
+            return Forces(values[:, None],
+                          np.outer(area,
+                                   TRIANGLE_SHARES[where.triangles.shape[1]])[None, :, :, None])
         where.check_frame(values)
-        along = where.frame.directions(where.nodes[where.triangles[:, :3]])  # (k, 3 corners, 3 directions, 3), taken as linear between
-        return Forces(values[:, :, None], np.einsum("k,ab,kbmc->mkac", area, TRIANGLE_MOMENTS[where.triangles.shape[1]], along))
+        # (k, 3 corners, 3 directions, 3), taken as linear between
+        along = where.frame.directions(where.nodes[where.triangles[:, :3]])
+        return Forces(values[:, :, None],
+                      np.einsum("k,ab,kbmc->mkac", area, TRIANGLE_MOMENTS[where.triangles.shape[1]],
+                                along))
 
 
 class LinearPressure(Part):
     """A pressure that varies linearly, as a liquid's."""
 
-    value: float = Field(0.0, description="at the point `at`, force per area along the inward normal")
+    value: float = Field(0.0,
+                         description="at the point `at`, force per area along the inward normal")
     at: Vector = Field(description="a point, as one of a liquid's surface")
     gradient: Vector = Field(description="change per length along x, y and z")
 
@@ -63,21 +69,28 @@ class Pressure(Kind):
     @classmethod
     def made(cls, value: Any, where: FacePlace) -> Forces:
         corners = where.nodes[where.triangles[:, :3]]
-        there = np.full(corners.shape[:2], float(value)) if not isinstance(value, LinearPressure) else \
+        there = np.full(corners.shape[:2],
+                        float(value)) if not isinstance(value, LinearPressure) else \
             value.value + (corners - np.array(value.at)) @ np.array(value.gradient)
         return against_normal(there @ TRIANGLE_MOMENTS[where.triangles.shape[1]].T, where)
 
 
 def against_normal(weights: np.ndarray, where: FacePlace) -> Forces:
-    """The forces of a pressure, from its integrals (k, 3 or 6) with the shape functions, over the area of each face."""
-    return Forces(where.factors[:, None, None], -weights[None, :, :, None] * area_vectors(where.nodes, where.triangles)[:, None])
+    """The forces of a pressure, from its integrals (k, 3 or 6) with the shape functions, over the
+    area of each face.
+    """
+    return Forces(where.factors[:, None, None], -weights[None, :, :, None]
+                  * area_vectors(where.nodes, where.triangles)[:, None])
 
 
 class Hydrostatic(Part):
     """A liquid at rest that stands at a level."""
 
-    level: float = Field(description="coordinate of the liquid's surface along `up`, from the origin")
-    weight: Positive = Field(description="force per volume of the liquid, its density times gravity (water in N and mm: 9.81e-6)")
+    level: float = Field(
+        description="coordinate of the liquid's surface along `up`, from the origin")
+    weight: Positive = Field(
+        description="force per volume of the liquid, its density times gravity (water in N and "
+                    "mm: 9.81e-6)")
     up: Axis = Field("z", description="x, y, z, or a direction [x, y, z]: against gravity")
 
 
@@ -90,13 +103,16 @@ class Liquid(Kind):
     def made(cls, value: Hydrostatic, where: FacePlace) -> Forces:
         depth = value.level - where.corners @ np.array(unit(value.up))
         if len(depth) and not (depth > 0).any():
-            where.problems.add(where.path, f"faces that are all above the level, by {-depth.max():.6g} at least",
-                               "a level above some of the faces", "raise level, or turn up to look against gravity")
+            where.problems.add(where.path,
+                               f"faces that are all above the level, by {-depth.max():.6g} at least",
+                               "a level above some of the faces",
+                               "raise level, or turn up to look against gravity")
         return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
 
 
 def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
-    """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their areas.
+    """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their
+    areas.
 
     depth : (k, 3) at the corners, linear between
     nodes : 3 or 6 per triangle
@@ -106,7 +122,8 @@ def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
     result = np.where(count[:, None] >= 2, depth @ TRIANGLE_MOMENTS[nodes].T, 0.0)
     cut = np.flatnonzero((count == 1) | (count == 2))
     alone = (wet[cut] == (count[cut] == 1)[:, None]).argmax(axis=1)
-    order = (alone[:, None] + np.arange(3)) % 3  # of the corners, from the one that is alone on its side of the level
+    # of the corners, from the one that is alone on its side of the level
+    order = (alone[:, None] + np.arange(3)) % 3
     d = np.take_along_axis(depth[cut], order, axis=1)
     reach = d[:, :1] / (d[:, :1] - d[:, 1:])  # share of the two edges from it, up to the level
     weights, within = DEGREE_4
@@ -114,17 +131,23 @@ def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
     at = np.zeros((len(cut), len(within), 3))
     there = np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2)
     np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), there, axis=2)
-    piece = np.einsum("q,kqa,q,k->ka", weights, at if nodes == 3 else six_functions(at), within[:, 0], d[:, 0] * reach.prod(axis=1))
+    piece = np.einsum("q,kqa,q,k->ka", weights, at if nodes == 3 else six_functions(at),
+                      within[:, 0], d[:, 0] * reach.prod(axis=1))
     result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
     return result
 
 
 class Resultant(Part):
-    """A force and a moment on a surface as a whole, spread over it as a traction that varies linearly."""
+    """A force and a moment on a surface as a whole, spread over it as a traction that varies
+    linearly.
+    """
 
-    force: Vector = Field([0.0, 0.0, 0.0], description="the force; zero by default, for a moment alone")
+    force: Vector = Field([0.0, 0.0, 0.0],
+                          description="the force; zero by default, for a moment alone")
     moment: Vector = Field([0.0, 0.0, 0.0], description="the moment about `about`; zero by default")
-    about: Vector | None = Field(None, description="where the force acts, on the surface or not; none: the surface's centre")
+    about: Vector | None = Field(None,
+                                 description="where the force acts, on the surface or not; none: "
+                                 "the surface's centre")
 
 
 class Spread(Kind):
@@ -134,7 +157,8 @@ class Spread(Kind):
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
         if isinstance(value, dict) and not value.get("force") and not value.get("moment"):
-            yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
+            yield Problem(path, "neither force nor moment", "one of them, or both",
+                          "add force: [0, 0, -1000]")
 
     @classmethod
     def made(cls, value: Resultant, where: FacePlace) -> Forces:
@@ -145,10 +169,13 @@ class Spread(Kind):
         centre = area @ corners.mean(axis=1) / area.sum()
         r = corners - centre
         second = np.einsum("k,ab,kax,kby->xy", area, TRIANGLE_MOMENTS[3], r, r)
-        force, point = np.array(value.force), centre if value.about is None else np.array(value.about)
-        turn = np.linalg.solve(np.trace(second) * np.eye(3) - second, np.array(value.moment) + np.cross(point - centre, force))
+        force, point = np.array(value.force), centre if value.about is None else np.array(
+            value.about)
+        turn = np.linalg.solve(np.trace(second) * np.eye(3) - second,
+                               np.array(value.moment) + np.cross(point - centre, force))
         traction = force / area.sum() + np.cross(turn, corners - centre)
-        return Forces(where.factors[:, None, None], np.einsum("k,ab,kbc->kac", area, moments, traction)[None])
+        return Forces(where.factors[:, None, None],
+                      np.einsum("k,ab,kbc->kac", area, moments, traction)[None])
 
 
 class BodyForce(Kind):
@@ -158,13 +185,16 @@ class BodyForce(Kind):
 
     @classmethod
     def made(cls, value: Any, where: VolumePlace) -> Forces:
-        amounts = np.array(value, dtype=float) if isinstance(value[0], list) else np.outer(where.factors, value)
+        amounts = np.array(value,
+                           dtype=float) if isinstance(value[0],
+                                                      list) else np.outer(where.factors, value)
         return uniform(amounts, where.volume, where)
 
 
 def uniform(amounts: np.ndarray, sizes: np.ndarray, where: VolumePlace) -> Forces:
     """Forces (steps, 3) per unit of the sizes (k,) of cells."""
-    return Forces(amounts[:, None], np.outer(sizes, TET_SHARES[where.mesh.cells.shape[1]])[None, :, :, None])
+    return Forces(amounts[:, None],
+                  np.outer(sizes, TET_SHARES[where.mesh.cells.shape[1]])[None, :, :, None])
 
 
 DENSITY = "add density: to the material, mass per volume in your units (steel in t, mm, s: 7.85e-9)"
@@ -177,7 +207,8 @@ class Gravity(Kind):
     @classmethod
     def made(cls, value: Any, where: VolumePlace) -> Forces | None:
         density = where.of_matter("density", DENSITY)
-        return None if density is None else uniform(np.outer(where.factors, value), where.volume * density, where)
+        return None if density is None else uniform(np.outer(where.factors, value),
+                                                    where.volume * density, where)
 
 
 class Spin(Part):
@@ -202,4 +233,5 @@ class Centrifugal(Kind):
         corners = mesh.nodes[mesh.cells[where.cells, :4]] - np.array(value.about)
         outward = value.rate**2 * (corners - (corners @ axis)[..., None] * axis)
         return Forces(where.factors[:, None, None],
-                      np.einsum("k,ab,kbi->kai", where.volume * density, TET_MOMENTS[mesh.cells.shape[1]], outward)[None])
+                      np.einsum("k,ab,kbi->kai", where.volume * density,
+                                TET_MOMENTS[mesh.cells.shape[1]], outward)[None])

@@ -24,9 +24,13 @@ from orchestrator.scene.mesh.geometry import areas, node_normals
 class Foundation(Part):
     """Springs to a rigid ground: along the normal and across it, or along three directions."""
 
-    normal: Positive | None = Field(None, description="stiffness along the surface's normal, force per area and per length")
-    tangential: float | None = Field(None, ge=0, description="stiffness across it, beside normal; none: 0")
-    stiffness: Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)] | None = Field(None, description=(
+    normal: Positive | None = Field(None,
+                                    description="stiffness along the surface's normal, force per "
+                                    "area and per length")
+    tangential: float | None = Field(None, ge=0,
+                                     description="stiffness across it, beside normal; none: 0")
+    stiffness: Annotated[list[Annotated[float, Field(ge=0)]],
+                         Field(min_length=3, max_length=3)] | None = Field(None, description=(
         "in place of the others: stiffness along x, y and z, or along the directions of a frame"))
 
 
@@ -47,17 +51,22 @@ class Springs(Ground):
 
     def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
         normal, count = node_normals(points, triangles), len(points)
-        directions = np.broadcast_to(np.eye(3), (count, 3, 3)) if self.frame is None else self.frame.directions(points)
+        directions = np.broadcast_to(np.eye(3),
+                                     (count, 3,
+                                      3)) if self.frame is None else self.frame.directions(points)
         if self.upright:
             across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
             across /= np.linalg.norm(across, axis=1, keepdims=True)
             directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
-        return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), np.repeat(self.stiffness[:, None], count, axis=1),
-                                  np.repeat(row[:, None], count, axis=1), normal.T) for row in self.given]
+        return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)),
+                                  np.repeat(self.stiffness[:, None], count, axis=1),
+                                  np.repeat(row[:, None], count, axis=1), normal.T)
+                for row in self.given]
 
     def gives(self, points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         springs = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)
-        return np.abs(springs[:, None, None] * self.laws(points, triangles)[0].frame).max(axis=(0, 2))
+        return np.abs(springs[:, None, None] * self.laws(points, triangles)[0].frame).max(
+            axis=(0, 2))
 
 
 class Bedding(Kind):
@@ -67,16 +76,19 @@ class Bedding(Kind):
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
         if entry.get("history") is not None:
-            yield Problem((*path[:-1], "history"), "history beside foundation, whose springs are what they are",
+            yield Problem((*path[:-1], "history"),
+                          "history beside foundation, whose springs are what they are",
                           "a history of what is prescribed or loaded", "remove the history")
         if not isinstance(value, dict):
             return
         given = [key for key in Foundation.model_fields if value.get(key) is not None]
         if given not in (["normal"], ["normal", "tangential"], ["stiffness"]):
-            yield Problem(path, " and ".join(given) or "nothing", "normal, with tangential or without, or stiffness alone",
+            yield Problem(path, " and ".join(given) or "nothing",
+                          "normal, with tangential or without, or stiffness alone",
                           "write {normal: 1.0e4}, or {stiffness: [0, 0, 1.0e4]}")
         elif isinstance(stiffness := value.get("stiffness"), list) and not any(stiffness):
-            yield Problem((*path, "stiffness"), "no stiffness along any direction", "one above 0 at least", "leave the entry out")
+            yield Problem((*path, "stiffness"), "no stiffness along any direction",
+                          "one above 0 at least", "leave the entry out")
 
     @classmethod
     def turned(cls, value: Any) -> bool:
@@ -87,19 +99,30 @@ class Bedding(Kind):
         across = value.tangential or 0.0
         stiffness = np.array(value.stiffness or [value.normal, across, across])
         where.check_frame(np.ones(3))
-        return Springs(stiffness, np.zeros((len(where.factors), 3)), where.frame, value.stiffness is None)
+        return Springs(stiffness, np.zeros((len(where.factors), 3)), where.frame,
+                       value.stiffness is None)
 
 
 class Coupling(Part):
-    """A point that the surface follows: each of its six motions is prescribed, or null and loaded."""
+    """A point that the surface follows: each of its six motions is prescribed, or null and
+    loaded.
+    """
 
     kind: Literal["rigid", "distributed"] = Field("rigid", description=(
-        "rigid: the surface moves as a rigid body; distributed: so in the mean, weighted by area, and free to deform"))
-    about: Vector | None = Field(None, description="the point, on the surface or not; none: the surface's centre")
-    displacement: PartlyFree = Field([None, None, None], description="of the point; null where it is loaded, by `force`")
-    rotation: PartlyFree = Field([None, None, None], description="degrees about x, y and z, small; null where loaded, by `moment`")
-    force: Vector = Field([0.0, 0.0, 0.0], description="at the point, in components that are not prescribed")
-    moment: Vector = Field([0.0, 0.0, 0.0], description="about the point, in components that are not prescribed")
+        "rigid: the surface moves as a rigid body; distributed: so in the mean, weighted by area, "
+        "and free to deform"))
+    about: Vector | None = Field(None,
+                                 description="the point, on the surface or not; none: the "
+                                 "surface's centre")
+    displacement: PartlyFree = Field([None, None, None],
+                                     description="of the point; null where it is loaded, by `force`")
+    rotation: PartlyFree = Field([None, None, None],
+                                 description="degrees about x, y and z, small; null where loaded, "
+                                 "by `moment`")
+    force: Vector = Field([0.0, 0.0, 0.0],
+                          description="at the point, in components that are not prescribed")
+    moment: Vector = Field([0.0, 0.0, 0.0],
+                           description="about the point, in components that are not prescribed")
 
 
 @dataclass(frozen=True)
@@ -114,12 +137,14 @@ class Followed(Ground):
     def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
         c = self.coupling
         area = areas(points, triangles)
-        about = area @ points[triangles[:, :3]].mean(axis=1) / area.sum() if c.about is None else np.array(c.about)
+        about = area @ points[triangles[:, :3]].mean(
+            axis=1) / area.sum() if c.about is None else np.array(c.about)
         motions = np.ascontiguousarray(motions_about(points, about, 1.0).transpose(2, 1, 0))
         amounts = [*c.displacement, *(None if x is None else np.radians(x) for x in c.rotation)]
         prescribed = np.array([x is not None for x in amounts])
         given = np.where(prescribed, [x or 0.0 for x in amounts], [*c.force, *c.moment])
-        return [GROUND["coupling"](motions, prescribed, factor * given, c.kind == "rigid") for factor in self.factors]
+        return [GROUND["coupling"](motions, prescribed, factor * given, c.kind == "rigid")
+                for factor in self.factors]
 
 
 class Remote(Kind):
@@ -138,10 +163,14 @@ class Remote(Kind):
             both = [k for k, (x, f) in enumerate(zip(motions, forces)) if x is not None and f]
             if both:
                 yield Problem((*path, load), f"component {'xyz'[both[0]]} of {load} and of {held}",
-                              "one of the two: what is prescribed is not loaded", f"write null for it in {held}, or 0 in {load}")
-        if value.get("kind", "rigid") != "rigid" and not any(x is not None for pair in pairs for x in pair[2]) and \
+                              "one of the two: what is prescribed is not loaded",
+                              f"write null for it in {held}, or 0 in {load}")
+        if value.get("kind",
+                     "rigid") != "rigid" and not any(x is not None for pair in pairs
+                                                     for x in pair[2]) and \
                 not any(f for pair in pairs for f in pair[3]):
-            yield Problem(path, "nothing prescribed and nothing loaded", "a displacement, rotation, force or moment",
+            yield Problem(path, "nothing prescribed and nothing loaded",
+                          "a displacement, rotation, force or moment",
                           "leave the entry out; kind: rigid alone keeps a surface rigid")
 
     @classmethod

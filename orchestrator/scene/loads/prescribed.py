@@ -39,7 +39,8 @@ class Turned(Field):
 
 
 class Displacement(Kind):
-    takes = one_or_per_step(PartlyFree, "three numbers (null: free), or a list of such, one per load step")
+    takes = one_or_per_step(PartlyFree,
+                            "three numbers (null: free), or a list of such, one per load step")
     meaning = "prescribed components; null leaves one free"
     listed = True
 
@@ -47,22 +48,28 @@ class Displacement(Kind):
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
         rows = rows_of(value)
         if rows and all(x is None for row in rows for x in row):
-            yield Problem(path, "no prescribed component", "at least one number", "remove the entry, or prescribe a component")
+            yield Problem(path, "no prescribed component", "at least one number",
+                          "remove the entry, or prescribe a component")
         yield from free_at_times(path, rows)
 
     @classmethod
-    def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
+    def broken_among(cls,
+                     entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
         """Require that one place is not told two different things."""
         seen: dict[tuple[str, int], tuple[KeyPath, Any]] = {}
         for path, value, entry in entries:
             for component, values in enumerate(zip(*rows_of(value))):
                 if None in values:
                     continue
-                told = values, entry.get("history") if any(values) else None  # zero stays zero whatever the history
+                # zero stays zero whatever the history
+                told = values, entry.get("history") if any(values) else None
                 first, other = seen.setdefault((shown(entry.get("on")), component), (path, told))
                 if other != told:
-                    yield Problem((*path, "displacement"), f"component {'xyz'[component]} of this place prescribed again, differently",
-                                  f"one value, as in {dotted(first)}", "remove one of the two, or free it with null")
+                    yield Problem((*path, "displacement"),
+                                  f"component {'xyz'[component]} of this place prescribed again, "
+                                  "differently",
+                                  f"one value, as in {dotted(first)}",
+                                  "remove one of the two, or free it with null")
                     break
 
     @classmethod
@@ -81,7 +88,8 @@ class Displacement(Kind):
         return Springs(np.where(fixed, np.inf, 0.0), values, where.frame)
 
 
-STRAIGHT = 1e-6  # how far a plane's normal may be from its axis: coordinates in files have that many digits
+# how far a plane's normal may be from its axis: coordinates in files have that many digits
+STRAIGHT = 1e-6
 
 
 class Symmetry(Kind):
@@ -93,8 +101,10 @@ class Symmetry(Kind):
         vectors = np.abs(area_vectors(where.nodes, where.triangles[:, :3]))
         axis = int(vectors.sum(axis=0).argmax())
         if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
-            where.problems.add((*where.path[:-1], "on"), "a plane of symmetry that is curved, or across no axis",
-                               "faces on a plane across x, y or z", "turn the model so that the plane is across an axis (parts have "
+            where.problems.add((*where.path[:-1], "on"),
+                               "a plane of symmetry that is curved, or across no axis",
+                               "faces on a plane across x, y or z",
+                               "turn the model so that the plane is across an axis (parts have "
                                "move: {rotate: …}), or select the plane's faces alone")
         return Prescribed(np.arange(3) == axis, np.zeros((len(where.factors), 3)), Uniform())
 
@@ -130,5 +140,7 @@ class RigidMotion(Kind):
     def made(cls, value: MotionEntry, where: FacePlace) -> Prescribed:
         turn, about = np.zeros(3), np.zeros(3)
         if value.rotate is not None:
-            turn, about = np.radians(value.rotate.degrees) * np.array(unit(value.rotate.axis)), np.array(value.rotate.about)
-        return Prescribed(np.ones(3, dtype=bool), where.factors[:, None], RigidField(np.array(value.translate), turn, about))
+            turn, about = np.radians(value.rotate.degrees) * np.array(
+                unit(value.rotate.axis)), np.array(value.rotate.about)
+        return Prescribed(np.ones(3, dtype=bool), where.factors[:, None],
+                          RigidField(np.array(value.translate), turn, about))

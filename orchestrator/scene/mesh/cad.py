@@ -1,4 +1,6 @@
-"""A CAD model beside its mesh, as gmsh knows it: shapes of faces without any fit, element sizes where they are asked for."""
+"""A CAD model beside its mesh, as gmsh knows it: shapes of faces without any fit, element sizes
+where they are asked for.
+"""
 
 from __future__ import annotations
 
@@ -21,15 +23,20 @@ ROUND = {"Cylinder": "cylinder", "Sphere": "sphere"}
 
 
 def face_shape(tag: int) -> Shape:
-    """The shape of a face of the model that gmsh holds and has meshed, with the face's normals at the corners of its triangles;
+    """The shape of a face of the model that gmsh holds and has meshed, with the face's normals at
+    the corners of its triangles;
     ``curved`` where it is neither plane, cylinder nor sphere."""
     return replace(_kind(tag), normals=_normals(tag))
 
 
 def _normals(tag: int) -> np.ndarray:
-    """(k, 3, 3) unit normals of a face at the corners of its triangles; nan where it has none, as at the pole of a sphere."""
-    tags, at, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True, returnParametricCoord=False)
-    normals = np.reshape(gmsh.model.getNormal(tag, gmsh.model.getParametrization(2, tag, at)), (-1, 3))
+    """(k, 3, 3) unit normals of a face at the corners of its triangles; nan where it has none, as
+    at the pole of a sphere.
+    """
+    tags, at, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True,
+                                           returnParametricCoord=False)
+    normals = np.reshape(gmsh.model.getNormal(tag, gmsh.model.getParametrization(2, tag, at)),
+                         (-1, 3))
     with np.errstate(invalid="ignore", divide="ignore"):
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     order = np.argsort(tags)
@@ -73,7 +80,9 @@ class Sizing:
     @classmethod
     def of(cls, h: Any) -> Sizing:
         """The sizing for a value of ``h`` in the YAML."""
-        return cls(h.max, h.min, h.curvature) if isinstance(h, Curved) else cls(None if h is None else float(h))
+        return cls(h.max, h.min, h.curvature) if isinstance(h,
+                                                            Curved) else cls(None if h is None
+                                                                             else float(h))
 
     def apply(self, per_circle: float, finest: float | None) -> None:
         """Tells gmsh.
@@ -81,7 +90,8 @@ class Sizing:
         per_circle : elements on a full circle that an attempt has at least
         finest : the smallest size that is asked for somewhere, None where none is
         """
-        least = 0.0 if self.least is None else min(self.least, self.least if finest is None else finest)
+        least = 0.0 if self.least is None else min(self.least,
+                                                   self.least if finest is None else finest)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22 if self.largest is None else self.largest)
         gmsh.option.setNumber("Mesh.MeshSizeMin", least)
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(per_circle, self.per_circle))
@@ -92,16 +102,21 @@ class Sizing:
 
 
 def check_curvature(solids: Iterable[tuple[Iterable[int], Sizing]]) -> None:
-    """Raises InputError for elements on curved faces so small that no memory holds them; solids by the tags of their faces."""
+    """Raises InputError for elements on curved faces so small that no memory holds them; solids by
+    the tags of their faces.
+    """
     count, most = 0.0, 0.0
     for faces, sizing in solids:
         for tag in faces if sizing.per_circle else ():
             low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
-            bent = max(float(abs(k[0])) for k in gmsh.model.getPrincipalCurvatures(tag, (low + high) / 2)[:2])
+            bent = max(float(abs(k[0]))
+                       for k in gmsh.model.getPrincipalCurvatures(tag, (low + high) / 2)[:2])
             per_length = bent * sizing.per_circle / (2 * np.pi)
             per_length = min(per_length, 1 / sizing.least) if sizing.least else per_length
-            count, most = count + 1.15 * gmsh.model.occ.getMass(2, tag) * per_length**2, max(most, sizing.per_circle)
-    check_size(count, ("mesh", "h"), f"curvature: {most:g}", lambda factor: f"take elements {factor:.2g} times as large on curved faces: "
+            count, most = count + 1.15 * gmsh.model.occ.getMass(2, tag) * per_length**2, max(
+                most, sizing.per_circle)
+    check_size(count, ("mesh", "h"), f"curvature: {most:g}",
+               lambda factor: f"take elements {factor:.2g} times as large on curved faces: "
                f"curvature: {most / factor:.2g}, or a larger min")
 
 
@@ -115,11 +130,13 @@ def sizes_of(names: list[str], h: Any) -> dict[str, Sizing]:
     problems, sizes = Problems(), {}
     for pattern, size in h.items():
         if not (own := matching(pattern, names)):
-            problems.add(("mesh", "h"), f"no solid is called {pattern!r}", "names of solids, shell wildcards allowed",
+            problems.add(("mesh", "h"), f"no solid is called {pattern!r}",
+                         "names of solids, shell wildcards allowed",
                          suggestion(pattern, names, "solid"))
         sizes.update(dict.fromkeys(own, Sizing.of(size)))
     if left := [name for name in names if name not in sizes]:
-        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}", "an element size for each solid",
+        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}",
+                     "an element size for each solid",
                      "begin with one for all: '*': 5")
     problems.raise_if_any()
     return sizes
@@ -136,19 +153,25 @@ def refined_faces(refine: Sequence[Any], faces: Mapping[str, int]) -> dict[float
     for i, entry in enumerate(refine):
         for pattern in entry.on:
             own = matching(pattern, faces) or [
-                face for solid in matching(pattern, solids) for face in faces if face.startswith(f"{solid}:")]
+                face for solid in matching(pattern, solids) for face in faces
+                if face.startswith(f"{solid}:")]
             if not own:
-                problems.add(("mesh", "refine", i, "on"), f"no face and no solid is called {pattern!r}",
-                             "names of faces or solids, shell wildcards allowed", suggestion(pattern, [*solids, *faces], "face"))
+                problems.add(("mesh", "refine", i, "on"),
+                             f"no face and no solid is called {pattern!r}",
+                             "names of faces or solids, shell wildcards allowed",
+                             suggestion(pattern, [*solids, *faces], "face"))
             found.setdefault(entry.h, []).extend(faces[name] for name in own)
     problems.raise_if_any()
     return found
 
 
-def apply_refinement(refined: Mapping[float, list[int]], sizes: SizeMap | None = None) -> float | None:
-    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow from there; and follow a map.
+def apply_refinement(refined: Mapping[float, list[int]],
+                     sizes: SizeMap | None = None) -> float | None:
+    """Has gmsh make elements of a size on faces, given by their tags, and what is around them grow
+    from there; and follow a map.
 
-    Nothing is left of what has been asked of the solid before. With a map elements do not grow from edges and corners.
+    Nothing is left of what has been asked of the solid before. With a map elements do not grow from
+    edges and corners.
     Returns the smallest size that is asked for, None where none is
     """
     for tag in gmsh.model.mesh.field.list():

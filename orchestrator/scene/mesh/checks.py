@@ -1,7 +1,8 @@
-"""Checks before a mesh is read or made: a file's content is what its ending says, and there is memory for the mesh.
+"""Checks before a mesh is read or made: a file's content is what its ending says, and there is
+memory for the mesh.
 
-gmsh takes whatever it does not know for a script, and runs it; other readers quote what they do not understand. A slip in h or a
-count must not take the machine's memory.
+gmsh takes whatever it does not know for a script, and runs it; other readers quote what they do not
+understand. A slip in h or a count must not take the machine's memory.
 """
 
 from __future__ import annotations
@@ -35,12 +36,14 @@ _KNOWN = {
     ".xdmf": (_XDMF, "<Xdmf"), ".xmf": (_XDMF, "<Xdmf"), ".xml": (_XML + rb"<dolfin\b", "<dolfin"),
     ".mesh": (_MEDIT, "Medit's MeshVersionFormatted"),
     ".step": (_STEP, "ISO-10303-21;"), ".stp": (_STEP, "ISO-10303-21;"),
-    ".brep": (rb"\s*(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)", "DBRep_DrawableShape or CASCADE Topology"),
+    ".brep": (rb"\s*(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)",
+              "DBRep_DrawableShape or CASCADE Topology"),
 }
 
 
 def check_content(path: Path, key: KeyPath, source: str = "") -> None:
-    """Raises InputError for a file whose content is not what its ending says, as far as the ending is known here.
+    """Raises InputError for a file whose content is not what its ending says, as far as the ending
+    is known here.
 
     key : of the YAML that names it
     source : what the user calls the file, for the message; none: its path
@@ -51,21 +54,26 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
     with path.open("rb") as file:
         known = re.match(start[0], file.read(HEAD), re.DOTALL)
     if not known:
-        raise wrong(key, f"{source or path}: its content is not what {path.suffix} stands for", f"a file that begins with {start[1]}",
-                    "check that the ending fits the content, and save it again from the program that made it")
+        raise wrong(key, f"{source or path}: its content is not what {path.suffix} stands for",
+                    f"a file that begins with {start[1]}",
+                    "check that the ending fits the content, and save it again from the program "
+                    "that made it")
 
 
 def check_complete(path: Path, key: KeyPath, source: str) -> None:
-    """Raises InputError for a BREP file whose end is missing: OpenCASCADE reads on for ever, or ends the program.
+    """Raises InputError for a BREP file whose end is missing: OpenCASCADE reads on for ever, or
+    ends the program.
 
     Every shape ends with a star, and the file with the shape that holds them all.
     """
     if path.suffix.lower() != ".brep":
         return
-    count, shapes = re.search(rb"(?:\nTShapes (\d+)\s*\n(.*))?$", path.read_bytes(), re.DOTALL).groups(b"0")
+    count, shapes = re.search(rb"(?:\nTShapes (\d+)\s*\n(.*))?$", path.read_bytes(),
+                              re.DOTALL).groups(b"0")
     found = len(re.findall(rb"\*\s", shapes))
     if found < int(count) or not re.search(rb"\*\s*[+-]\d+ \d+\s*$", shapes):
-        raise wrong(key, f"{source}: its end is missing, after {found} whole shapes", "a BREP file as a program writes it",
+        raise wrong(key, f"{source}: its end is missing, after {found} whole shapes",
+                    "a BREP file as a program writes it",
                     "copy or export the model again")
 
 
@@ -75,20 +83,23 @@ def bad_file(path: Path | str, found: str, expected: str, cure: str) -> InputErr
 
 
 DENSITY = 0.82  # nodes per h³, measured
-BYTES = 2200.0  # per node, that a mesh of tets and its faces take at most while they are made, measured
+# per node, that a mesh of tets and its faces take at most while they are made, measured
+BYTES = 2200.0
 _GROUPS = Path("/sys/fs/cgroup")
 
 
 def check_size(nodes: float, path: KeyPath, found: str, cure: Callable[[float], str]) -> None:
     """Raises InputError for a mesh of more nodes (estimated) than there may be, with what would do.
 
-    path : the key that decides on it; found : what stands there; cure : factor that elements have to grow by → what to write
+    path : the key that decides on it; found : what stands there; cure : factor that elements have
+        to grow by → what to write
     """
     fit = memory_left() / BYTES
     if not nodes <= (most := min(fit, MAX_NODES)):
         expected = f"at most {MAX_NODES} nodes" if fit >= MAX_NODES else \
             f"at most {fit:.2g} nodes, in the {BYTES * fit / 1e9:.2g} GB of memory that are free"
-        raise wrong(path, f"{found} makes about {nodes:.2g} nodes", expected, cure(1.05 * (nodes / most) ** (1 / 3)))
+        raise wrong(path, f"{found} makes about {nodes:.2g} nodes", expected,
+                    cure(1.05 * (nodes / most) ** (1 / 3)))
 
 
 def coarser(h: float) -> Callable[[float], str]:
@@ -99,14 +110,18 @@ def coarser(h: float) -> Callable[[float], str]:
 def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
     """Raises InputError for what takes more bytes than are free, with both numbers."""
     if not needed <= (left := memory_left()):
-        raise wrong(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory", f"at most the {left / 1e9:.2g} GB that are free", cure)
+        raise wrong(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory",
+                    f"at most the {left / 1e9:.2g} GB that are free", cure)
 
 
 def memory_left() -> float:
-    """Bytes that this process can still take: free on the machine, in its group of processes, below its own limit."""
+    """Bytes that this process can still take: free on the machine, in its group of processes, below
+    its own limit.
+    """
     left = [float(psutil.virtual_memory().available)]
     for most, used in (("memory.max", "memory.current"),
-                       ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):  # of containers
+                       # of containers
+                       ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):
         with suppress(OSError, ValueError):
             left.append(float((_GROUPS / most).read_text()) - float((_GROUPS / used).read_text()))
     soft = resource.getrlimit(resource.RLIMIT_AS)[0]

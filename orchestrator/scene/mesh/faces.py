@@ -18,7 +18,8 @@ class Faces:
     """All faces of a mesh, each once, in the order of their keys.
 
     nodes : number of corner nodes of the mesh
-    triangles : (f, 3) int, oriented outward of the owner; (f, 6) on ten-node tets, the corners first
+    triangles : (f, 3) int, oriented outward of the owner; (f, 6) on ten-node tets, the corners
+        first
     keys : (f,) int, ascending; equal keys mean the same three nodes
     owner, neighbour : (f,) int, the tets on both sides; the neighbour is -1 on the outer boundary
     crowded : indices of faces that three or more tets claim
@@ -44,7 +45,9 @@ class Faces:
         return np.flatnonzero(self.neighbour >= 0)
 
     def find(self, triangles: np.ndarray) -> np.ndarray:
-        """Indices (k,) of the faces with these nodes, whatever their orientation; -1 where there is none."""
+        """Indices (k,) of the faces with these nodes, whatever their orientation; -1 where there is
+        none.
+        """
         keys = pack(triangles, self.nodes)
         at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
         return np.where(self.keys[at] == keys, at, -1)
@@ -58,7 +61,8 @@ def pack(triangles: np.ndarray, nodes: int) -> np.ndarray:
 
 
 def alike(known: np.ndarray, triangles: np.ndarray, nodes: int) -> np.ndarray:
-    """Indices (k,) of the known (m, 3 or 6) that have the corners of triangles (k, 3 or 6), the last
+    """Indices (k,) of the known (m, 3 or 6) that have the corners of triangles (k, 3 or 6), the
+    last
     of several, whatever their orientation; -1 where there is none."""
     keys, wanted = (pack(t[:, :3], nodes) for t in (known, triangles))
     order = np.argsort(keys, kind="stable")
@@ -67,7 +71,9 @@ def alike(known: np.ndarray, triangles: np.ndarray, nodes: int) -> np.ndarray:
 
 
 def faces_of(cells: np.ndarray, nodes: int) -> Faces:
-    """The faces of tets (m, 4), positively oriented, of a mesh of some nodes; raises ValueError for more than ``MAX_NODES``."""
+    """The faces of tets (m, 4), positively oriented, of a mesh of some nodes; raises ValueError for
+    more than ``MAX_NODES``.
+    """
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
     keys = np.stack([pack(cells[:, face], nodes) for face in LOCAL_FACES], axis=1).ravel()
@@ -79,7 +85,8 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
     triangles, others = (cells[at[:, None] // 4, LOCAL_FACES[at % 4]] for at in (first, second))
     same_way = (count > 1) & (_even(triangles) == _even(others))
-    return Faces(nodes, triangles, keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2),
+    return Faces(nodes, triangles, keys[start], first // 4, np.where(count > 1, second // 4, -1),
+                 np.flatnonzero(count > 2),
                  np.flatnonzero(same_way))
 
 
@@ -98,15 +105,19 @@ def links(faces: Faces, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of parts of the mesh that faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
+    """Number of parts of the mesh that faces between tets of equal labels (m,) hold together, and
+    the part (m,) of each tet.
+    """
     return components(*links(faces, labels), len(labels))
 
 
 def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray]:
-    """Connected components of the graph with edges a[i]–b[i] on ``size`` vertices: count, (size,) labels.
+    """Connected components of the graph with edges a[i]–b[i] on ``size`` vertices: count, (size,)
+    labels.
 
-    Every group of vertices joins the lowest group beside it, until no edge leaves a group (Shiloach & Vishkin,
-    J. Algorithms 3, 1982): on meshes five to eight rounds, three times faster than building a sparse matrix.
+    Every group of vertices joins the lowest group beside it, until no edge leaves a group (Shiloach
+    & Vishkin, J. Algorithms 3, 1982): on meshes five to eight rounds, three times faster than
+    building a sparse matrix.
     """
     lowest = np.arange(size)
     while len(a):
@@ -121,15 +132,19 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
 
 
 def edge_patches(triangles: np.ndarray, group: np.ndarray | None = None) -> tuple[int, np.ndarray]:
-    """Patches of triangles (k, 3 or 6) of the same group (k,) connected through edges: count, and the patch (k,) of each.
+    """Patches of triangles (k, 3 or 6) of the same group (k,) connected through edges: count, and
+    the patch (k,) of each.
 
     Patches are numbered in the order of their first triangles.
     """
     size, corners = len(triangles), np.sort(triangles[:, :3], axis=1)
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
-    edge = np.unique(edges[:, 0] * (np.int64(edges.max(initial=0)) + 1) + edges[:, 1], return_inverse=True)[1]
+    edge = np.unique(edges[:, 0] * (np.int64(edges.max(initial=0)) + 1) + edges[:, 1],
+                     return_inverse=True)[1]
     if group is not None:  # two groups may meet at an edge: it must not join their patches
-        edge = np.unique(np.tile(group, 3) * (np.int64(edge.max(initial=0)) + 1) + edge, return_inverse=True)[1]
+        edge = np.unique(np.tile(group, 3) * (np.int64(edge.max(initial=0)) + 1) + edge,
+                         return_inverse=True)[1]
     # Triangles and edges are the two kinds of vertices of one graph.
-    count, label = components(np.tile(np.arange(size), 3), size + edge, size + int(edge.max(initial=-1)) + 1)
+    count, label = components(np.tile(np.arange(size), 3), size + edge,
+                              size + int(edge.max(initial=-1)) + 1)
     return count, label[:size]

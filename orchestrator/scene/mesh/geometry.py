@@ -1,4 +1,5 @@
-"""Areas, volumes, gradients, shapes of tets; local size, area and normals at the nodes of a patch; order.
+"""Areas, volumes, gradients, shapes of tets; local size, area and normals at the nodes of a patch;
+order.
 
 Nodes amid edges play no part unless told.
 """
@@ -14,7 +15,9 @@ PAIRS = [(i, j) for i in range(4) for j in range(i)]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(k, 3) vector products; four times as fast as numpy's, which is made for any axis and dimension."""
+    """(k, 3) vector products; four times as fast as numpy's, which is made for any axis and
+    dimension.
+    """
     (a1, a2, a3), (b1, b2, b3) = a.T, b.T
     result = np.empty((3, len(a)))
     result[0], result[1], result[2] = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
@@ -40,7 +43,9 @@ def facet_normals(nodes: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray,
 
 
 def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
+    """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the
+    first three turn to.
+    """
     p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[:, :4].T)
     for corner in (q, r, s):  # copies, and large ones
         corner -= p
@@ -48,7 +53,9 @@ def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(k, 4) barycentric coordinates of points (k, 3), or of one (3,), in tets of corners (k, 4, 3)."""
+    """(k, 4) barycentric coordinates of points (k, 3), or of one (3,), in tets of corners (k, 4,
+    3).
+    """
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     rest = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
     return np.column_stack([1 - rest.sum(axis=1), rest])
@@ -62,7 +69,8 @@ def skew(vectors: np.ndarray) -> np.ndarray:
 
 
 def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 4, 3) gradients of the four linear shape functions, 1/length, and (m,) volumes, positive for positively oriented tets.
+    """(m, 4, 3) gradients of the four linear shape functions, 1/length, and (m,) volumes, positive
+    for positively oriented tets.
 
     nodes : (n, 3) float; cells : (m, 4 or 10) int, edges straight
     """
@@ -83,18 +91,21 @@ PLACES = 64 * np.finfo(float).eps
 
 
 def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) local mesh size at points (n, 3) of triangles (k, 3 or 6): √(2 × mean area of the adjacent ones); 0 where there is none.
+    """(n,) local mesh size at points (n, 3) of triangles (k, 3 or 6): √(2 × mean area of the
+    adjacent ones); 0 where there is none.
 
     On a structured patch of right triangles this is the length of their legs.
     """
     area = areas(points, triangles)
     count = np.bincount(triangles.ravel(), minlength=len(points))
-    total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
+    total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]),
+                        minlength=len(points))
     return np.sqrt(2 * total / np.maximum(count, 1))
 
 
 def rounding(points: np.ndarray, h: np.ndarray | float) -> np.ndarray:
-    """(n,) distances that are rounding where elements measure some h (n,): a share of h, or units in the last place of the
+    """(n,) distances that are rounding where elements measure some h (n,): a share of h, or units
+    in the last place of the
     coordinates that may add up on the way."""
     return np.maximum(h, PLACES * np.abs(points).max(initial=0.0))
 
@@ -134,8 +145,10 @@ def node_vectors(points: np.ndarray, triangles: np.ndarray, shares: np.ndarray,
     return result
 
 
-def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> np.ndarray:
-    """(n, 3) unit normals at points (n, 3): mean of the normals of triangles (k, 3 or 6) weighted by their angle there.
+def node_normals(points: np.ndarray, triangles: np.ndarray,
+                 normals: np.ndarray | None = None) -> np.ndarray:
+    """(n, 3) unit normals at points (n, 3): mean of the normals of triangles (k, 3 or 6) weighted
+    by their angle there.
 
     In the middle of an edge all angles are the same.
 
@@ -147,9 +160,11 @@ def node_normals(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray 
     for i in range(3):
         u = corners[:, (i + 1) % 3] - corners[:, i]
         v = corners[:, (i + 2) % 3] - corners[:, i]
-        cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
+        cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1)
+                                                * np.linalg.norm(v, axis=1))
         angle = np.arccos(np.clip(cosine, -1, 1))
-        own = normal if normals is None else np.where(np.isnan(normals[:, i]), normal, normals[:, i])
+        own = normal if normals is None else np.where(np.isnan(normals[:, i]), normal,
+                                                      normals[:, i])
         np.add.at(result, triangles[:, i], angle[:, None] * own)
     for middle in triangles[:, 3:].T:
         np.add.at(result, middle, np.pi * normal)
@@ -162,31 +177,40 @@ SAME_POSITION = 1e-9
 
 
 def position_rank(points: np.ndarray) -> np.ndarray:
-    """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to units."""
+    """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to
+    units.
+    """
     low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
     rank = np.empty(len(points), dtype=int)
-    rank[np.lexsort(np.rint((points - low).T[::-1] / extent / SAME_POSITION))] = np.arange(len(points))
+    rank[np.lexsort(np.rint((points - low).T[::-1] / extent / SAME_POSITION))] = np.arange(
+        len(points))
     return rank
 
 
 def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) gmsh's gamma: three radii of the inscribed ball over that of the circumscribed one; 1 is regular, < 0 inverted."""
+    """(m,) gmsh's gamma: three radii of the inscribed ball over that of the circumscribed one; 1 is
+    regular, < 0 inverted.
+    """
     area = sum(areas(nodes, cells[:, face]) for face in LOCAL_FACES)
     volume = tet_volumes(nodes, cells)
     a, b, c = (nodes[cells[:, i]] - nodes[cells[:, 0]] for i in (1, 2, 3))
     # From the first corner to the ball's centre, times twelve volumes.
-    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * cross(q, r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
+    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * cross(q, r)
+                 for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
     return 108 * volume * np.abs(volume) / (area * np.linalg.norm(centre, axis=1))
 
 
 def dihedral_angles(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) smallest and (m,) largest angle in degrees between two faces of each tet; nan where a face has no area."""
+    """(m,) smallest and (m,) largest angle in degrees between two faces of each tet; nan where a
+    face has no area.
+    """
     normals = [area_vectors(nodes, cells[:, face]) for face in LOCAL_FACES]
     with np.errstate(invalid="ignore"):
         normals = [normal / np.linalg.norm(normal, axis=1)[:, None] for normal in normals]
     cosines = np.array([np.einsum("ij,ij->i", normals[i], normals[j]) for i, j in PAIRS])
     # Outward normals make the angle's supplement.
-    sharp, blunt = np.degrees(np.arccos(np.clip([-cosines.min(axis=0), -cosines.max(axis=0)], -1, 1)))
+    sharp, blunt = np.degrees(
+        np.arccos(np.clip([-cosines.min(axis=0), -cosines.max(axis=0)], -1, 1)))
     return sharp, blunt
 
 
@@ -200,6 +224,8 @@ ROUNDED = 1e-12  # of the largest coordinate: shown as zero
 
 
 def format_point(point: np.ndarray) -> str:
-    """Coordinates for a message: (1, 2.5, 0); what rounding leaves of a zero beside others is zero."""
+    """Coordinates for a message: (1, 2.5, 0); what rounding leaves of a zero beside others is
+    zero.
+    """
     least = ROUNDED * max((abs(float(x)) for x in point), default=0.0)
     return "(" + ", ".join(f"{float(x) if abs(x) > least else 0.0:.6g}" for x in point) + ")"

@@ -1,4 +1,6 @@
-"""gmsh switched on for one model, and its answers as arrays; STEP and BREP models as it reads them, and what no mesher could follow."""
+"""gmsh switched on for one model, and its answers as arrays; STEP and BREP models as it reads them,
+and what no mesher could follow.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ from orchestrator.scene.names import matching, suggestion, unique_names
 gmsh = Late("gmsh")
 HXT, DELAUNAY = 10, 1
 TRIANGLE, TET = 2, 4
-# 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
+# 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers,
+# but gives up
 # on coarse curved surfaces; there finer circles help, where Delaunay does not.
 ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
 
@@ -28,8 +31,10 @@ ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
 @contextmanager
 def session() -> Iterator[None]:
     """gmsh switched on, quiet, with a model of its own; always switched off again."""
-    # gmsh gives these back to the system: a broken pipe would kill the program without a word, a hangup despite nohup
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
+    # gmsh gives these back to the system: a broken pipe would kill the program without a word, a
+    # hangup despite nohup
+    handlers = {number: signal.getsignal(number)
+                for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     if threading.current_thread() is threading.main_thread():
         for number, handler in handlers.items():
@@ -44,9 +49,12 @@ def session() -> Iterator[None]:
 
 
 def elements(kind: int, tags: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Node tags (k, 3 or 4) of the triangles or tets of some entities, and the entity (k,) as index into tags."""
+    """Node tags (k, 3 or 4) of the triangles or tets of some entities, and the entity (k,) as index
+    into tags.
+    """
     width = 4 if kind == TET else 3
-    blocks = [gmsh.model.mesh.getElementsByType(kind, tag)[1].reshape(-1, width).astype(np.int64) for tag in tags]
+    blocks = [gmsh.model.mesh.getElementsByType(kind, tag)[1].reshape(-1, width).astype(np.int64)
+              for tag in tags]
     return np.concatenate(blocks), np.repeat(np.arange(len(tags)), [len(block) for block in blocks])
 
 
@@ -68,17 +76,22 @@ NOISE = re.compile(r"STEP translator|^=>\[[\d:]+\]$")
 
 
 def locate(name: str) -> Path:
-    """The file of a name; ``gmsh:part.stp`` is one of the examples that come with gmsh. Raises InputError where there is none."""
+    """The file of a name; ``gmsh:part.stp`` is one of the examples that come with gmsh. Raises
+    InputError where there is none.
+    """
     if name.startswith("gmsh:"):
         check_there("gmsh")
-        examples = [f for f in metadata.files("gmsh") or [] if "examples" in f.parts and f.suffix in (".stp", ".step")]
+        examples = [f for f in metadata.files("gmsh") or [] if "examples" in f.parts
+                    and f.suffix in (".stp", ".step")]
         for found in examples:
-            if found.name == name.removeprefix("gmsh:") and (path := Path(found.locate())).is_file():
+            if found.name == name.removeprefix("gmsh:") and (
+                path := Path(found.locate())).is_file():
                 return path.resolve()
         raise wrong(("mesh", "step"), f"{name}: no such example of gmsh",
                     "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples})))
     if not Path(name).is_file():
-        raise wrong(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file", "check the path")
+        raise wrong(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file",
+                    "check the path")
     return Path(name)
 
 
@@ -99,11 +112,13 @@ def read_unit(path: Path) -> list[str]:
         "in mm, and so are h and all other lengths; scale: 0.001 gives metres"]
 
 
-def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple[int, int]], list[str], list[list[int]]]:
-    """Solids of a model, by dimension and tag, with their names, and shells of faces that close none, each the tags of its faces.
+def read_model(path: Path, source: str,
+               shells: bool = True) -> tuple[list[tuple[int, int]], list[str], list[list[int]]]:
+    """Solids of a model, by dimension and tag, with their names, and shells of faces that close
+    none, each the tags of its faces.
 
-    gmsh must be switched on, and holds the model afterwards, its loose faces where ``shells`` are asked for. Solids are called
-    as the model's products, bolt_1, bolt_2, … where a name recurs.
+    gmsh must be switched on, and holds the model afterwards, its loose faces where ``shells`` are
+    asked for. Solids are called as the model's products, bolt_1, bolt_2, … where a name recurs.
     Raises InputError: unreadable, no solids
     """
     check_content(path, ("mesh", "step"), source)
@@ -116,8 +131,10 @@ def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple
     gmsh.model.occ.synchronize()
     solids = [s for s in found if s[0] == 3]
     if not solids:
-        raise wrong(("mesh", "step"), f"{source}: no solids", "a model with at least one solid", "export closed solids, not surfaces")
-    loose = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getAdjacencies(2, tag)[0])]
+        raise wrong(("mesh", "step"), f"{source}: no solids", "a model with at least one solid",
+                    "export closed solids, not surfaces")
+    loose = [tag for _, tag in gmsh.model.getEntities(2)
+             if not len(gmsh.model.getAdjacencies(2, tag)[0])]
     grown: list[tuple[set[int], list[int]]] = []
     for tag in loose:
         edges, faces = {int(e) for e in gmsh.model.getAdjacencies(2, tag)[1]}, [tag]
@@ -125,13 +142,16 @@ def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple
             grown.remove(shell)
             edges, faces = edges | shell[0], [*shell[1], *faces]
         grown.append((edges, faces))
-    return solids, unique_names([_product(*s) or "solid" for s in solids]), [faces for _, faces in grown]
+    return solids, unique_names([_product(*s) or "solid" for s in solids]), [
+        faces for _, faces in grown]
 
 
 def _product(dimension: int, tag: int) -> str:
-    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``; none where a program has only named itself.
+    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``; none where a program
+    has only named itself.
 
-    Such are "Open CASCADE STEP translator 7.1 1:37" and "=>[0:1:1:2]": they tell nothing and change with every export.
+    Such are "Open CASCADE STEP translator 7.1 1:37" and "=>[0:1:1:2]": they tell nothing and change
+    with every export.
     """
     label = gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
     return "" if NOISE.search(label) else label
@@ -145,22 +165,28 @@ def leave_out(source: str, names: list[str], exclude: Sequence[str], known: list
     problems = Problems()
     for pattern in exclude:
         if not matching(pattern, known):
-            problems.add(("mesh", "exclude"), f"no solid is called {pattern!r}", "names of solids, shell wildcards allowed",
+            problems.add(("mesh", "exclude"), f"no solid is called {pattern!r}",
+                         "names of solids, shell wildcards allowed",
                          suggestion(pattern, known, "solid"))
     left = {name for pattern in exclude for name in matching(pattern, known)}
     kept = [i for i, name in enumerate(names) if name not in left]
     if not kept:
-        problems.add(("mesh", "exclude"), f"{source}: no solid is left", "at least one solid", "leave fewer out")
+        problems.add(("mesh", "exclude"), f"{source}: no solid is left", "at least one solid",
+                     "leave fewer out")
     problems.raise_if_any()
     return kept
 
 
 def check_h(solids: list[tuple[int, int]], h: float) -> None:
-    """Raises InputError for an h that no mesher could follow: larger than the model, or far too small for memory."""
+    """Raises InputError for an h that no mesher could follow: larger than the model, or far too
+    small for memory.
+    """
     extent = float(np.ptp(np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)), axis=0).max())
     if h > extent:
-        raise wrong(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}", "elements smaller than the model",
-                    f"take h: {extent / 10:.2g} or less; h is in mm for STEP, whatever the file's unit, before scale")
+        raise wrong(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}",
+                    "elements smaller than the model",
+                    f"take h: {extent / 10:.2g} or less; h is in mm for STEP, whatever the file's "
+                    "unit, before scale")
     inside = DENSITY * sum(gmsh.model.occ.getMass(*solid) for solid in solids) / h**3
     # A plane of equilateral triangles has 1.15 nodes per h².
     faces = gmsh.model.getBoundary(solids, combined=False, oriented=False)

@@ -1,4 +1,5 @@
-"""A mesh: nodes, tetrahedra, named volumes and surfaces; whether it is sound; the nodes of its subdomains, one after another.
+"""A mesh: nodes, tetrahedra, named volumes and surfaces; whether it is sound; the nodes of its
+subdomains, one after another.
 
 Indices are zero-based, lengths in the user's units.
 """
@@ -21,7 +22,8 @@ class StandIn:
     """A volume that stands for a part whose mesh is not ours, see ``foreign.standin``.
 
     volume : index of the volume
-    first : its first node; its nodes follow each other, those of its joints first; joints : how many of them are the joints'
+    first : its first node; its nodes follow each other, those of its joints first; joints : how
+        many of them are the joints'
     held : (m, 3) bool, of its nodes, components that the part's own supports hold
     triangles : (k, 3) int, nodes of the joints' faces, outward
     size : a length, the extent of its joints
@@ -49,13 +51,15 @@ class Mesh:
     """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
 
     nodes : (n, 3) float, coordinates
-    cells : (m, 4 or 10) int, node indices, positively oriented; the corners first, see ``quadratic``
+    cells : (m, 4 or 10) int, node indices, positively oriented; the corners first, see
+        ``quadratic``
     volume : (m,) int, index into ``volumes``
     volumes : names of the volumes (parts, solids, physical volumes); at least one
     surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
     remarks : sentences on how it differs from what was asked for
-    smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by their names, with its normals
+    smooth : shapes of the surfaces that are each a single face of a CAD model, without a crease, by
+        their names, with its normals
     foreign : the volumes that stand for parts whose mesh is not ours
     """
 
@@ -75,7 +79,9 @@ class Mesh:
         return np.stack([self.nodes.min(axis=0), self.nodes.max(axis=0)])
 
     def is_foreign(self, cells: np.ndarray) -> np.ndarray:
-        """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""
+        """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not
+        ours.
+        """
         known = np.zeros(len(self.volumes), dtype=bool)
         known[[stand.volume for stand in self.foreign]] = True
         return known[self.volume[cells]]
@@ -87,7 +93,9 @@ class Mesh:
 
     @property
     def one_body(self) -> list[np.ndarray]:
-        """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
+        """(k, 2) int each, cells that belong together though they share no face: of a part whose
+        mesh is not ours.
+        """
         return [np.column_stack([np.full_like(own, own[0]), own]) for stand in self.foreign
                 for own in [np.flatnonzero(self.volume == stand.volume)]]
 
@@ -101,10 +109,11 @@ FLAT = 1e-10
 
 
 def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
-    """The mesh with positive tets, and its faces; one whose tets are all inverted follows another convention and is turned round.
+    """The mesh with positive tets, and its faces; one whose tets are all inverted follows another
+    convention and is turned round.
 
-    Raises InputError: no tets, too many nodes, coordinates that are no numbers, inverted or flat tets,
-        faces of three tets, overlapping tets
+    Raises InputError: no tets, too many nodes, coordinates that are no numbers, inverted or flat
+        tets, faces of three tets, overlapping tets
     """
     problems = Problems()
 
@@ -113,30 +122,38 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
 
     bad = np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))
     if len(mesh.cells) == 0:
-        complain("no tetrahedra", "a mesh of four-node tetrahedra", "mesh the volume, not only its surface, and save the volume elements")
+        complain("no tetrahedra", "a mesh of four-node tetrahedra",
+                 "mesh the volume, not only its surface, and save the volume elements")
     elif len(mesh.nodes) > MAX_NODES:
         complain(f"{len(mesh.nodes)} nodes", f"at most {MAX_NODES} nodes", "use a coarser mesh")
     elif len(bad):
-        complain(f"node {bad[0]} at {mesh.nodes[bad[0]]}", "finite coordinates", "write the mesh file again")
+        complain(f"node {bad[0]} at {mesh.nodes[bad[0]]}", "finite coordinates",
+                 "write the mesh file again")
     problems.raise_if_any()
     inverted, flat = _inverted(mesh)
     if inverted.any() and (inverted | flat).all():
         mesh, inverted = replace(mesh, cells=mesh.cells[:, [0, 2, 1, 3]]), np.zeros_like(inverted)
     for what, bad, cure in (
-            ("inverted", inverted, "swap two nodes of these tets, or mesh again: elements overlap here"),
-            ("zero-volume", flat, "remove these tets, or optimise the mesh (gmsh: -optimize_netgen)")):
+            ("inverted", inverted,
+             "swap two nodes of these tets, or mesh again: elements overlap here"),
+            ("zero-volume", flat,
+             "remove these tets, or optimise the mesh (gmsh: -optimize_netgen)")):
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             complain(f"{bad.sum()} {what} of {len(bad)} tets; the first is cell {first} at "
-                     f"{format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}", "tets of positive volume, all oriented the same way",
+                     f"{format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}",
+                     "tets of positive volume, all oriented the same way",
                      cure)
     problems.raise_if_any()  # bad tets have bad faces: a second complaint would only distract
     faces = faces_of(mesh.cells, len(mesh.nodes))
     for what, index, cure in (
             ("faces shared by three or more tets", faces.crowded, "remove duplicated tets"),
-            ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded), "remove duplicated or overlapping tets")):
+            ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded),
+             "remove duplicated or overlapping tets")):
         if len(index):
-            complain(f"{len(index)} {what}, the first at {format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))}",
+            complain(
+                f"{len(index)} {what}, the first at "
+                f"{format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))}",
                      "each face between at most two tets, one on either side", cure)
     problems.raise_if_any()
     return mesh, faces
@@ -148,7 +165,8 @@ def _inverted(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     flat = np.abs(volumes) <= FLAT * mesh.diagonal ** 3  # no edge is longer than that
     thin = np.flatnonzero(flat)
     corners = mesh.nodes[mesh.cells[thin]]
-    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in PAIRS], axis=0) ** 1.5
+    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in PAIRS],
+                     axis=0) ** 1.5
     flat[thin] = np.abs(volumes[thin]) <= FLAT * longest
     return (volumes < 0) & ~flat, flat
 
@@ -201,4 +219,6 @@ def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -
         place[nodes[-1]] = np.arange(*offsets[-2:])
         corners[own] = place[its]
     nodes, offsets = np.concatenate(nodes), np.array(offsets)
-    return SplitNumbering(total, nodes, offsets, np.repeat(np.arange(parts) * np.int64(total), np.diff(offsets)) + nodes, corners)
+    return SplitNumbering(total, nodes, offsets,
+                          np.repeat(np.arange(parts) * np.int64(total), np.diff(offsets)) + nodes,
+                          corners)

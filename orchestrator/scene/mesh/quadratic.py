@@ -1,12 +1,13 @@
 """Ten-node tets: one node in the middle of every edge of a mesh of four-node tets.
 
-Edges stay straight, so that the geometry, volumes, areas and normals are those of the corners, which
-keep their numbers and come first: in a tet's ten nodes, in a face's six, and in the mesh. The order
-within an element is VTK's.
+Edges stay straight, so that the geometry, volumes, areas and normals are those of the corners,
+which keep their numbers and come first: in a tet's ten nodes, in a face's six, and in the mesh. The
+order within an element is VTK's.
 
-On the same mesh ten-node tets cost several times as much and are better by more than that: their error falls with h²
-where the solution is smooth, that of four-node tets with h, which are too stiff in bending and lock as ν goes to ½. So
-``element: auto`` takes them, unless there is a reason not to.
+On the same mesh ten-node tets cost several times as much and are better by more than that: their
+error falls with h² where the solution is smooth, that of four-node tets with h, which are too stiff
+in bending and lock as ν goes to ½. So ``element: auto`` takes them, unless there is a reason not
+to.
 """
 
 from __future__ import annotations
@@ -24,18 +25,22 @@ TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])  # of a triangle of six nodes
 
-# Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
+# Integrals of the shape functions over an element, as shares of its volume or area, by number of
+# nodes.
 TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
 # Of shape functions times barycentric coordinates, ∫ φ_a λ_b.
 _IS_END = (TET_EDGES[:, :, None] == np.arange(4)).any(axis=1)
 TET_MOMENTS = {4: (1 + np.eye(4)) / 20, 10: np.vstack([(np.eye(4) - 1) / 60, (1 + _IS_END) / 30])}
 _IS_END = (TRIANGLE_EDGES[:, :, None] == np.arange(3)).any(axis=1)
-TRIANGLE_MOMENTS = {3: (1 + np.eye(3)) / 12, 6: np.vstack([(3 * np.eye(3) - 1) / 60, (1 + _IS_END) / 15])}
-# Integrates polynomials of degree 4 over a triangle (Strang & Fix 1973): weights, barycentric coordinates.
+TRIANGLE_MOMENTS = {3: (1 + np.eye(3)) / 12,
+                    6: np.vstack([(3 * np.eye(3) - 1) / 60, (1 + _IS_END) / 15])}
+# Integrates polynomials of degree 4 over a triangle (Strang & Fix 1973): weights, barycentric
+# coordinates.
 _A, _B = 0.445948490915965, 0.091576213509771
 DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
             np.concatenate([np.full((3, 3), x) + (1 - 3 * x) * np.eye(3) for x in (_A, _B)]))
-# Points, in barycentric coordinates, of rules of equal weights over a tet: exact for linear functions, and for quadratic ones.
+# Points, in barycentric coordinates, of rules of equal weights over a tet: exact for linear
+# functions, and for quadratic ones.
 _A = (5 - np.sqrt(5)) / 20
 TET_POINTS = {4: np.full((1, 4), 0.25), 10: np.full((4, 4), _A) + (1 - 4 * _A) * np.eye(4)}
 TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
@@ -51,7 +56,8 @@ def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
     ends, edge = edges_of(mesh.cells, TET_EDGES)
     nodes = np.vstack([mesh.nodes, mesh.nodes[ends].mean(axis=1)])
     triangles = np.hstack([faces.triangles, n + find(ends, faces.triangles[:, TRIANGLE_EDGES])])
-    return (replace(mesh, nodes=nodes, cells=np.hstack([mesh.cells, n + edge])), replace(faces, triangles=triangles))
+    return (replace(mesh, nodes=nodes, cells=np.hstack([mesh.cells, n + edge])),
+            replace(faces, triangles=triangles))
 
 
 def faces_of_six(faces: Faces, cells: np.ndarray) -> Faces:
@@ -59,11 +65,14 @@ def faces_of_six(faces: Faces, cells: np.ndarray) -> Faces:
     ends, edge = edges_of(cells[:, :4], TET_EDGES)
     middle = np.empty(len(ends), dtype=int)
     middle[edge] = cells[:, 4:]
-    return replace(faces, triangles=np.hstack([faces.triangles, middle[find(ends, faces.triangles[:, TRIANGLE_EDGES])]]))
+    return replace(faces,
+                   triangles=np.hstack([faces.triangles,
+                                        middle[find(ends, faces.triangles[:, TRIANGLE_EDGES])]]))
 
 
 def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The edges of elements (m, p), each once: ends (e, 2) int, ascending within and among rows, and edge (m, q) int, index into ends.
+    """The edges of elements (m, p), each once: ends (e, 2) int, ascending within and among rows,
+    and edge (m, q) int, index into ends.
 
     local : (q, 2) int, ends of an element's edges in its own numbering
     """
@@ -74,7 +83,9 @@ def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def find(ends: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Indices (…) into ``ends``, as ``edges_of`` gives them, of pairs (…, 2) of nodes that are edges."""
+    """Indices (…) into ``ends``, as ``edges_of`` gives them, of pairs (…, 2) of nodes that are
+    edges.
+    """
     size = int(ends.max(initial=0)) + 1
     low, high = pairs.min(axis=-1), pairs.max(axis=-1)
     return np.searchsorted(ends[:, 0] * size + ends[:, 1], low * size + high)
@@ -85,7 +96,8 @@ def lines_of(triangles: np.ndarray) -> np.ndarray:
     return np.concatenate([triangles[:, [*ends, 3 + i]] for i, ends in enumerate(TRIANGLE_EDGES)])
 
 
-def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray,
+                 cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A sole's points and cells (q, 10) with a node in the middle of every edge.
 
     inner : (n, 3) nodes of the interface
@@ -101,13 +113,15 @@ def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells
     middle = np.empty(len(ends), dtype=int)
     middle[on] = middle_of[find(known, ends[on])]
     middle[~on] = n + len(points) + np.arange(np.count_nonzero(~on))
-    return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]), np.hstack([cells, middle[edge]]))
+    return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]),
+            np.hstack([cells, middle[edge]]))
 
 
 def six_functions(at: np.ndarray) -> np.ndarray:
     """(…, 6) quadratic functions of a triangle at barycentric coordinates (…, 3)."""
     a, b, c = np.moveaxis(at, -1, 0)
-    return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c, 4 * c * a], axis=-1)
+    return np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c,
+                     4 * c * a], axis=-1)
 
 
 def tet_functions(at: np.ndarray, count: int) -> np.ndarray:
@@ -119,7 +133,9 @@ def tet_functions(at: np.ndarray, count: int) -> np.ndarray:
 
 
 def quadratic_slopes(at: np.ndarray) -> np.ndarray:
-    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
+    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric
+    coordinates λ.
+    """
     i, j = TET_EDGES.T
     slopes, edge = np.zeros((10, 4)), 4 + np.arange(6)
     slopes[range(4), range(4)] = 4 * at - 1
@@ -127,8 +143,10 @@ def quadratic_slopes(at: np.ndarray) -> np.ndarray:
     return slopes
 
 
-# Unknowns of ten-node tets beyond which they are not taken unasked: some 8 kB each, measured (assembly, 186,000 unknowns,
-# 1.8 GB), a dozen GB. A number, not what is free here and now: the same input gives the same result everywhere.
+# Unknowns of ten-node tets beyond which they are not taken unasked: some 8 kB each, measured
+# (assembly, 186,000 unknowns,
+# 1.8 GB), a dozen GB. A number, not what is free here and now: the same input gives the same result
+# everywhere.
 LARGEST = 1_500_000
 LOCKING = 0.45  # Poisson's ratio from which four-node tets move visibly too little
 
@@ -145,8 +163,11 @@ class Choice:
 
 
 def stiffest(materials: list[Any], cell_material: np.ndarray) -> float:
-    """Largest ratio of Poisson of cells; of none where materials and cell_material are empty, which is told elsewhere."""
-    return max((materials[m].poisson for m in np.unique(cell_material) if m >= 0), default=0.0) if materials else 0.0
+    """Largest ratio of Poisson of cells; of none where materials and cell_material are empty, which
+    is told elsewhere.
+    """
+    return max((materials[m].poisson for m in np.unique(cell_material) if m >= 0),
+               default=0.0) if materials else 0.0
 
 
 def choose_element(unknowns: int, poisson: float, foreign: bool = False) -> Choice:
@@ -157,10 +178,15 @@ def choose_element(unknowns: int, poisson: float, foreign: bool = False) -> Choi
     if foreign:
         return Choice("P1", "parts of other programs are met by four-node tets alone")
     if unknowns > LARGEST:
-        return Choice("P1", f"ten-node tets would have {unknowns:,} unknowns, which takes more memory than most machines have; but " + (
-            f"four-node tets lock at ν = {poisson:g}: a coarser mesh with element: P2 is better" if poisson > LOCKING else
-            "where there are fewer than four elements across a part, four-node tets are too stiff in bending"))
+        return Choice("P1",
+                      f"ten-node tets would have {unknowns:,} unknowns, which takes more memory "
+                      "than most machines have; but " + (
+            f"four-node tets lock at ν = {poisson:g}: a coarser mesh with element: P2 is better"
+            if poisson > LOCKING else
+            "where there are fewer than four elements across a part, four-node tets are too stiff "
+            "in bending"))
     if poisson > LOCKING:
         return Choice("P2", f"ν = {poisson:g}, at which four-node tets lock")
     return Choice("P2",
-                  f"{unknowns:,} unknowns are not many, and ten-node tets, not too stiff in bending, gain more accuracy than they cost")
+                  f"{unknowns:,} unknowns are not many, and ten-node tets, not too stiff in "
+                  "bending, gain more accuracy than they cost")

@@ -10,7 +10,8 @@ import numpy as np
 from orchestrator.errors import wrong
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces
 from orchestrator.scene.mesh.gmsh_session import (
-    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model, session)
+    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, points, read_model,
+    session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.size_map import Sizes, WHOLE
 from orchestrator.scene.names import renamed
@@ -34,7 +35,8 @@ def conforming(path: Path, mesh: Any, sizes: Sizes) -> Mesh:
                 complaint = last_complaint(error)
                 continue
             # gmsh passes over solids it cannot fill without raising an error.
-            empty = {names[solid] for tag, solid in owner.items() if not len(gmsh.model.mesh.getElementsByType(TET, tag)[0])}
+            empty = {names[solid] for tag, solid in owner.items()
+                     if not len(gmsh.model.mesh.getElementsByType(TET, tag)[0])}
             if not empty:
                 return arrays(source, names, owner)
             complaint = "no tetrahedra in " + ", ".join(sorted(empty))
@@ -43,7 +45,9 @@ def conforming(path: Path, mesh: Any, sizes: Sizes) -> Mesh:
 
 
 def joined(path: Path, mesh: Any, sizing: Sizing) -> tuple[list[str], dict[int, int]]:
-    """Makes touching solids share faces: their names, and the tag of each piece → the solid it comes from."""
+    """Makes touching solids share faces: their names, and the tag of each piece → the solid it
+    comes from.
+    """
     source, exclude = str(mesh.step), getattr(mesh, "exclude", None) or []
     solids, names, _ = read_model(path, source, shells=False)
     names = renamed(names, getattr(mesh, "rename", None), ("mesh", "rename"))
@@ -85,7 +89,9 @@ def arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
     cells, piece = elements(TET, pieces)
     used, inverse = np.unique(cells, return_inverse=True)
     faces = outer_faces(names, owner)
-    surfaces = {name: np.searchsorted(used, elements(TRIANGLE, [tag])[0]) for name, tag in faces.items()}
+    surfaces = {name: np.searchsorted(used, elements(TRIANGLE, [tag])[0])
+                for name, tag in faces.items()}
     kept, volume = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
-    return Mesh(points(used), inverse.reshape(-1, 4), volume, [names[i] for i in kept], surfaces, source,
+    return Mesh(points(used), inverse.reshape(-1, 4), volume, [names[i] for i in kept], surfaces,
+                source,
                 smooth={name: face_shape(tag) for name, tag in faces.items()})

@@ -28,9 +28,11 @@ from orchestrator.scene.mesh.quadratic import edges_of, TET_EDGES
 
 WHOLE = ""  # key of the map of a mesh that is made in one piece
 REGULAR = 6 * np.sqrt(2)  # the cube of a regular tet's edge over its volume
-# Tets that gmsh makes, over as many regular ones as the sizes ask for: .65 at 700 elements to .46 at 80,000, even or graded, measured
+# Tets that gmsh makes, over as many regular ones as the sizes ask for: .65 at 700 elements to .46
+# at 80,000, even or graded, measured
 FOLLOWED = 0.55
-# gmsh's octree ends the program where a tet's middle is on one of its planes but for rounding: nodes are moved by this share of the whole
+# gmsh's octree ends the program where a tet's middle is on one of its planes but for rounding:
+# nodes are moved by this share of the whole
 ASTRAY = 1e-9
 
 
@@ -47,10 +49,14 @@ class SizeMap:
 
     def apply(self) -> int:
         """A field of gmsh's that gives about as many tets, by its tag."""
-        astray = ASTRAY * np.ptp(self.nodes, axis=0).max() * np.random.default_rng(0).uniform(-1.0, 1.0, self.nodes.shape)
-        corners, size = (self.nodes + astray)[self.cells].transpose(0, 2, 1).reshape(-1, 12), self.size * np.cbrt(FOLLOWED)
+        astray = ASTRAY * np.ptp(self.nodes,
+                                 axis=0).max() * np.random.default_rng(0).uniform(
+                                     -1.0, 1.0, self.nodes.shape)
+        corners, size = (self.nodes + astray)[self.cells].transpose(0, 2, 1).reshape(
+            -1, 12), self.size * np.cbrt(FOLLOWED)
         view = gmsh.view.add("sizes")
-        gmsh.view.addListData(view, "SS", len(corners), np.hstack([corners, size[self.cells]]).ravel())
+        gmsh.view.addListData(view, "SS", len(corners),
+                              np.hstack([corners, size[self.cells]]).ravel())
         field = gmsh.model.mesh.field.add("PostView")
         gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
         return field
@@ -65,31 +71,37 @@ def edge_lengths(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.cbrt(REGULAR * np.abs(tet_volumes(nodes, cells)))
 
 
-# A half has half the volume: tets that are cut from this size on end within a factor of 2^(1/6) of what is asked, either way.
+# A half has half the volume: tets that are cut from this size on end within a factor of 2^(1/6) of
+# what is asked, either way.
 OFF = 2 ** (1 / 6)
 MANY = 1 << 31  # more than nodes, so that two of them make one key
 
 
 def bisected(mesh: Mesh, sizes: SizeMap) -> Mesh:
-    """The mesh with tets of four nodes as small as ``sizes`` at their centres, volumes and surfaces as they were."""
+    """The mesh with tets of four nodes as small as ``sizes`` at their centres, volumes and surfaces
+    as they were.
+    """
     from scipy.spatial import cKDTree  # for this alone
 
     near, parts = cKDTree(sizes.nodes[sizes.cells].mean(axis=1)), _Parts(mesh)
     while True:
         centre = parts.nodes[parts.cells].mean(axis=1)
         corners = sizes.cells[near.query(centre)[1]]
-        share = np.clip(barycentric(sizes.nodes[corners], centre), 0.0, 1.0)  # the nearest tet may be beside that which holds it
+        # the nearest tet may be beside that which holds it
+        share = np.clip(barycentric(sizes.nodes[corners], centre), 0.0, 1.0)
         asked = np.einsum("mk,mk->m", share, sizes.size[corners]) / share.sum(axis=1)
         too_large = edge_lengths(parts.nodes, parts.cells) > OFF * asked
         if not too_large.any():
-            return replace(mesh, nodes=parts.nodes, cells=parts.cells, volume=parts.volume, surfaces=parts.surfaces(), smooth={})
+            return replace(mesh, nodes=parts.nodes, cells=parts.cells, volume=parts.volume,
+                           surfaces=parts.surfaces(), smooth={})
         parts.halve(too_large)
 
 
 class _Parts:
     """Tets with what they are parts of.
 
-    tags : (m, 4) int, of the face opposite to each corner, which named surfaces it lies on, see ``named``
+    tags : (m, 4) int, of the face opposite to each corner, which named surfaces it lies on, see
+        ``named``
     """
 
     def __init__(self, mesh: Mesh):
@@ -111,22 +123,27 @@ class _Parts:
         """Name → (k, 3) int, outward triangles."""
         triangles, tags = self.cells[:, LOCAL_FACES].reshape(-1, 3), self.tags.ravel()
         names = dict.fromkeys(name for both in self.named for name in both)
-        return {name: triangles[np.isin(tags, [k for k, both in enumerate(self.named) if name in both])] for name in names}
+        return {
+            name: triangles[np.isin(tags, [k for k, both in enumerate(self.named) if name in both])]
+            for name in names}
 
     def halve(self, chosen: np.ndarray) -> None:
         """Halves tets ``chosen`` (m,) bool, and others until all share their faces."""
-        cut, middle = np.empty((2, 0), dtype=np.int64)  # edges by their keys, ascending, and the nodes amid them
+        # edges by their keys, ascending, and the nodes amid them
+        cut, middle = np.empty((2, 0), dtype=np.int64)
         while chosen.any():
             ends, edge = edges_of(self.cells, TET_EDGES)
             keys = ends[:, 0] * MANY + ends[:, 1]
-            order = np.lexsort((keys, np.sum((self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) ** 2, axis=1)))
+            order = np.lexsort(
+                (keys, np.sum((self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) ** 2, axis=1)))
             rank = np.empty_like(order)
             rank[order] = np.arange(len(order))
             halved = np.flatnonzero(chosen)
             local = rank[edge[halved]].argmax(axis=1)
             longest = edge[halved, local]
             new = np.setdiff1d(longest, np.flatnonzero(np.isin(keys, cut)))
-            cut, middle = np.concatenate([cut, keys[new]]), np.concatenate([middle, len(self.nodes) + np.arange(len(new))])
+            cut, middle = np.concatenate([cut, keys[new]]), np.concatenate(
+                [middle, len(self.nodes) + np.arange(len(new))])
             cut, middle = cut[order := np.argsort(cut)], middle[order]
             self.nodes = np.concatenate([self.nodes, self.nodes[ends[new]].mean(axis=1)])
             self._cut(halved, TET_EDGES[local], middle[np.searchsorted(cut, keys[longest])])
@@ -134,7 +151,8 @@ class _Parts:
             chosen = np.isin(ends[:, 0] * MANY + ends[:, 1], cut)[edge].any(axis=1)
 
     def _cut(self, halved: np.ndarray, ends: np.ndarray, node: np.ndarray) -> None:
-        """Replaces each of some tets (h,) int by two, in each of which ``node`` (h,) stands for one of the ``ends`` (h, 2), local corners.
+        """Replaces each of some tets (h,) int by two, in each of which ``node`` (h,) stands for one
+        of the ``ends`` (h, 2), local corners.
 
         The face between the two, opposite to the end that is left, is on no surface.
         """
@@ -146,4 +164,5 @@ class _Parts:
             tags.append(tag)
         kept = np.delete(np.arange(len(self.cells)), halved)
         self.volume = np.concatenate([self.volume[kept], self.volume[halved], self.volume[halved]])
-        self.cells, self.tags = np.concatenate([self.cells[kept], *halves]), np.concatenate([self.tags[kept], *tags])
+        self.cells, self.tags = np.concatenate([self.cells[kept], *halves]), np.concatenate(
+            [self.tags[kept], *tags])

@@ -1,4 +1,6 @@
-"""Meshes of STEP and BREP models in which each solid is meshed by itself, at its own element size; others are in ``shared_faces``."""
+"""Meshes of STEP and BREP models in which each solid is meshed by itself, at its own element size;
+others are in ``shared_faces``.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, some, visible
 from orchestrator.scene.mesh.cad import Sizing, apply_refinement, check_curvature, face_shape, refined_faces, sizes_of
 from orchestrator.scene.mesh.gmsh_session import (
-    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points, read_model, read_unit,
+    ATTEMPTS, TET, TRIANGLE, check_h, elements, gmsh, last_complaint, leave_out, locate, points,
+    read_model, read_unit,
     session)
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
@@ -27,14 +30,19 @@ SHOWN = 5  # faces that one sentence names
 
 
 def step(mesh: Any, failed: dict[str, Problem] | None = None, sizes: Sizes | None = None) -> Mesh:
-    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h``, lengths of STEP in mm.
+    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h``, lengths of
+    STEP in mm.
 
-    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes carry the solids' names; each
-    geometric surface on the outer boundary is a named surface ``<solid>:<k>``, k from 1.
+    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes
+    carry the solids' names; each geometric surface on the outer boundary is a named surface
+    ``<solid>:<k>``, k from 1.
 
-    failed : takes what is wrong with single solids, by name, of a mesh that is not conforming: they are left out then
-    sizes : elements are as small as these say, in the solid of that name, or in all that is meshed in one piece
-    Raises InputError: unreadable, no solids, faces that close none, names that match none, solids that gmsh cannot mesh
+    failed : takes what is wrong with single solids, by name, of a mesh that is not conforming: they
+        are left out then
+    sizes : elements are as small as these say, in the solid of that name, or in all that is meshed
+        in one piece
+    Raises InputError: unreadable, no solids, faces that close none, names that match none, solids
+    that gmsh cannot mesh
     """
     path = locate(str(mesh.step))
     if getattr(mesh, "conforming", None) is False:
@@ -50,7 +58,8 @@ class MeshedSolid:
 
     tag : gmsh's; name : unique; faces : tags of its faces, ascending, named ``name:1`` and on
     size : of its elements
-    points : (n, 3), cells : (m, 4), surfaces : triangles per face, shapes : of its faces, once it is meshed; complaint : why it is not
+    points : (n, 3), cells : (m, 4), surfaces : triangles per face, shapes : of its faces, once it
+        is meshed; complaint : why it is not
     """
 
     tag: int
@@ -73,7 +82,8 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Size
     source, refine = str(mesh.step), getattr(mesh, "refine", None) or []
     with session():
         solids, remarks = _survey(path, mesh, failed)
-    refined = refined_faces(refine, {solid.face(tag): tag for solid in solids for tag in solid.faces})
+    refined = refined_faces(refine,
+                            {solid.face(tag): tag for solid in solids for tag in solid.faces})
     for algorithm, per_circle in ATTEMPTS:
         if not (left := [solid for solid in solids if solid.complaint]):
             break
@@ -89,9 +99,12 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Size
                 solid.size.apply(per_circle, finest)
                 solid.complaint = _mesh_visible(solid)
                 gmsh.model.mesh.clear()
-    bad = {solid.name: Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {solid.complaint}",
-                               "solids whose faces close and can be meshed",
-                               f"repair the solid, try a smaller h, or leave it out: exclude: [{solid.name}]")
+    bad = {
+        solid.name: Problem(("mesh", "step"),
+                            f"{source}: {solid.name} cannot be meshed: {solid.complaint}",
+                            "solids whose faces close and can be meshed",
+                            "repair the solid, try a smaller h, or leave it out: exclude: "
+                            f"[{solid.name}]")
            for solid in solids if solid.complaint}
     if bad and (failed is None or len(bad) == len(solids)):
         raise InputError(list(bad.values()))
@@ -103,12 +116,17 @@ def _apart(path: Path, mesh: Any, failed: dict[str, Problem] | None, sizes: Size
                 for k, triangles in enumerate(solid.surfaces, start=1)}
     return Mesh(np.concatenate([solid.points for solid in solids]),
                 np.concatenate([solid.cells + start for solid, start in zip(solids, starts)]),
-                np.repeat(np.arange(len(solids)), [len(solid.cells) for solid in solids]), [solid.name for solid in solids],
-                surfaces, source, remarks, dict(zip(surfaces, (shape for solid in solids for shape in solid.shapes))))
+                np.repeat(np.arange(len(solids)), [len(solid.cells) for solid in solids]),
+                [solid.name for solid in solids],
+                surfaces, source, remarks,
+                dict(zip(surfaces, (shape for solid in solids for shape in solid.shapes))))
 
 
-def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[list[MeshedSolid], list[str]]:
-    """The solids that are to be meshed, and remarks on what is small in them; gmsh must be switched on."""
+def _survey(path: Path, mesh: Any, failed: dict[str, Problem]
+            | None) -> tuple[list[MeshedSolid], list[str]]:
+    """The solids that are to be meshed, and remarks on what is small in them; gmsh must be switched
+    on.
+    """
     source, exclude = str(mesh.step), getattr(mesh, "exclude", None) or []
     found, names, loose = read_model(path, source)
     names = renamed(names, getattr(mesh, "rename", None), ("mesh", "rename"))
@@ -117,16 +135,24 @@ def _survey(path: Path, mesh: Any, failed: dict[str, Problem] | None) -> tuple[l
     left = {name for pattern in exclude for name in matching(pattern, [*names, *shells])}
     open_ = {name: Problem(("mesh", "step"), f"{source}: {name}, {len(faces)} faces, the first at "
                            f"({', '.join(f'{x:.4g}' for x in gmsh.model.occ.getCenterOfMass(2, faces[0]))}), close no solid",
-                           "closed solids", f"repair the body in CAD and export it again, or leave it out: exclude: [{name}]")
+                           "closed solids",
+                           "repair the body in CAD and export it again, or leave it out: "
+                           f"exclude: [{name}]")
              for name, faces in zip(shells, loose) if name not in left}
     if open_ and failed is None:
         raise InputError(list(open_.values()))
     if failed is not None:
         failed.update(open_)
     sizes = sizes_of([names[i] for i in kept], mesh.h)
-    if largest := max((size.largest for size in sizes.values() if size.largest is not None), default=None):
+    if largest := max((size.largest for size in sizes.values() if size.largest is not None),
+                      default=None):
         check_h([found[i] for i in kept], largest)
-    solids = [MeshedSolid(found[i][1], names[i], sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)}),
+    solids = [
+        MeshedSolid(found[i][1], names[i],
+                    sorted(
+                        {tag
+                         for _, tag in gmsh.model.getBoundary(
+                             [found[i]], combined=False, oriented=False)}),
                     sizes[names[i]]) for i in kept]
     check_curvature((solid.faces, solid.size) for solid in solids)
     return solids, list(_small(solids))
@@ -140,14 +166,17 @@ def _small(solids: list[MeshedSolid]) -> Iterator[str]:
         tiny: dict[str, float] = {}
         for tag in solid.faces:
             edges = gmsh.model.getBoundary([(2, tag)], combined=False, oriented=False)
-            lengths = [length for length in (gmsh.model.occ.getMass(*edge) for edge in set(edges)) if length > 0]
+            lengths = [length for length in (gmsh.model.occ.getMass(*edge) for edge in set(edges))
+                       if length > 0]
             size = min([np.sqrt(gmsh.model.occ.getMass(2, tag)), *lengths])
             if size < least:
                 tiny[solid.face(tag)] = size
         if tiny:
-            yield (f"{solid.name} is small in places beside the whole model, {len(tiny)} of its {len(solid.faces)} faces "
-                   f"measure {min(tiny.values()):.3g} or have an edge that short ({some(sorted(tiny, key=tiny.get), SHOWN)}): "
-                   f"elements there are as small; heal the model, or leave the solid out: exclude: [{solid.name}]")
+            yield (
+                f"{solid.name} is small in places beside the whole model, {len(tiny)} of its "
+                f"{len(solid.faces)} faces measure {min(tiny.values()):.3g} or have an edge that "
+                f"short ({some(sorted(tiny, key=tiny.get), SHOWN)}): elements there are as small; "
+                f"heal the model, or leave the solid out: exclude: [{solid.name}]")
 
 
 def _mesh_visible(solid: MeshedSolid) -> str:
@@ -182,5 +211,6 @@ def _open(solid: MeshedSolid) -> str:
     tags, lengths = np.unique(np.repeat(face, 3)[alone[edge].ravel()], return_counts=True)
     where = points(np.unique(ends[alone])).mean(axis=0)
     names = [solid.face(solid.faces[k]) for k in tags[np.argsort(-lengths, kind="stable")]]
-    return (f"its faces do not close: {alone.sum()} edges of {some(names, SHOWN)} have one triangle beside them, "
-            f"about ({', '.join(f'{x:.4g}' for x in where)})")
+    return (
+        f"its faces do not close: {alone.sum()} edges of {some(names, SHOWN)} have one triangle "
+        f"beside them, about ({', '.join(f'{x:.4g}' for x in where)})")

@@ -45,7 +45,7 @@ class CalculiX(Code):
 
         element: Literal["P1"] = Field("P1",
                                        description="linear tetrahedra: CalculiX is used for no "
-                                                   "other here")
+                                       "other here")
         transport: Literal["file"] = Field("file",
                                            description=(
                                                "CalculiX ends after every run: write transport: "
@@ -176,8 +176,7 @@ class CalculixWorker(RunWorker):
         with self.telling("the stiffness matrix was not obtained", model.name):
             return self._store(model, False, "assemble").stiffness
 
-    # ---- the three kinds of runs
-    # ------------------------------------------------------------------
+    # ---- the three kinds of runs -----------------------------------------------------------------
 
     def _store(self, model: Model, clamp: bool, stage: str) -> LoadedModel:
         if clamp and model.fixed.all():  # nothing moves: CalculiX stores no matrix then

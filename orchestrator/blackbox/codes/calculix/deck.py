@@ -1,9 +1,11 @@
 """A CalculiX deck as a part: included as it is, run a few times at the start, then algebra.
 
 - its stiffness K, which CalculiX stores, condensed to the joints: S;
-- for each file of loads a static run with grounded springs k on the joints: u₀, so that b = (S + k) u₀ whatever the loads are
+- for each file of loads a static run with grounded springs k on the joints: u₀, so that b = (S + k)
+u₀ whatever the loads are
   (heat, pressure, prescribed displacements);
-- one more with forces s on the joints besides: (S + k) u = b + s tells whether the deck is as linear as its matrix.
+- one more with forces s on the joints besides: (S + k) u = b + s tells whether the deck is as
+linear as its matrix.
 """
 
 from __future__ import annotations
@@ -47,55 +49,74 @@ class DeckCode(ForeignCode):
         at = np.minimum(np.searchsorted(active[order], dofs[free]), len(active) - 1)
         lost = free[active[order][at] != dofs[free]]
         if len(lost):
-            raise self.wrong("joints", f"'{name}': {len(lost)} dofs of joint nodes depend on others (*EQUATION, *MPC, *TIE, *RIGID BODY, "
-                             f"shells, beams), the first is {'xyz'[lost[0] % 3]} of node {joints.ids[lost[0] // 3]}",
-                             "joint nodes whose displacements are unknowns of their own", "make the joint's nodes the independent "
-                             "side of the tie or equation, or take other nodes for the joint")
+            raise self.wrong("joints",
+                             f"'{name}': {len(lost)} dofs of joint nodes depend on others "
+                             "(*EQUATION, *MPC, *TIE, *RIGID BODY, shells, beams), the first is "
+                             f"{'xyz'[lost[0] % 3]} of node {joints.ids[lost[0] // 3]}",
+                             "joint nodes whose displacements are unknowns of their own",
+                             "make the joint's nodes the independent side of the tie or equation, "
+                             "or take other nodes for the joint")
         S = np.zeros((len(dofs), len(dofs)))
-        S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name, loose=True)[0]  # the probe tells
+        # the probe tells
+        S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name,
+                                         loose=True)[0]
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
         k = springs_of(S, free)
         M = S + np.diag(k)
         steps = len(self.settings.factors)
         if part.loads and part.nonlinear and set(self.settings.factors) != {1.0}:
-            raise self.wrong("history", f"'{name}': a history of loads that act on matter that flows",
-                             "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]")
+            raise self.wrong("history",
+                             f"'{name}': a history of loads that act on matter that flows",
+                             "the loads of each load step in a file of its own",
+                             "write loads: [first.inp, second.inp, …]")
         if part.loads and len(part.loads) not in (1, steps):
-            raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps", "one file for all load steps, or one "
-                             "for each", "write one for each" if part.nonlinear else "let history multiply a single one")
+            raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps",
+                             "one file for all load steps, or one for "
+                             "each", "write one for each" if part.nonlinear
+                             else "let history multiply a single one")
         if part.nonlinear:
-            return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
-        b = np.array([M @ runs.static(k, case) for case in runs.cases]) if part.loads else np.zeros((1, len(dofs)))
+            return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))),
+                             part_on_joints.error)
+        b = np.array([M @ runs.static(k, case) for case in runs.cases]) if part.loads else np.zeros(
+            (1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
         for own, case in zip(b, runs.cases or [None]):
             self._probe(runs, M, k, own, case)
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
+        """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from
+        the beginning.
+        """
         joints = self.condensed().joints
         with self._runs(joints) as runs:
-            return self._replayed(runs, springs, forces)[joints.ids - 1].ravel() * ~joints.held.ravel()
+            return self._replayed(runs, springs, forces)[joints.ids
+                                                         - 1].ravel() * ~joints.held.ravel()
 
     @contextmanager
     def _runs(self, joints: Joints) -> Iterator[DeckRuns]:
         with temporary() as folder:
             yield DeckRuns(self.settings.part, self.settings.place, joints, folder)
 
-    def _replayed(self, runs: DeckRuns, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+    def _replayed(self, runs: DeckRuns, springs: np.ndarray,
+                  forces: Sequence[np.ndarray]) -> np.ndarray:
         free = ~runs.joints.held.ravel()
         try:
             u = runs.replayed(springs * free, [own * free for own in forces])
         except Refused as error:
-            raise BlackBoxError(f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
+            raise BlackBoxError(
+                f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
                                 self.settings.name) from error
         if not np.isfinite(u).all():
-            raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite", self.settings.name)
+            raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite",
+                                self.settings.name)
         return u
 
     def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
-        """Fields on the deck's own mesh, see ``ForeignCode``: S u − b act on its joints, and springs k on them are held by k u. What loads
-        inside do and what the joints do are superposed: a run for each file of loads, and one for each load step. Where matter flows,
+        """Fields on the deck's own mesh, see ``ForeignCode``: S u − b act on its joints, and
+        springs k on them are held by k u. What loads
+        inside do and what the joints do are superposed: a run for each file of loads, and one for
+        each load step. Where matter flows,
         load steps are replayed under the forces of the interfaces."""
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
         k, flows = springs_of(part.stiffness, part.free), self.settings.part.nonlinear
@@ -111,16 +132,23 @@ class DeckCode(ForeignCode):
                 found = np.stack([runs.everywhere(k, None, one * (k > 0)) for one in asked])
                 for t, factor in enumerate(self.settings.factors if own else ()):
                     found[t] += factor * own[t if len(own) > 1 else 0]
-        left, size = np.abs(found[:, joints.ids - 1] - u)[:, ~joints.held].max(), np.abs(found[:, ids - 1]).max()
+        left, size = np.abs(found[:, joints.ids - 1] - u)[:,
+                                                          ~joints.held].max(), np.abs(
+                                                              found[:, ids - 1]).max()
         if not flows and not left <= LINEAR * size:
-            raise BlackBoxError(f"its last run moves the joints otherwise than the result, by {left / size:.1e} of the largest "
-                                "displacement: initial stresses, or a deck that has changed since", self.settings.name)
+            raise BlackBoxError(
+                f"its last run moves the joints otherwise than the result, by {left / size:.1e} of "
+                "the largest displacement: initial stresses, or a deck that has changed since",
+                self.settings.name)
         forces = np.zeros((steps, len(ids), 3))
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
 
-    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray, case: Path | None) -> None:
-        """Raises InputError where under a case of its loads, b on the joints, forces there do not move them as the stored matrix says."""
+    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray,
+               case: Path | None) -> None:
+        """Raises InputError where under a case of its loads, b on the joints, forces there do not
+        move them as the stored matrix says.
+        """
         free = np.flatnonzero(k)
         s = np.zeros(len(k))
         # as large as the loads, or such that displacements are a thousandth of the part
@@ -129,14 +157,20 @@ class DeckCode(ForeignCode):
         u = runs.static(k, case, s)
         left = np.abs(M @ u - b - s)[free].max() / (np.abs(M @ u)[free].max() or 1.0)
         if not left <= LINEAR:
-            raise self.wrong("calculix", f"'{self.settings.name}': forces on its joints do not move them as its stiffness says: {left:.1e} "
-                             f"of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose stiffness does not depend on its loads",
-                             "look for contact, gaps, *TRANSFORM on joints, and moduli that depend on temperature: with its loads the "
-                             "deck is another than without" + ("" if case is None else f" ({case})"))
+            raise self.wrong("calculix",
+                             f"'{self.settings.name}': forces on its joints do not move them as "
+                             f"its stiffness says: {left:.1e} of the force is left, {LINEAR:.0e} "
+                             "allowed",
+                             "a linear deck, whose stiffness does not depend on its loads",
+                             "look for contact, gaps, *TRANSFORM on joints, and moduli that depend "
+                             "on temperature: with its loads the deck is another than without"
+                             + ("" if case is None else f" ({case})"))
 
 
 def springs_of(S: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(3n,) grounded springs on a part's joints: as stiff as it is, on average; none where it is held."""
+    """(3n,) grounded springs on a part's joints: as stiff as it is, on average; none where it is
+    held.
+    """
     k = np.zeros(len(S))
     k[free] = np.diag(S)[free].mean()
     return k

@@ -1,4 +1,6 @@
-"""Runs of CalculiX on a user's deck, in a folder of their own: the deck is included, never written."""
+"""Runs of CalculiX on a user's deck, in a folder of their own: the deck is included, never
+written.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ JOB = "orchestrator-job"
 NAMED = "orchestrator-file-{}.inp"  # the deck and its files of loads, in their order
 # CalculiX stores no stiffness unless some matter has a mass; of this one nothing is made.
 DENSITY = "*MATERIAL,NAME=ORCHESTRATOR\n*ELASTIC\n1.,0.\n*DENSITY\n1.\n"
-# Of residual forces and corrections, relative: half a per cent, as is usual, would be a thousand times what is iterated away.
+# Of residual forces and corrections, relative: half a per cent, as is usual, would be a thousand
+# times what is iterated away.
 EXACT = "*CONTROLS,PARAMETERS=FIELD\n1.E-11,1.E-11,,,1.E-11\n"
 PATIENCE = 3600.0  # seconds for a run
 
@@ -47,18 +50,25 @@ class DeckRuns:
         try:
             self.code = CalculiX()
         except InputError as error:
-            raise InputError([Problem((*path, "calculix"), p.found, p.expected, p.cure) for p in error.problems]) from error
-        self.materials = [options["NAME"].upper() for card, options, _ in headings(Path(part.calculix), path)
+            raise InputError([Problem((*path, "calculix"), p.found, p.expected, p.cure)
+                              for p in error.problems]) from error
+        self.materials = [options["NAME"].upper()
+                          for card, options, _ in headings(Path(part.calculix), path)
                           if card == "MATERIAL" and "NAME" in options]
-        elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT" for row in rows if row.words[0].isdigit()]
+        elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT"
+                    for row in rows if row.words[0].isdigit()]
         self._named = [Path(file) for file in [part.calculix, *(part.loads or [])]]
         self.cases = self._named[1:]
-        # CalculiX takes no two amplitudes on one dof: forces on the joints then act on nodes that follow theirs
+        # CalculiX takes no two amplitudes on one dof: forces on the joints then act on nodes that
+        # follow theirs
         amplitudes = any(card == "CLOAD" and "AMPLITUDE" in options
-                         for file in part.loads or [] for card, options, _ in headings(Path(file), path))
-        self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(len(joints.ids))
+                         for file in part.loads or []
+                         for card, options, _ in headings(Path(file), path))
+        self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(
+            len(joints.ids))
         self._next = 1 + max(elements, default=0)
-        # by names of our own, as files of two folders may have one name; what they include by names beside them
+        # by names of our own, as files of two folders may have one name; what they include by names
+        # beside them
         for i, file in enumerate(self._named):
             (self.folder / NAMED.format(i)).symlink_to(file.resolve())
         for file in self._named:
@@ -68,22 +78,30 @@ class DeckRuns:
                 if name.startswith((os.pardir, "orchestrator-")):
                     continue
                 if link.exists() and link.resolve() != included.resolve():
-                    raise wrong(self.path, f"{included} and {link.resolve()}: two files of one name, one of which is "
-                                "included", "files included from one folder, or of different names", "rename one of them")
+                    raise wrong(self.path,
+                                f"{included} and {link.resolve()}: two files of one name, one of "
+                                "which is "
+                                "included", "files included from one folder, or of different names",
+                                "rename one of them")
                 if not link.exists():
                     link.parent.mkdir(parents=True, exist_ok=True)
                     link.symlink_to(included.resolve())
 
     def stored(self) -> tuple[sp.csr_array, np.ndarray]:
-        """(active, active) stiffness of the deck alone, and the dof 3 (number − 1) + component of each of its rows."""
+        """(active, active) stiffness of the deck alone, and the dof 3 (number − 1) + component of
+        each of its rows.
+        """
         self._run(self._included() + DENSITY + files.STORE_MATRIX)
         try:
             return files.matrix(self.folder / JOB, 3 * 10**9)
         except files.Unreadable as error:
             raise Refused(f"its stiffness was not stored: {error}") from error
 
-    def static(self, k: np.ndarray, loads: Path | None, forces: np.ndarray | None = None) -> np.ndarray:
-        """(3n,) displacements of the joints under loads and forces (3n,) on the joints, springs k (3n,) on them."""
+    def static(self, k: np.ndarray, loads: Path | None,
+               forces: np.ndarray | None = None) -> np.ndarray:
+        """(3n,) displacements of the joints under loads and forces (3n,) on the joints, springs k
+        (3n,) on them.
+        """
         u = self.everywhere(k, loads, forces)
         if len(u) < self.joints.ids.max():
             raise Refused("a restart file without all nodes")
@@ -92,7 +110,8 @@ class DeckRuns:
             raise Refused("displacements that are not finite: something inside can move by itself")
         return found
 
-    def everywhere(self, k: np.ndarray, loads: Path | None, forces: np.ndarray | None = None) -> np.ndarray:
+    def everywhere(self, k: np.ndarray, loads: Path | None,
+                   forces: np.ndarray | None = None) -> np.ndarray:
         """(nodes, 3) the same of all nodes, by number from 1."""
         text = self._included() + self.springs(k)
         text += "*STEP\n*RESTART,WRITE\n*STATIC\n"
@@ -102,12 +121,16 @@ class DeckRuns:
         return self._moved(text + "*END STEP\n")
 
     def replayed(self, k: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        """(nodes, 3) displacements after load steps, one after the other from the beginning, each with its forces (3n,) on the
-        joints and its file of loads, if there are any. One increment each: with several, answers depend on the way there."""
+        """(nodes, 3) displacements after load steps, one after the other from the beginning, each
+        with its forces (3n,) on the
+        joints and its file of loads, if there are any. One increment each: with several, answers
+        depend on the way there."""
         files, text = self.part.loads or [], self._included() + self.springs(k)
         for t, own in enumerate(forces):
-            text += "*STEP\n" + ("*RESTART,WRITE\n" if t == len(forces) - 1 else "") + EXACT + "*STATIC,DIRECT\n1.,1.\n"
-            # all forces of the step before go; those of the joint come first, the loads' own add to them
+            text += "*STEP\n" + ("*RESTART,WRITE\n" if t == len(forces) - 1
+                                 else "") + EXACT + "*STATIC,DIRECT\n1.,1.\n"
+            # all forces of the step before go; those of the joint come first, the loads' own add to
+            # them
             text += "*CLOAD,OP=NEW\n" + self._forces(own)
             text += self._including(Path(files[t if len(files) > 1 else 0])) if files else ""
             text += "*END STEP\n"
@@ -115,13 +138,16 @@ class DeckRuns:
 
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
-        return "".join(f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{self.joints.ids[dof // 3]}\n*SPRING,ELSET=ORCH{number}\n"
-                       f"{dof % 3 + 1}\n{k[dof]:.13e}\n" for number, dof in enumerate(np.flatnonzero(k), self._next))
+        return "".join(
+            f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{self.joints.ids[dof // 3]}\n*SPRING,ELSET=ORCH{number}\n"
+                       f"{dof % 3 + 1}\n{k[dof]:.13e}\n"
+            for number, dof in enumerate(np.flatnonzero(k), self._next))
 
     def _forces(self, forces: np.ndarray) -> str:
         """Lines of *CLOAD; one of zero where there are none, since a step must load something."""
         chosen, at = np.flatnonzero(np.abs(forces) > files.SMALLEST), self._carriers
-        return "".join(f"{at[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n" for d in chosen) or f"{at[0]},1,0.\n"
+        return "".join(f"{at[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n"
+                       for d in chosen) or f"{at[0]},1,0.\n"
 
     def _included(self) -> str:
         text = self._including(Path(self.part.calculix))
@@ -129,18 +155,23 @@ class DeckRuns:
             return text
         text += "*NODE\n" + "".join(f"{i},0.,0.,0.\n" for i in self._carriers)
         free = np.argwhere(~self.joints.held)
-        return text + "*EQUATION\n" + "".join(f"2\n{self._carriers[n]},{c + 1},1.,{self.joints.ids[n]},{c + 1},-1.\n" for n, c in free)
+        return text + "*EQUATION\n" + "".join(
+            f"2\n{self._carriers[n]},{c + 1},1.,{self.joints.ids[n]},{c + 1},-1.\n"
+            for n, c in free)
 
     def _including(self, file: Path) -> str:
         return f"*INCLUDE,INPUT={NAMED.format(self._named.index(file))}\n"
 
     def _moved(self, text: str) -> np.ndarray:
-        """(nodes, 3) displacements of all nodes, by number, at the end of the one step of a deck whose results are kept."""
+        """(nodes, 3) displacements of all nodes, by number, at the end of the one step of a deck
+        whose results are kept.
+        """
         self._run(text)
         try:
             return files.displacements(self.folder / JOB, 1, self.materials[0])[0]
         except (files.Unreadable, IndexError) as error:
-            raise Refused(f"its displacements cannot be read: {error} ({len(self.materials)} materials)") from error
+            raise Refused(
+                f"its displacements cannot be read: {error} ({len(self.materials)} materials)") from error
 
     def _run(self, text: str) -> None:
         for old in self.folder.glob(JOB + ".*"):
@@ -149,12 +180,14 @@ class DeckRuns:
         environment = {**self.code.environment(), "OMP_NUM_THREADS": "1"}
         with tempfile.TemporaryFile() as log:
             try:
-                ended = waited_for(self.code.command(JOB), PATIENCE, cwd=self.folder, env=environment, stdout=log,
+                ended = waited_for(self.code.command(JOB), PATIENCE, cwd=self.folder,
+                                   env=environment, stdout=log,
                                    stderr=subprocess.DEVNULL)
             except subprocess.TimeoutExpired as error:
                 raise Refused(f"no answer in {PATIENCE:g} s") from error
             log.seek(0)
             # without the line of the deck that it quotes: an include may name any file
-            said = re.split("card image", files.complaint(log.read().decode(errors="replace")), flags=re.IGNORECASE)[0].strip()
+            said = re.split("card image", files.complaint(log.read().decode(errors="replace")),
+                            flags=re.IGNORECASE)[0].strip()
         if said or ended:
             raise Refused(f"CalculiX says: {said or self.code.meaning(ended)}")

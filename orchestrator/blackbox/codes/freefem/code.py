@@ -1,7 +1,8 @@
-"""FreeFEM as a code: where it is, its scripts, plugins and BLAS, how it is started, what its exit codes mean.
+"""FreeFEM as a code: where it is, its scripts, plugins and BLAS, how it is started, what its exit
+codes mean.
 
-Environment variables: ``ORCHESTRATOR_FREEFEM`` names another executable than the ``FreeFem++`` of the
-path, ``FF_LOADPATH`` another folder of plugins than Debian's.
+Environment variables: ``ORCHESTRATOR_FREEFEM`` names another executable than the ``FreeFem++`` of
+the path, ``FF_LOADPATH`` another folder of plugins than Debian's.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from typing import Any
 from pydantic import Field
 
 from orchestrator.blackbox.codes.code import MessageCode
-from orchestrator.blackbox.codes.freefem.files import (FORM_SERVER, check_form, encode, form_server, not_compiled, refused_term,
+from orchestrator.blackbox.codes.freefem.files import (FORM_SERVER, check_form, encode, form_server,
+                                                       not_compiled, refused_term,
                                                        script, with_volumes)
 from orchestrator.blackbox.protocol import Model
 from orchestrator.config.base import Name
@@ -39,19 +41,26 @@ _BLAS_FOLDERS = ("openblas-serial", "openblas-pthread")
 
 def missing() -> Problem | None:
     """The first thing found that keeps FreeFEM from being started."""
-    wanted, server, folder = os.environ.get("ORCHESTRATOR_FREEFEM", ""), script(SERVER), environment().get("FF_LOADPATH", "")
+    wanted, server, folder = os.environ.get("ORCHESTRATOR_FREEFEM",
+                                            ""), script(SERVER), environment().get(
+                                                "FF_LOADPATH", "")
     if executable() is None:
-        return Problem(("blackbox", "code"), f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path",
-                       "the FreeFEM executable", f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)")
+        return Problem(("blackbox", "code"), f"ORCHESTRATOR_FREEFEM={wanted} is no executable"
+                       if wanted else "no FreeFem++ in the path",
+                       "the FreeFEM executable",
+                       f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)")
     if not server.is_file():
-        return Problem(("blackbox", "code"), f"no file {server}", "the FreeFEM script of the subdomains", REINSTALL)
+        return Problem(("blackbox", "code"), f"no file {server}",
+                       "the FreeFEM script of the subdomains", REINSTALL)
     return no_plugin(folder) if _plugin(folder) is None else None
 
 
 def no_plugin(folder: str) -> Problem:
     """The plugin is not in this folder of plugins, or cannot be loaded."""
-    return Problem(("blackbox", "code"), f"FreeFEM without its plugin {PLUGIN} (folder of plugins: {folder or 'none'})",
-                   f"{PLUGIN}.so in the folder of plugins", f"{INSTALL}   (or FF_LOADPATH=/folder/of/plugins)")
+    return Problem(("blackbox", "code"),
+                   f"FreeFEM without its plugin {PLUGIN} (folder of plugins: {folder or 'none'})",
+                   f"{PLUGIN}.so in the folder of plugins",
+                   f"{INSTALL}   (or FF_LOADPATH=/folder/of/plugins)")
 
 
 def executable() -> str | None:
@@ -66,55 +75,71 @@ def _plugin(folder: str) -> Path | None:
 
 @cache
 def _openblas() -> Path | None:
-    found = [folder for name in _BLAS_FOLDERS for folder in sorted(Path("/usr/lib").glob(f"*/{name}"))]
+    found = [folder for name in _BLAS_FOLDERS
+             for folder in sorted(Path("/usr/lib").glob(f"*/{name}"))]
     return next((folder for folder in found if (folder / "libblas.so.3").exists()), None)
 
 
 def environment() -> dict[str, str]:
     """Variables that FreeFEM's processes need: folders of plugins and includes, OpenBLAS."""
-    result = {name: os.environ.get(name, "") for name in ("FF_LOADPATH", "FF_INCLUDEPATH", "LD_LIBRARY_PATH")}
+    result = {name: os.environ.get(name, "")
+              for name in ("FF_LOADPATH", "FF_INCLUDEPATH", "LD_LIBRARY_PATH")}
     for name, folder in (("FF_LOADPATH", _PLUGIN_FOLDER), ("FF_INCLUDEPATH", _INCLUDE_FOLDER)):
         if not result[name] and Path(folder).is_dir():
             result[name] = folder
     if blas := _openblas():
-        result["LD_LIBRARY_PATH"] = ":".join([str(blas), *filter(None, result["LD_LIBRARY_PATH"].split(":"))])
+        result["LD_LIBRARY_PATH"] = ":".join([str(blas),
+                                              *filter(None, result["LD_LIBRARY_PATH"].split(":"))])
     return {name: value for name, value in result.items() if value}
 
 
 def report() -> list[str]:
-    """List what is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
+    """List what is installed and what is missing, one line each; lines of missing things begin with
+    ``missing``.
+    """
     folder = environment().get("FF_LOADPATH", "")
     things = [("FreeFEM", executable(), f"FreeFEM: {INSTALL}"),
               *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}")
                 for path in map(script, (SERVER, UNDECOMPOSED))),
-              ("plugin", _plugin(folder), f"plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}"),
+              ("plugin", _plugin(folder),
+               f"plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}"),
               ("OpenBLAS", _openblas(), f"OpenBLAS (factorisations six times slower): {INSTALL}"),
-              ("setpriv", shutil.which("setpriv"), "setpriv (package util-linux): processes end with their pipes only")]
-    return [f"{name}: {path}" if path else f"missing {otherwise}" for name, path, otherwise in things]
+              ("setpriv", shutil.which("setpriv"),
+               "setpriv (package util-linux): processes end with their pipes only")]
+    return [f"{name}: {path}" if path else f"missing {otherwise}"
+            for name, path, otherwise in things]
 
 
 class FreeFem(MessageCode):
-    """The FreeFEM executable. Raises InputError when FreeFEM, its script or its plugin is not there."""
+    """The FreeFEM executable. Raises InputError when FreeFEM, its script or its plugin is not
+    there.
+    """
 
     translation_invariant = True
     mesh_suffix = "meshb"
     meanings = {_COMPILING: "compile error in the script", _NO_PLUGIN: "a plugin is missing",
-        6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)", 8: "runtime error in the script",
-        64: "the server script was started without its two paths", 65: "the server script received an unknown operation",
-        66: "the node numbers sent do not fit the mesh",
+                6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)",
+                8: "runtime error in the script",
+                64: "the server script was started without its two paths",
+                65: "the server script received an unknown operation",
+                66: "the node numbers sent do not fit the mesh",
         67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
         68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
-        69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error bound would not hold",
-        250: "the script was not found", 139: "segmentation fault", 127: "the executable or one of its libraries was not found",
-        126: "the executable could not be run"}
+        69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the "
+                "error bound would not hold",
+                250: "the script was not found", 139: "segmentation fault",
+                127: "the executable or one of its libraries was not found",
+                126: "the executable could not be run"}
 
     class FreeFemSettings(CodeSettings):
         """FreeFEM, which can do all that can be asked for."""
 
         form: Name | None = Field(None, description=(
-            "a .idp file with macros for stiffness and loads, in place of isotropic elasticity; relative to the YAML file"))
+            "a .idp file with macros for stiffness and loads, in place of isotropic elasticity; "
+            "relative to the YAML file"))
         uniform: bool = Field(False, description=(
-            "of a form: the same at every place, so that subdomains that differ by a translation share one matrix"))
+            "of a form: the same at every place, so that subdomains that differ by a translation "
+            "share one matrix"))
 
         @property
         def brings_loads(self) -> bool:
@@ -125,7 +150,9 @@ class FreeFem(MessageCode):
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
             """The entry, its form beside the YAML file."""
             form = entry.get("form")
-            return {**entry, "form": os.path.abspath(folder / form)} if isinstance(form, str) and form else entry
+            return {**entry,
+                    "form": os.path.abspath(folder / form)} if isinstance(
+                        form, str) and form else entry
 
     Settings = FreeFemSettings
 
@@ -157,8 +184,10 @@ class FreeFem(MessageCode):
         with tempfile.TemporaryDirectory(prefix="orchestrator-form-") as folder:
             for name, content in self.files().items():
                 (Path(folder) / name).write_text(content, encoding="utf-8")
-            done = subprocess.run(self.command(os.devnull, os.devnull), env=self.environment(), cwd=folder, stdin=subprocess.DEVNULL,
-                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=_PATIENCE)
+            done = subprocess.run(self.command(os.devnull, os.devnull), env=self.environment(),
+                                  cwd=folder, stdin=subprocess.DEVNULL,
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                                  errors="replace", timeout=_PATIENCE)
         if absent := self.missing_part(done.returncode, done.stdout):
             raise absent
         if done.returncode:
@@ -172,7 +201,8 @@ class FreeFem(MessageCode):
         """The environment with its folders of plugins and includes, and OpenBLAS."""
         result = {**super().environment(), **self._environment}
         if self.settings.form:  # what it includes is beside it
-            folders = [str(Path(self.settings.form).parent), *filter(None, [result.get("FF_INCLUDEPATH")])]
+            folders = [str(Path(self.settings.form).parent),
+                       *filter(None, [result.get("FF_INCLUDEPATH")])]
             result["FF_INCLUDEPATH"] = ";".join(folders)
         return result
 
@@ -189,7 +219,9 @@ class FreeFem(MessageCode):
         return encode(model)
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
-        """The plugin, or a term that a form may not have: FreeFEM finds out about them only when it reads the script."""
+        """The plugin, or a term that a form may not have: FreeFEM finds out about them only when it
+        reads the script.
+        """
         if exit_code == _COMPILING and self.settings.form:
             return refused_term(Path(self.settings.form), said)
         if exit_code != _NO_PLUGIN:
@@ -204,8 +236,11 @@ class FreeFem(MessageCode):
 
 @cache
 def _version(executable: str) -> str:
-    with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
+    # not where freefem++.pref may lie
+    with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:
         (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
-        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder, stdin=subprocess.DEVNULL,
-                                env={**os.environ, **environment()}, capture_output=True, text=True, timeout=60)
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder,
+                                stdin=subprocess.DEVNULL,
+                                env={**os.environ, **environment()}, capture_output=True, text=True,
+                                timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

@@ -1,13 +1,15 @@
-"""Multipliers on the slave's side, and what they make of the displacements of both sides (dual mortar).
+"""Multipliers on the slave's side, and what they make of the displacements of both sides (dual
+mortar).
 
 On each slave facet, over the part of it that the master covers,
 
     S = ∫ N Nᵀ,   L = ∫ N,   A = diag(L) S⁻¹,   ψ = A N,   ∫ ψᵢ Nⱼ = δᵢⱼ Lⱼ
 
-so that each multiplier meets one node alone (Wohlmuth, SIAM J. Numer. Anal. 38, 2000) and linear fields of the master
-arrive unchanged also where facets are covered in part (Cichosz & Bischoff, Comput. Methods Appl. Mech. Eng. 200, 2011).
-Bonded faces of six nodes have ψ = N, the linear functions of the corners, instead: they alone hold
-linear tractions, without which quadratic displacements lose half an order.
+so that each multiplier meets one node alone (Wohlmuth, SIAM J. Numer. Anal. 38, 2000) and linear
+fields of the master arrive unchanged also where facets are covered in part (Cichosz & Bischoff,
+Comput. Methods Appl. Mech. Eng. 200, 2011). Bonded faces of six nodes have ψ = N, the linear
+functions of the corners, instead: they alone hold linear tractions, without which quadratic
+displacements lose half an order.
 
 Under laws that open, a multiplier of a six-node face belongs to the middle of an edge: a constant
 traction loads these middles alone, and points there reach as far as the face does, so that a body
@@ -36,7 +38,8 @@ import scipy.sparse as sp
 from orchestrator.scene.interfaces.mortar.segments import Segments
 from orchestrator.scene.mesh.quadratic import DEGREE_4, six_functions
 
-# S scaled to a unit diagonal may be this ill-conditioned; what is covered of such a facet is a line of width 1e-6.
+# S scaled to a unit diagonal may be this ill-conditioned; what is covered of such a facet is a line
+# of width 1e-6.
 CONDITION = 1e12
 # Weights below this share of a row's are rounding.
 NOTHING = 1e-14
@@ -79,39 +82,50 @@ class Weights:
     share: np.ndarray
 
 
-def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave_area: np.ndarray, counts: tuple[int, int],
+def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave_area: np.ndarray,
+                counts: tuple[int, int],
                 kind: Multiplier = Multiplier.DUAL) -> Weights:
     """Integrals of a slave surface's multipliers.
 
     segments : of all its facets
-    slave, master : (k₁, 3 or 6), (k₂, 3 or 6) int, nodes of the facets; functions are quadratic where they are six
+    slave, master : (k₁, 3 or 6), (k₂, 3 or 6) int, nodes of the facets; functions are quadratic
+        where they are six
     slave_area : (k₁,) of its facets
     counts : (n₁, n₂) numbers of nodes
     """
     corners = slave[:, 3:] if kind is Multiplier.AMID else slave[:, :3]
     integrated = _amid if kind is Multiplier.AMID else _linear
     quadratic = (slave.shape[1] == 6, master.shape[1] == 6)
-    ends = np.searchsorted(segments.slave, np.append(np.unique(segments.slave[::CHUNK]), len(slave)))  # facets stay whole
+    # facets stay whole
+    ends = np.searchsorted(segments.slave,
+                           np.append(np.unique(segments.slave[::CHUNK]), len(slave)))
     parts = [integrated(segments.some(slice(a, b)), slave_area, kind, quadratic)
              for a, b in zip(ends[:-1], ends[1:])]
-    at, on, own, other, weights, covered = (np.concatenate(found) for found in zip(*parts)) if parts else \
-        (np.empty(0, int), np.empty(0, int), *(np.empty((0, 3, width)) for width in (slave.shape[1], master.shape[1], 1)), np.empty(0))
+    at, on, own, other, weights, covered = (np.concatenate(found)
+                                            for found in zip(*parts)) if parts else \
+        (np.empty(0, int), np.empty(0, int),
+         *(np.empty((0, 3, width)) for width in (slave.shape[1], master.shape[1], 1)), np.empty(0))
 
     def assembled(values: np.ndarray, columns: np.ndarray, width: int) -> sp.csr_array:
         rows = np.broadcast_to(corners[at][:, :, None], values.shape)
         columns = np.broadcast_to(columns[:, None], values.shape)
-        return sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(counts[0], width))
+        return sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())),
+                            shape=(counts[0], width))
 
-    area, part, around = (np.bincount(nodes.ravel(), weights=values.ravel(), minlength=counts[0]) for nodes, values in (
-        (corners[at], weights), (corners[at], np.repeat(covered, 3)), (corners, np.repeat(slave_area, 3))))
-    matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]), assembled(weights, on[:, None], len(master)))
+    area, part, around = (np.bincount(nodes.ravel(), weights=values.ravel(), minlength=counts[0])
+                          for nodes, values in (
+        (corners[at], weights), (corners[at], np.repeat(covered, 3)),
+        (corners, np.repeat(slave_area, 3))))
+    matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]),
+                assembled(weights, on[:, None], len(master)))
     share = part / np.where(around > 0, around, 1.0)
     return Weights(*(cleaned(m, area) for m in matrices), area, around / 3, share)
 
 
 def _linear(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
             quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
-    """Contribution of each overlap (m,), of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
+    """Contribution of each overlap (m,), of whole facets: the facets of both sides, ∫ψNᵀ with the
+    functions of the slave (m, 3, 3 or 6)
     and of the master, ∫ψ (m, 3, 1), the area (m,)."""
     size, one, two = segments.fans
     size = size * slave_area[segments.slave][:, None]
@@ -127,7 +141,8 @@ def _linear(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
     there, shape = sound[at], shape[at]
     own = _quadratic(size, one, one) if quadratic[0] else linear
     other = (_quadratic if quadratic[1] else moments)(size, one, two)
-    found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None], size.sum(axis=1))
+    found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None],
+             size.sum(axis=1))
     return found if there.all() else tuple(f[there] for f in found)
 
 
@@ -159,30 +174,39 @@ def _amid(segments: Segments, slave_area: np.ndarray, kind: Multiplier,
 
 
 def moments(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """(m, 3, 3) ∫ a bᵀ over triangles of areas (m, t), of functions that are linear there, given at corners (m, t, 3, 3)."""
-    both = [np.concatenate([at.sum(axis=2, keepdims=True), at], axis=2).reshape(len(size), -1, 3) for at in (one, two)]
+    """(m, 3, 3) ∫ a bᵀ over triangles of areas (m, t), of functions that are linear there, given at
+    corners (m, t, 3, 3).
+    """
+    both = [np.concatenate([at.sum(axis=2, keepdims=True), at], axis=2).reshape(len(size), -1, 3)
+            for at in (one, two)]
     weighted = both[0] * np.repeat(size, 4, axis=1)[:, :, None]
     return weighted.transpose(0, 2, 1) @ both[1] / 12
 
 
 def _quadratic(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """(m, 3, 6) ∫ N fᵀ over triangles, of the slave's linear functions and the quadratic f of a facet; parameters as above."""
+    """(m, 3, 6) ∫ N fᵀ over triangles, of the slave's linear functions and the quadratic f of a
+    facet; parameters as above.
+    """
     weights, points = DEGREE_4
     at_one, at_two = (np.einsum("qv,mtvk->mtqk", points, corners) for corners in (one, two))
-    return np.einsum("mt,q,mtqk,mtql->mkl", size, weights, at_one, six_functions(at_two), optimize=True)
+    return np.einsum("mt,q,mtqk,mtql->mkl", size, weights, at_one, six_functions(at_two),
+                     optimize=True)
 
 
 def cleaned(matrix: sp.csr_array, scale: np.ndarray) -> sp.csr_array:
     """The matrix without entries that are rounding beside ``scale`` (rows,)."""
     matrix = sp.coo_array(matrix.tocsr())
     kept = np.abs(matrix.data) > NOTHING * np.abs(scale)[matrix.row]
-    return sp.csr_array((matrix.data[kept], (matrix.row[kept], matrix.col[kept])), shape=matrix.shape)
+    return sp.csr_array((matrix.data[kept], (matrix.row[kept], matrix.col[kept])),
+                        shape=matrix.shape)
 
 
 def _dual(gram: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Facets (k,) bool on which there are dual functions, and their coefficients (k, 3, 3); rows of zeros elsewhere.
+    """Facets (k,) bool on which there are dual functions, and their coefficients (k, 3, 3); rows of
+    zeros elsewhere.
 
-    What is covered of a facet may be a strip along one of its edges: scaled to a unit diagonal S conditions well there.
+    What is covered of a facet may be a strip along one of its edges: scaled to a unit diagonal S
+    conditions well there.
     """
     scale = np.sqrt(np.einsum("kii->ki", gram))
     there = (scale > 0).all(axis=1)

@@ -1,9 +1,11 @@
-"""Bonded faces that are curved: the slave's nodes are put onto the master's facets before anything is computed.
+"""Bonded faces that are curved: the slave's nodes are put onto the master's facets before anything
+is computed.
 
-Facets of two sizes about one curved surface are apart, or in each other, by what they are off it (h²/8R). What is bonded
-across that slit is not what is bonded face to face. Once the slave's nodes have been moved to P x₂, by no more than facets
-are off the surface anyway, constant stresses pass with an error smaller by, measured in energy, 17 times where both sides
-are equally fine, 25 to 30 where the slave is finer by 2 or 3, and 1.4 where it is coarser. Moving the master's gains nothing.
+Facets of two sizes about one curved surface are apart, or in each other, by what they are off it
+(h²/8R). What is bonded across that slit is not what is bonded face to face. Once the slave's nodes
+have been moved to P x₂, by no more than facets are off the surface anyway, constant stresses pass
+with an error smaller by, measured in energy, 17 times where both sides are equally fine, 25 to 30
+where the slave is finer by 2 or 3, and 1.4 where it is coarser. Moving the master's gains nothing.
 """
 
 from __future__ import annotations
@@ -34,7 +36,8 @@ THERE = 1e-9
 SLANTED = 0.1
 
 
-def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface], held: np.ndarray) -> Mesh:
+def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface],
+           held: np.ndarray) -> Mesh:
     """The mesh with nodes of bonded curved faces moved; ``surfaces`` of these interfaces follow.
 
     interfaces : all there are; nothing happens without perfect ones whose nodes do not match
@@ -82,12 +85,14 @@ def fitted(mesh: Mesh, numbering: SplitNumbering, interfaces: Sequence[Interface
     if mesh.cells.shape[1] == 10:
         nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
     for i, apart in zip(bonded, far):
-        i.surfaces = replace(again(i.surfaces.moved(nodes), apart), under=None)  # facets themselves are on each other
+        # facets themselves are on each other
+        i.surfaces = replace(again(i.surfaces.moved(nodes), apart), under=None)
     return replace(mesh, nodes=nodes)
 
 
 def _chords(surfaces: Surfaces) -> np.ndarray:
-    """(n₁,) how far the facets of both sides are off their surfaces around each of the slave's nodes: beyond, it is a gap that is
+    """(n₁,) how far the facets of both sides are off their surfaces around each of the slave's
+    nodes: beyond, it is a gap that is
     drawn, which rigid links carry (``operators``), and no slit of chords."""
     if surfaces.under is None:
         return np.zeros(len(surfaces.points[0]))
@@ -104,7 +109,8 @@ def again(surfaces: Surfaces, apart: float) -> Surfaces:
 def _places(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
     """(n₁, 3) P x₂ of the slave's nodes, and which of these nodes (m,) are well covered corners."""
     corners = tuple(t[:, :3] for t in surfaces.triangles)
-    weights = multipliers(surfaces.segments, *corners, surfaces.area, tuple(len(x) for x in surfaces.points))
+    weights = multipliers(surfaces.segments, *corners, surfaces.area,
+                          tuple(len(x) for x in surfaces.points))
     there = np.flatnonzero(weights.share >= COVERED)
     places = surfaces.points[0].copy()
     places[there] = (weights.other @ surfaces.points[1])[there] / weights.area[there, None]

@@ -1,12 +1,14 @@
-"""Mortar operators of an interface whose sides are meshed each on its own: its points and two transfer operators.
+"""Mortar operators of an interface whose sides are meshed each on its own: its points and two
+transfer operators.
 
-Side 1 is the slave: it carries the points, with their law, normal, gap and history. Side 2 is the master. With the
-traces w₁, w₂ of either side and the forces q of the points (on side 1; −q on side 2),
+Side 1 is the slave: it carries the points, with their law, normal, gap and history. Side 2 is the
+master. With the traces w₁, w₂ of either side and the forces q of the points (on side 1; −q on side
+2),
 
     d = G₂ w₂ − G₁ w₁,      f₁ = G₁ᵀ q,      f₂ = −G₂ᵀ q,      pressure = −n·q / area
 
-All rows of both operators sum to 1 per component, and G₁ x₁ = G₂ x₂ on plane faces that touch. Where the faces are apart
-or curved a rigid link carries each point from the master.
+All rows of both operators sum to 1 per component, and G₁ x₁ = G₂ x₂ on plane faces that touch.
+Where the faces are apart or curved a rigid link carries each point from the master.
 
 On planes of symmetry a component is prescribed on both sides. The whole body's point has nothing
 there: its force, its offset from the master, its normal lie in the plane. So its rows of that
@@ -19,12 +21,14 @@ constraints would be redundant), and where the master covers little of the facet
 would carry a large pressure on a small area). Its multiplier goes to the points next to it, in
 parts as the edges have facets: no area and no force is lost, and the normal is that of the area
 vectors together, so that constant pressure passes. On a plane of symmetry the missing half takes
-back what it adds to components that are held there, and to rotations about the others. Under laws that join the sides a slave's node
-that is held alone carries none either: it could not follow the master.
+back what it adds to components that are held there, and to rotations about the others. Under laws
+that join the sides a slave's node that is held alone carries none either: it could not follow the
+master.
 
-The master carries each point like an arm, so that rigid motions open nothing. Where the master's image P x₂ of a point is r
-away from the point, a rotation of both bodies would open it, and opposite forces would be a couple. With ω the rotation of
-the master's facets, their least squares fit, averaged with the same weights as P,
+The master carries each point like an arm, so that rigid motions open nothing. Where the master's
+image P x₂ of a point is r away from the point, a rotation of both bodies would open it, and
+opposite forces would be a couple. With ω the rotation of the master's facets, their least squares
+fit, averaged with the same weights as P,
 
     (P̃ w₂)ᵢ = (P w₂)ᵢ + ωᵢ × rᵢ,    ω = H Σᵥ Yᵥ × wᵥ,    H = (Σᵥ |Yᵥ|² I − Yᵥ Yᵥᵀ)⁻¹,    Y = X − mean X,
 
@@ -49,29 +53,35 @@ from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 @dataclass(frozen=True)
 class Mortar:
-    """Points and transfer operators of an interface whose nodes do not match; p points, n₁ slave and n₂ master nodes.
+    """Points and transfer operators of an interface whose nodes do not match; p points, n₁ slave
+    and n₂ master nodes.
 
-    Slave and master nodes are those of ``Interface.nodes``, which then are no pairs: (n₁,) local nodes of side 1 and
-    (n₂,) of side 2, all of those that carry something and no others. Columns are numbered 3 × node + component, rows
-    3 × point + component.
+    Slave and master nodes are those of ``Interface.nodes``, which then are no pairs: (n₁,) local
+    nodes of side 1 and (n₂,) of side 2, all of those that carry something and no others. Columns
+    are numbered 3 × node + component, rows 3 × point + component.
 
-    points : (p,) int, ascending, which of the slave nodes carry a point. The others are prescribed, lie on several
-        such interfaces or are hardly covered; their share of the force goes to neighbours
-    first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are there: times what is
-        prescribed, they give the known part of the jump
+    points : (p,) int, ascending, which of the slave nodes carry a point. The others are prescribed,
+        lie on several such interfaces or are hardly covered; their share of the force goes to
+        neighbours
+    first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are
+        there: times what is prescribed, they give the known part of the jump
     area : (p,) that each point stands for, seen along its normal; on plane faces they sum to the
         area that the sides have in common
     normal : (p, 3) unit, from side 1 to side 2
-    gap : (p,) distance of the sides along it, of the surfaces that facets stand for, negative inside each other; whether it counts is
-        the law's business
-    triangles : (k₂, 3 or 6) int, the master's facets, indices into its nodes, the corners first; turned to look from
-        side 1 to side 2, as those of the slave in ``Interface.triangles`` do
-    cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own in side 2
-    free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
-    hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
-        alone, or, on faces of six nodes, along its linear function, by half in the middle of edges
+    gap : (p,) distance of the sides along it, of the surfaces that facets stand for, negative
+        inside each other; whether it counts is the law's business
+    triangles : (k₂, 3 or 6) int, the master's facets, indices into its nodes, the corners first;
+        turned to look from side 1 to side 2, as those of the slave in ``Interface.triangles`` do
+    cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own
+        in side 2
+    free : (n₂, 3) bool, components of the master's nodes that nothing prescribes;
+        ``Interface.free`` has the slave's
+    hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point
+        moves by 1: of its own node alone, or, on faces of six nodes, along its linear function, by
+        half in the middle of edges
     live : (p, 3) bool, components that laws act in: not those that are prescribed on both sides
-    overlaps : of the facets of both sides, the slave's first, where bonded faces of six nodes leave leaps; else None
+    overlaps : of the facets of both sides, the slave's first, where bonded faces of six nodes leave
+        leaps; else None
     """
 
     points: np.ndarray
@@ -94,8 +104,8 @@ class Mortar:
     def own(self) -> sp.csr_array:
         """(3p, 3p) G₁ times ``hats``: forces f₁ = G₁ᵀ q come from q = own⁻ᵀ hatsᵀ f₁.
 
-        Diagonal, and the identity where no neighbour has been merged; on faces of six nodes a mass matrix of P1 functions,
-        which conditions well.
+        Diagonal, and the identity where no neighbour has been merged; on faces of six nodes a mass
+        matrix of P1 functions, which conditions well.
         """
         return (self.first @ self.hats).tocsr()
 
@@ -117,17 +127,22 @@ class Mortar:
 
     @property
     def carrying(self) -> np.ndarray:
-        """(p,) bool, points that carry something: not those of sides that slide on whose nodes the master does not reach now."""
+        """(p,) bool, points that carry something: not those of sides that slide on whose nodes the
+        master does not reach now.
+        """
         return self.area > 0
 
     @property
     def diagonal(self) -> bool:
-        """Whether each point meets its own node alone, so that it can be eliminated by a division."""
+        """Whether each point meets its own node alone, so that it can be eliminated by a
+        division.
+        """
         own = self.own.tocoo()
         return bool((own.row == own.col).all())
 
 
-# A point this near its image, in units of the facets around, is where it is but for rounding: no link, no gap.
+# A point this near its image, in units of the facets around, is where it is but for rounding: no
+# link, no gap.
 ROUNDING = 1e-12
 TURNED = [0, 2, 1, 5, 4, 3]
 
@@ -139,7 +154,8 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
 
     surfaces : slave and master
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
-    crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that have no point here
+    crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that
+        have no point here
     as_one : whether the law joins the sides
     vectors : (n₁, 3) along the normals, where more facets than these shape them
     held : (n₁, 3) bool, components that are prescribed on both sides; None: as ``Surfaces.held``
@@ -152,7 +168,8 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     wanted = candidates & may_carry(free[0], held, normal, as_one) & (weights.area > 0)
     stands_for = weights.area if surfaces.amid else weights.share * weights.around
     for better in (~crossed, stands_for >= COVERED * weights.around):
-        # where there are none of these, one is better than none; more would say twice what other interfaces say
+        # where there are none of these, one is better than none; more would say twice what other
+        # interfaces say
         most = np.arange(len(wanted)) == np.argmax(np.where(wanted, weights.area, -1.0))
         wanted = wanted & better if (wanted & better).any() else wanted & most
     points, sums = merged(candidates, wanted, surfaces.carriers)
@@ -171,11 +188,13 @@ def make_mortar(surfaces: Surfaces, free: tuple[np.ndarray, np.ndarray], crossed
     offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
     at, held = unit(seen), held[points]
     offset[held & (at == 0)] = 0.0
-    # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has theirs, too
+    # what G₂ and G₁ make of the distance: a point that stands for its neighbours as well has
+    # theirs, too
     gap = -np.einsum("pi,pi->p", at, offset) - (sums @ (weights.area * surfaces.filled)) / stands
     turned, live = triangles[1][:, TURNED[: triangles[1].shape[1]]], ~held
     second = linked(other, facets, offset, x2, triangles[1][:, :3])
-    return Mortar(points, only(own, live), only(second, live), np.linalg.norm(seen, axis=1), at, gap, turned,
+    return Mortar(points, only(own, live), only(second, live), np.linalg.norm(seen, axis=1), at,
+                  gap, turned,
                   surfaces.behind[1], free[1], hats(points, triangles[0]), live)
 
 
@@ -212,21 +231,27 @@ def only(operator: sp.csr_array, live: np.ndarray) -> sp.csr_array:
 
 
 def hats(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
-    """(3n, 3p) linear functions of the points at the nodes of the facets: picks where these have three."""
+    """(3n, 3p) linear functions of the points at the nodes of the facets: picks where these have
+    three.
+    """
     count = int(triangles.max(initial=-1)) + 1
     nodes = sp.eye_array(count, format="csr")
     if triangles.shape[1] == 6:
-        pairs = np.unique(np.concatenate([np.c_[triangles[:, 3:].ravel(), triangles[:, ends].ravel()]
+        pairs = np.unique(
+            np.concatenate([np.c_[triangles[:, 3:].ravel(), triangles[:, ends].ravel()]
                                           for ends in TRIANGLE_EDGES.T]), axis=0)
-        nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T), shape=nodes.shape))
+        nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T),
+                                                  shape=nodes.shape))
     return sp.csr_array(sp.kron(nodes[:, points], sp.eye_array(3), format="csr"))
 
 
 def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:
-    """(n₁,) distance of the facets along the normals (n₁, 3) at the slave's nodes, averaged with their multipliers; zero where
+    """(n₁,) distance of the facets along the normals (n₁, 3) at the slave's nodes, averaged with
+    their multipliers; zero where
     there is none. What their surfaces fill of it has ``Surfaces.filled``."""
     x1, x2 = surfaces.points
-    apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[:, None]
+    apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[
+        :, None]
     apart[np.linalg.norm(apart, axis=1) <= _nothing(x1, surfaces.triangles[0])] = 0.0
     return np.einsum("ni,ni->n", normal, apart)
 
@@ -237,23 +262,27 @@ def _nothing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def covered_around(surfaces: Surfaces) -> np.ndarray:
     """(n₁,) area around the slave's nodes with multipliers that the master covers."""
-    area = np.bincount(surfaces.segments.slave, surfaces.segments.area, minlength=len(surfaces.triangles[0]))
+    area = np.bincount(surfaces.segments.slave, surfaces.segments.area,
+                       minlength=len(surfaces.triangles[0]))
     return np.bincount(surfaces.carriers.ravel(), np.repeat(area, 3), len(surfaces.points[0]))
 
 
-# Share of the facets around a node that the master has to cover. Measured with a punch on a wider slab: from .2 the largest
+# Share of the facets around a node that the master has to cover. Measured with a punch on a wider
+# slab: from .2 the largest
 # pressure is that of the punch as slave, below it grows.
 COVERED = 0.2
 
 
-def merged(candidates: np.ndarray, wanted: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, sp.csr_array]:
+def merged(candidates: np.ndarray, wanted: np.ndarray,
+           triangles: np.ndarray) -> tuple[np.ndarray, sp.csr_array]:
     """The points, and how the multipliers of all nodes are added up to theirs.
 
     candidates : (n,) bool, nodes that have a multiplier
     wanted : (n,) bool, those that may carry a point
     triangles : (k, 3) int, the nodes of the facets that may have one
     Returns points : (p,) int, ascending; none where no node may carry one
-    sums : (p, n) each column sums to 1 where there is a multiplier; the identity where nothing is merged
+    sums : (p, n) each column sums to 1 where there is a multiplier; the identity where nothing is
+        merged
     """
     count = len(candidates)
     wanted = wanted & candidates
@@ -289,9 +318,12 @@ def rotations(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     points : (n, 3); triangles : (k, 3) int
     """
     arm = points[triangles] - points[triangles].mean(axis=1, keepdims=True)
-    inertia = np.einsum("kvi,kvi->k", arm, arm)[:, None, None] * np.eye(3) - np.einsum("kvi,kvj->kij", arm, arm)
+    inertia = np.einsum("kvi,kvi->k", arm, arm)[:, None,
+                                                None] * np.eye(3) - np.einsum(
+                                                    "kvi,kvj->kij", arm, arm)
     blocks = np.linalg.inv(inertia)[:, None] @ skew(arm)  # (k, corner, 3, 3)
-    return sp.bsr_array((blocks.reshape(-1, 3, 3), triangles.ravel(), 3 * np.arange(len(blocks) + 1)),
+    return sp.bsr_array((blocks.reshape(-1, 3, 3), triangles.ravel(),
+                         3 * np.arange(len(blocks) + 1)),
                         shape=(3 * len(blocks), points.size)).tocsr()
 
 
@@ -306,5 +338,6 @@ def linked(plain: sp.csr_array, facets: sp.csr_array, offset: np.ndarray,
     if not offset.any():
         return plain
     each = np.arange(len(offset) + 1)
-    arms = sp.bsr_array((-skew(offset), each[:-1], each), shape=2 * facets.shape[:1])  # ω × r = −r × ω
+    # ω × r = −r × ω
+    arms = sp.bsr_array((-skew(offset), each[:-1], each), shape=2 * facets.shape[:1])
     return sp.csr_array(plain + arms.tocsr() @ (facets @ rotations(points, triangles)))

@@ -1,9 +1,11 @@
-"""Overlaps of two surface meshes: each pair of facets that overlap, and the polygon in which they do.
+"""Overlaps of two surface meshes: each pair of facets that overlap, and the polygon in which they
+do.
 
-The master's facets are projected along the normal of each slave facet near them and clipped by its three edges
-(Sutherland & Hodgman, Comm. ACM 17, 1974), all pairs at once. Everything is done in barycentric coordinates: those of
-the slave's facet tell on which side of an edge a corner is, those of the master's are carried along, so that shape
-functions of both sides are at hand wherever one integrates. The projection is affine: integrals are exact.
+The master's facets are projected along the normal of each slave facet near them and clipped by its
+three edges (Sutherland & Hodgman, Comm. ACM 17, 1974), all pairs at once. Everything is done in
+barycentric coordinates: those of the slave's facet tell on which side of an edge a corner is, those
+of the master's are carried along, so that shape functions of both sides are at hand wherever one
+integrates. The projection is affine: integrals are exact.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ import numpy as np
 
 from orchestrator.scene.interfaces.opposite import Triangles, opposite
 
-# Faces face each other where the cosine between their normals is below this: curved faces of coarse and fine facets
+# Faces face each other where the cosine between their normals is below this: curved faces of coarse
+# and fine facets
 # still do, the two faces at an edge of 90 degrees do not.
 FACING = -0.3
 # Overlaps of less than this share of the slave's facet, squared edges that touch, are rounding.
@@ -28,8 +31,8 @@ class Segments:
     """Overlaps of facets, m of them.
 
     slave, master : (m,) int, the facets; ordered by slave, then by master
-    on_slave, on_master : (m, 6, 3) barycentric coordinates of the polygon's corners in either facet; what a polygon lacks of
-        six corners repeats its last
+    on_slave, on_master : (m, 6, 3) barycentric coordinates of the polygon's corners in either
+        facet; what a polygon lacks of six corners repeats its last
     area : (m,) of the overlap in the slave's facet
     distance : (m,) of the master along the slave's normal, averaged over the polygon's corners
     """
@@ -53,7 +56,8 @@ class Segments:
         return replace(self, slave=slaves[self.slave], master=masters[self.master])
 
     def nearest(self, area: np.ndarray) -> Segments:
-        """Overlaps that a slave facet meets first, where masters lie behind each other; all where none is covered twice.
+        """Overlaps that a slave facet meets first, where masters lie behind each other; all where
+        none is covered twice.
 
         area : of the slave's facets
         """
@@ -63,22 +67,27 @@ class Segments:
         order = np.lexsort((np.abs(self.distance), self.slave))
         filled = np.cumsum(self.area[order])
         start = np.flatnonzero(np.r_[True, np.diff(self.slave[order]) != 0])
-        before = filled - self.area[order] - np.repeat((filled - self.area[order])[start], np.diff(np.r_[start, len(order)]))
+        before = filled - self.area[order] - np.repeat((filled - self.area[order])[start],
+                                                       np.diff(np.r_[start, len(order)]))
         own = self.slave[order]
         kept = ~full[own] | (before < (1 - TWICE) * area[own])
         return self.some(np.sort(order[kept]))
 
     @property
     def middles(self) -> tuple[np.ndarray, np.ndarray]:
-        """(m, 3), (m, 3) barycentric coordinates of the mean of each polygon's corners, at which it is as far as ``distance``."""
+        """(m, 3), (m, 3) barycentric coordinates of the mean of each polygon's corners, at which it
+        is as far as ``distance``.
+        """
         own = np.ones(self.on_slave.shape[:2])
         own[:, 1:] = (self.on_slave[:, 1:] != self.on_slave[:, :-1]).any(axis=2)
         own /= own.sum(axis=1, keepdims=True)
-        return np.einsum("mv,mvk->mk", own, self.on_slave), np.einsum("mv,mvk->mk", own, self.on_master)
+        return np.einsum("mv,mvk->mk", own,
+                         self.on_slave), np.einsum("mv,mvk->mk", own, self.on_master)
 
     @property
     def fans(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The polygons cut in triangles: share of the slave facet's area (m, 4), and the triangles' corners (m, 4, 3, 3) in
+        """The polygons cut in triangles: share of the slave facet's area (m, 4), and the triangles'
+        corners (m, 4, 3, 3) in
         barycentric coordinates of the slave and of the master."""
         fans = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
         one, two = self.on_slave[:, fans], self.on_master[:, fans]
@@ -86,20 +95,24 @@ class Segments:
         return np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]), one, two
 
 
-def find_segments(slave: Triangles, master: Triangles, reach: np.ndarray, cosine: float = FACING) -> Segments:
+def find_segments(slave: Triangles, master: Triangles, reach: np.ndarray,
+                  cosine: float = FACING) -> Segments:
     """All overlaps of facets that face each other, ordered by slave, then by master.
 
     reach : (a,) how far in front of each slave facet, and behind it, masters are sought
     cosine : that between normals has to be below this
     """
-    found = [_clipped(slave, master, reach, i, j) for i, j in opposite(slave, master, reach, cosine)]
+    found = [_clipped(slave, master, reach, i, j)
+             for i, j in opposite(slave, master, reach, cosine)]
     if not found:
         return Segments(*np.zeros((2, 0), int), *np.zeros((2, 0, 6, 3)), *np.zeros((2, 0)))
-    joined = Segments(*(np.concatenate([getattr(f, name) for f in found]) for name in Segments.__dataclass_fields__))
+    joined = Segments(*(np.concatenate([getattr(f, name) for f in found])
+                        for name in Segments.__dataclass_fields__))
     return joined.some(np.lexsort((joined.master, joined.slave)))
 
 
-def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarray, j: np.ndarray) -> Segments:
+def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarray,
+             j: np.ndarray) -> Segments:
     """The overlaps of facets i of the slave and j of the master.
 
     A point x has barycentric coordinates (1, 0, 0) + (x − first corner)·slopes.
@@ -119,12 +132,14 @@ def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarr
         corners, count = _cut(corners, count, edge)
         keep = count > 2
         if not keep.all():
-            i, j, height, corners, count = i[keep], j[keep], height[keep], corners[keep], count[keep]
+            i, j, height, corners, count = i[keep], j[keep], height[keep], corners[keep], count[
+                keep]
     corners = corners[:, :6]
     found = Segments(i, j, corners[:, :, :3], corners[:, :, 3:], np.empty(len(i)), np.empty(len(i)))
     share = found.fans[0].sum(axis=1)
     there = np.arange(6) < count[:, None]
-    distance = (np.einsum("mvk,mk->mv", found.on_master, height) * there).sum(axis=1) / np.maximum(count, 1)
+    distance = (np.einsum("mvk,mk->mv", found.on_master, height)
+                * there).sum(axis=1) / np.maximum(count, 1)
     found = replace(found, area=share * slave.area[i], distance=distance)
     return found.some((share > NOTHING) & (np.abs(distance) <= reach[i]))
 
@@ -132,7 +147,8 @@ def _clipped(slave: Triangles, master: Triangles, reach: np.ndarray, i: np.ndarr
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut polygons to where a coordinate of theirs is not negative.
 
-    corners : (m, v, 6) coordinates of the corners, the last of each polygon repeated; count : (m,) how many it has
+    corners : (m, v, 6) coordinates of the corners, the last of each polygon repeated; count : (m,)
+        how many it has
     edge : which of the coordinates
     Returns the same for what is left, (m, v + 1, 6)
     """

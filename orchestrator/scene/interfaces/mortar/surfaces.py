@@ -1,9 +1,11 @@
-"""Two surfaces that face each other, each with its own facets, how these overlap, and which of the two is the slave.
+"""Two surfaces that face each other, each with its own facets, how these overlap, and which of the
+two is the slave.
 
-The slave is, in this order: the side that the user names; the one that has free nodes at all; under a law by which the sides
-deform as one, the softer where moduli differ much (a stiff slave with coarse facets leaves a soft master's waves free); the one
-that is covered, where the other is not (no point then has its pressure on half its area); else the coarser, which has fewer
-points and smoother pressures; of equal sides the first.
+The slave is, in this order: the side that the user names; the one that has free nodes at all; under
+a law by which the sides deform as one, the softer where moduli differ much (a stiff slave with
+coarse facets leaves a soft master's waves free); the one that is covered, where the other is not
+(no point then has its pressure on half its area); else the coarser, which has fewer points and
+smoother pressures; of equal sides the first.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ class Surfaces:
     triangles : (k₁, 3 or 6), (k₂, 3 or 6) int, indices into them, outward of the own body
     cells : (k₁,), (k₂,) int, global cells behind the facets
     segments : the overlaps, in these numbers of facets
-    resting : (k₁,) area of the slave's facets before they have been moved to where they are; None: it is what it is here
+    resting : (k₁,) area of the slave's facets before they have been moved to where they are; None:
+        it is what it is here
     under : what the facets of either side stand for, curved surfaces; None: themselves
     amid : whether the slave's multipliers are those of the middles of its edges
     """
@@ -47,11 +50,13 @@ class Surfaces:
     amid: bool = False
 
     @classmethod
-    def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray], cells: tuple[np.ndarray, np.ndarray],
+    def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray],
+           cells: tuple[np.ndarray, np.ndarray],
            segments: Segments, more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
         """The surface of the facets that overlap some other, and of those that are asked for.
 
-        points : (n, 3) all nodes; triangles : global ids of the nodes of the facets of either side; cells : behind them
+        points : (n, 3) all nodes; triangles : global ids of the nodes of the facets of either side;
+            cells : behind them
         segments : in the numbers of these facets
         more : facets of either side that are wanted whether they overlap some other or not
         """
@@ -61,8 +66,10 @@ class Surfaces:
         place = [np.zeros(len(t), dtype=int) for t in triangles]
         for number, own in zip(place, met):
             number[own] = np.arange(len(own))
-        nodes, local = zip(*(np.unique(t[own], return_inverse=True) for t, own in zip(triangles, met)))
-        return cls(tuple(points[n] for n in nodes), nodes, tuple(at.reshape(-1, t.shape[1]) for at, t in zip(local, triangles)),
+        nodes, local = zip(*(np.unique(t[own], return_inverse=True)
+                             for t, own in zip(triangles, met)))
+        return cls(tuple(points[n] for n in nodes), nodes,
+                   tuple(at.reshape(-1, t.shape[1]) for at, t in zip(local, triangles)),
                    tuple(c[own] for c, own in zip(cells, met)), segments.numbered(*place))
 
     def moved(self, points: np.ndarray) -> Surfaces:
@@ -129,7 +136,8 @@ class Surfaces:
 
     @property
     def filled(self) -> np.ndarray:
-        """(n₁,) what the curved surfaces of both sides fill of the gap between facets, averaged with the multipliers of the slave's nodes;
+        """(n₁,) what the curved surfaces of both sides fill of the gap between facets, averaged
+        with the multipliers of the slave's nodes;
         negative where they are farther apart than the facets."""
         count = len(self.points[0])
         if self.under is None or not any(side.bulge.any() for side in self.under):
@@ -150,15 +158,18 @@ class Surfaces:
             ends.append(len(points) + side.bulge.size)
             values.append(np.concatenate([np.zeros(len(points)), side.bulge.ravel()]))
         weights = multipliers(self.segments, *nodes, self.area, tuple(ends), self._kind)
-        return ((weights.own @ values[0] + weights.other @ values[1]) / np.where(weights.area > 0, weights.area, 1.0))[:count]
+        return ((weights.own @ values[0] + weights.other @ values[1])
+                / np.where(weights.area > 0, weights.area, 1.0))[:count]
 
     @property
     def behind(self) -> tuple[np.ndarray, np.ndarray]:
-        """(k₁, 2), (k₂, 2) global cells behind each facet of either side: the slave's and the master's, of those opposite
+        """(k₁, 2), (k₂, 2) global cells behind each facet of either side: the slave's and the
+        master's, of those opposite
         the one that overlaps it most."""
         found = []
         for side, other in ((0, 1), (1, 0)):
-            own, opposite = (getattr(self.segments, name) for name in ("slave", "master")[:: 1 - 2 * side])
+            own, opposite = (getattr(self.segments, name)
+                             for name in ("slave", "master")[:: 1 - 2 * side])
             order = np.lexsort((opposite, -self.segments.area, own))
             first = order[np.unique(own[order], return_index=True)[1]]
             some = opposite[first[0]] if len(first) else 0  # where nothing is opposite
@@ -170,9 +181,11 @@ class Surfaces:
 
 # Moduli that differ by more than this count as soft and stiff.
 CONTRAST = 10.0
-# Sides whose facets' mean areas differ by less than this are equally fine: rounding, or the same size asked for twice.
+# Sides whose facets' mean areas differ by less than this are equally fine: rounding, or the same
+# size asked for twice.
 ALIKE = 0.05
-# Seen from the other side, along its own normals, the same facets are a little farther apart, and more so on an incline.
+# Seen from the other side, along its own normals, the same facets are a little farther apart, and
+# more so on an incline.
 MORE, SLANTED = 1.5, 0.05
 
 
@@ -202,12 +215,16 @@ class Asked:
     facing: float = FACING
 
 
-def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments, matter: SlaveMatter, asked: Asked,
-                    slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
-    """The slave, 0 or 1, on a patch on which two bodies lie on each other, and the surfaces, the slave's first.
+def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
+                    matter: SlaveMatter, asked: Asked,
+                    slave: int | None = None, more: tuple[np.ndarray, np.ndarray]
+                    | None = None) -> tuple[int, Surfaces]:
+    """The slave, 0 or 1, on a patch on which two bodies lie on each other, and the surfaces, the
+    slave's first.
 
     points : (n, 3) nodes of the mesh
-    segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
+    segments : what they have in common there, found with the first as slave, in the numbers of the
+        bodies' facets
     slave : where it has been chosen already, for several patches at once
     more : facets of either body that belong to the surfaces although they need not overlap
     """
@@ -216,7 +233,9 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], seg
     if (slave_of([found], matter, asked) if slave is None else slave) == 0:
         return 0, found
     # the same facets, seen from the other side, as far apart as they are
-    facets = [np.union1d(own, wanted) for own, wanted in zip((segments.slave, segments.master), more or 2 * (np.empty(0, int),))][::-1]
+    facets = [np.union1d(own, wanted)
+              for own, wanted in zip((segments.slave, segments.master),
+                                     more or 2 * (np.empty(0, int),))][::-1]
     turned = [body.some(own) for body, own in zip(bodies[::-1], facets)]
     far = MORE * np.abs(segments.distance).max() + SLANTED * turned[0].size
     back = find_segments(*turned, far, asked.facing).nearest(turned[0].area).numbered(*facets)
@@ -226,7 +245,8 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], seg
 def surfaces_of(points: np.ndarray, bodies: tuple[BodyFaces, BodyFaces], segments: Segments,
                 more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
     """The facets that overlap, the first body's as the slave's; parameters as above."""
-    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments, more)
+    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies),
+                       segments, more)
 
 
 def slave_of(patches: Sequence[Surfaces], matter: SlaveMatter, asked: Asked) -> int:
@@ -240,7 +260,10 @@ def slave_of(patches: Sequence[Surfaces], matter: SlaveMatter, asked: Asked) -> 
     if held[0] != held[1]:
         return int(held[0])
     facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], p.facets[side].area,
-                                                         np.sort(p.nodes[side][p.triangles[side][:, :3]], axis=1)])
+                                                         np.sort(
+                                                             p.nodes[side][
+                                                                 p.triangles[side][:, :3]],
+                                                             axis=1)])
                                         for p in patches]), axis=0) for side in (0, 1)]
     if asked.as_one:
         young = [float(np.mean(matter.young[own[:, 0].astype(int)])) for own in facets]

@@ -49,7 +49,7 @@ def read(path: Path) -> Mesh:
                        + ", ".join(f"'{name}'" for name in lost[:5])
                        + (", …" if len(lost) > 5 else "")
                        + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 "
-                         "keeps them")
+                       "keeps them")
     triangles, surfaces, _ = cells_of(raw, "triangle", 2, "surface")
     used, inverse = np.unique(cells, return_inverse=True)
     renumber = np.full(len(raw.points), -1)
@@ -168,7 +168,7 @@ def volumes_of(groups: dict[str, np.ndarray], size: int,
                     + "; ".join(shared[:5])
                     + (f"; and so on for {len(shared) - 5} more" if len(shared) > 5 else "")
                     + ". A group that keeps none names no volume: name those that have its "
-                      "tetrahedra")
+                    "tetrahedra")
     if (volume < 0).any():
         if groups:
             said.append(

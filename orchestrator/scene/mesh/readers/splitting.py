@@ -86,8 +86,7 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
     that are given twice) and would be nothing are left out.
 
     Raises InputError: cells that are too distorted to be split, with the place of the first; a quad
-    that tets beside it
-        cut along its other diagonal
+        that tets beside it cut along its other diagonal
     """
     kinds = {block.type for block in raw.cells}
     if not kinds & {*FACES, "quad"}:
@@ -119,13 +118,13 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
         said.append(" and ".join(f"{count:,} {WORDS[kind]}" for kind, count in counts.items()
                                  if count)
                     + f" are split into {pieces:,} tetrahedra; blackbox: {{element: P2}} makes "
-                      "these far less stiff in bending")
+                    "these far less stiff in bending")
     data = {name: [np.asarray(values)[parent] for values, parent in zip(arrays, parents)]
             for name, arrays in raw.cell_data.items()}
     sets = {
         name: [None if members is None
                else np.flatnonzero(np.isin(parent, np.asarray(members, dtype=np.int64)))
-                   for members, parent in zip(arrays, parents)]
+               for members, parent in zip(arrays, parents)]
         for name, arrays in raw.cell_sets.items() if not name.startswith("gmsh:")}
     return meshio.Mesh(raw.points, blocks, cell_data=data, cell_sets=sets,
                        field_data=raw.field_data), said
