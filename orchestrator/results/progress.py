@@ -29,13 +29,13 @@ EVERY, OFTEN = 10.0, 0.5  # seconds between two lines, and on a terminal between
 ERASE = "\r\x1b[2K"
 RATE = 2.5e-7  # seconds of one worker for a unit of predicted cost, measured with FreeFEM
 FIELDS = {True: 80, False: 16}  # right-hand sides of set-up per subdomain: bonded, with contact
-# an iteration's seconds over those of its back-substitutions, before one is measured: bonded, with contact
-BESIDE = {True: 4.0, False: 8.0}
+# an iteration's seconds over those of its back-substitutions, before one is measured
+BESIDE = 5.0
 LATEST = 8  # iterations that tell how fast the next ones are
 TRUSTED = 6  # iterations from which on their pace counts for more than experience
-START, EACH = 3.0, 2.5e-6  # seconds of what is written, and of it per node and load step
-AFTER = 6.0  # iterations whose time the last error bound and the delivery take
-FIRST = 4e-4  # seconds per node of the scene, before anything is known; a fifth more per load step
+START, EACH = 3.0, 5e-5  # seconds of what is written, and of it per node and load step
+AFTER = 10.0  # iterations whose time the last error bound and the delivery take
+FIRST = 6e-4  # seconds per node of the scene, before anything is known; a fifth more per load step
 
 
 class Progress(Subscriber):
@@ -158,7 +158,7 @@ class Remaining:
         latest = self.ends[-LATEST:]
         if len(latest) > 1:
             return (latest[-1] - latest[0]) / (len(latest) - 1)
-        return BESIDE[self.bonded] * self.steps * self.solve
+        return BESIDE * self.steps * self.solve
 
     def left(self, doing: Doing | None, now: float) -> float:
         """Return the seconds that are left; nan before a scene is made.
@@ -180,7 +180,8 @@ class Remaining:
             RATE * doing.of / doing.workers if assembling else self.solve * doing.of / doing.pieces
         )
         whole = doing.seconds if math.isfinite(doing.seconds) else max(guess, 1.5 * spent)
-        self.solve = whole / LOADING if assembling else whole * doing.pieces / doing.of
+        if assembling:
+            self.solve = whole / LOADING
         rest = max(whole - spent, 0.0) + FIELDS[self.bonded] * self.solve * assembling
         return rest + self.each * (STAGES + AFTER) + self.after
 
